@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from kolsky.base.files import write_table
     from kolsky.base.records import FlyerMotion
     from kolsky.identification import diagnose, identify
-    from kolsky.inverse.forward import Forward, Numerics, material_law
+    from kolsky.inverse.forward import Forward, material_law
     from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.observations import radius_at
-    from kolsky.inverse.problem import Settings
     from kolsky.inverse.result import Identification
+    from kolsky.inverse.settings import Numerics, Settings
     from kolsky.inverse.simulate import simulate, write_simulation
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots
@@ -66,8 +66,8 @@ _HOME = {
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
     "JointSettings": "kolsky.inverse.joint_result",
-    "Numerics": "kolsky.inverse.forward",
-    "Settings": "kolsky.inverse.problem",
+    "Numerics": "kolsky.inverse.settings",
+    "Settings": "kolsky.inverse.settings",
     "Shot": "kolsky.shot.records",
     "Treatment": "kolsky.material.reference_curve",
     "UniaxialTest": "kolsky.material.uniaxial",

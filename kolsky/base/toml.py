@@ -13,6 +13,7 @@ import hashlib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
@@ -252,6 +253,14 @@ class TomlFile:
             allowed=allowed,
             cure=cure,
         )
+
+    @contextmanager
+    def refusing(self, key: str, problem: str, *, cure: str | None = None) -> Iterator[None]:
+        """Make a ValueError inside it an error about a declared value: problem and reason."""
+        try:
+            yield
+        except ValueError as error:
+            raise self.error(key, f"{problem}: {error}", cure=cure) from None
 
     def validated(self, schema: type[Schema]) -> Schema:
         """Its declarations by a schema, in SI.

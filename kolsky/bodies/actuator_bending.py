@@ -76,7 +76,7 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     Raises ValueError if an equilibrium is not found, with its reason.
     """
     pressures, asked = schedule(spec.pressures)
-    found = []
+    directions = []
     for name, g in spec.gravities.items():
         runs: list[Bending | None] = []
         paths: list[ArcPath | None] = []
@@ -93,8 +93,8 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
             runs.append(run)
         assert runs[0] is not None
         gap, contact = smallest_gap(runs[0]), touching(runs[0])
-        found.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact))
-    return found
+        directions.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact))
+    return directions
 
 
 def _simulated(
@@ -163,7 +163,7 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
     steps = round((section.ramp + section.hold) / section.step)
     time = np.asarray(section.step * np.arange(steps + 1), dtype=np.float64)
     pressure = spec.pressures[-1] * np.minimum(time / section.ramp, 1.0)
-    found = []
+    motions = []
     for one in directions:
         model = one.pristine.solution.model
         histories = {WEIGHT: np.ones(steps), **{h: pressure[1:] for h in spec.actuator.histories}}
@@ -185,29 +185,29 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
             mesh.points[mesh.nodes(where)].mean(axis=0) + run.mean_displacement(where)
             for where in ("origin", "tip")
         ]
-        found.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
-    return found
+        motions.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
+    return motions
 
 
 def warnings_of(directions: list[Direction]) -> list[str]:
     """What a reader must know before using the bends."""
-    said = []
+    warnings = []
     for one in directions:
         limits = np.array([]) if one.path is None else one.path.limits
         if limits.size:
-            said.append(
+            warnings.append(
                 f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator "
                 "snaps there, and its bend jumps"
             )
         through = np.flatnonzero(one.overlapping)
         if through.size:
             pressure = 1e-5 * float(one.pristine.pressures[through[0]].max())
-            said.append(
+            warnings.append(
                 f"{one.name}: from {pressure:.3g} bar on neighbouring chambers overlap, which they cannot: "
                 "the bends beyond are not those of the actuator; "
                 + ("declare [contact]" if one.touching is None else "take more steps or a finer mesh")
             )
-    return said
+    return warnings
 
 
 def relative_bend(one: Direction) -> FloatArray:
@@ -362,8 +362,8 @@ def pressures_for(
 def _chord_slopes(near: Bending) -> FloatArray:
     """Derivative of the chord by the pressures at the last step [m/Pa], shape [3, n_cavities]."""
     names = tuple(h for h in near.solution.model.histories if h != WEIGHT)
-    found = direct(near.solution, histories=names)
-    by = (found.mean_displacement("tip") - found.mean_displacement("origin"))[-1]
+    sensitivity = direct(near.solution, histories=names)
+    by = (sensitivity.mean_displacement("tip") - sensitivity.mean_displacement("origin"))[-1]
     return by[-len(names) :].T
 
 
@@ -386,12 +386,12 @@ class _Memory:
             return last
         self.equilibria += 1
         if last is None:
-            found = self.actuator.simulate(self.gravity, np.outer(np.arange(1, RAMP + 1) / RAMP, pressures))
+            bend = self.actuator.simulate(self.gravity, np.outer(np.arange(1, RAMP + 1) / RAMP, pressures))
         else:
-            found = self.actuator.simulate(
+            bend = self.actuator.simulate(
                 self.gravity, pressures[None], guess=last.solution.displacements[-1:]
             )
-        if not found.solution.outcome.ok:
+        if not bend.solution.outcome.ok:
             raise _NoEquilibriumError
-        self.last = found
-        return found
+        self.last = bend
+        return bend

@@ -39,8 +39,8 @@ class PlaneCamera:
     def project(self, places: FloatArray) -> FloatArray:
         """Pixels of places x, z in the plane [m] of shape [n, 2], shape [n, 2]."""
         solid = np.column_stack([places, np.zeros(len(places))])
-        found, _ = cv2.projectPoints(solid, self.rotation, self.translation, self.matrix, self.distortion)
-        return np.asarray(found[:, 0], dtype=np.float64)
+        pixels, _ = cv2.projectPoints(solid, self.rotation, self.translation, self.matrix, self.distortion)
+        return np.asarray(pixels[:, 0], dtype=np.float64)
 
     def in_plane(self, pixels: FloatArray) -> FloatArray:
         """Places x, z in the plane [m] of pixels of shape [n, 2], shape [n, 2]."""

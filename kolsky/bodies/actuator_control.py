@@ -115,17 +115,17 @@ def reduce_actuator(
         raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
     first, between = _every(whole, 0), _every(whole, 1)
     made = ReducedActuator(reduce([first.solution], modes=modes, tolerance=tolerance, gravity=WEIGHT))
-    found, start = [], None
+    angles, start = [], None
     for pressure in between.pressures[:, 0]:
         bend = made.bend(float(pressure), start=start)
         if not bend.ok:
             raise ValueError(f"the reduced model at {1e-5 * pressure:.3g} bar: {bend.state.outcome.cause}")
-        found.append(bend.angle)
+        angles.append(bend.angle)
         start = bend.state.q
     gaps = smallest_gap(whole)
     gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
     at, angle = between.pressures[:, 0], between.angle
-    return Reduction(made, at, angle, np.array(found) - angle, gap)
+    return Reduction(made, at, angle, np.array(angles) - angle, gap)
 
 
 def _every(whole: Bending, offset: int) -> Bending:
@@ -279,11 +279,11 @@ class Closed:
         """Root mean square of plant less wanted angle in the last half of each wanted angle [rad]."""
         starts = np.flatnonzero(np.diff(self.wanted, prepend=np.nan) != 0.0)
         ends = [*starts[1:], len(self.wanted)]
-        found = []
+        errors = []
         for a, b in zip(starts, ends, strict=True):
             part = slice(a + int(JUDGED_SHARE * (b - a)), b)
-            found.append(float(np.sqrt(np.mean((self.angle[part] - self.wanted[part]) ** 2))))
-        return np.array(found)
+            errors.append(float(np.sqrt(np.mean((self.angle[part] - self.wanted[part]) ** 2))))
+        return np.array(errors)
 
 
 def run_loop(
@@ -416,11 +416,11 @@ def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
     )  # fmt: skip
 
 
-def _write_basis(path: Path, found: StoredBasis) -> None:
+def _write_basis(path: Path, basis: StoredBasis) -> None:
     """Write the file, and its folder where there is none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with writing(path, FORMAT) as place:
-        _BASIS.write(place, found)
+        _BASIS.write(place, basis)
 
 
 def _read_basis(path: Path, key: str) -> StoredBasis | None:
@@ -428,21 +428,21 @@ def _read_basis(path: Path, key: str) -> StoredBasis | None:
     if not Path(path).exists():
         return None
     with reading(path, FORMAT, cure=CURE) as place:
-        found = _BASIS.read(place)
-    return found if found.key == key else None
+        basis = _BASIS.read(place)
+    return basis if basis.key == key else None
 
 
 def _restored(
-    found: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray
+    basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray
 ) -> tuple[Reduction, FloatArray, FloatArray]:
     """The reduction of an actuator, and pressure and angle of the plant."""
     model = actuator.model(gravity)
-    if len(found.modes) != model.n_dofs or not (found.cells < len(model.mesh.cells)).all():
+    if len(basis.modes) != model.n_dofs or not (basis.cells < len(model.mesh.cells)).all():
         raise ValueError("the stored basis is of another mesh: delete it")
-    sample = Sample(found.cells, found.weights, found.residual, found.reached)
-    reduced = ReducedModel(model, Basis(found.modes, found.singular), sample, gravity=WEIGHT)
-    made = Reduction(ReducedActuator(reduced), found.pressure, found.angle, found.error, found.gap)
-    return made, found.plant_pressure, found.plant_angle
+    sample = Sample(basis.cells, basis.weights, basis.residual, basis.reached)
+    reduced = ReducedModel(model, Basis(basis.modes, basis.singular), sample, gravity=WEIGHT)
+    made = Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
+    return made, basis.plant_pressure, basis.plant_angle
 
 
 _PLANT_STEPS = 9
@@ -521,32 +521,32 @@ def loop_warnings(
     closed: Mapping[str, Closed], reductions: Mapping[str, Reduction], section: ControlSection
 ) -> list[str]:
     """What a reader must know before trusting the loop."""
-    said = []
+    warnings = []
     bound = largest_gain(section.delay)
     if section.gain / section.plant_stiffness >= bound:
-        said.append(
+        warnings.append(
             f"the gain {section.gain:g} on a plant {section.plant_stiffness:g} times as stiff is not below "
             f"{bound * section.plant_stiffness:.3g}, the limit of stability with a delay of {section.delay} "
             "tick(s): lower the gain"
         )
     for name, run in closed.items():
         if run.late:
-            said.append(
+            warnings.append(
                 f"{name}: {run.late} of {len(run.time)} ticks took longer than {1e3 / run.rate:.3g} ms"
             )
         if run.held.any():
-            said.append(
+            warnings.append(
                 f"{name}: in {int(run.held.sum())} ticks the model gave no pressure; the last was held"
             )
         if reductions[name].gap < 0.0:
-            said.append(
+            warnings.append(
                 f"{name}: neighbouring chambers overlap below the largest pressure, which they cannot: the "
                 "bends there are not those of the actuator; lower most or widen the gap"
             )
         sample = reductions[name].model.reduced.sample
         if not sample.reached:
-            said.append(
+            warnings.append(
                 f"{name}: the chosen elements leave {sample.residual:.2g} of the forces, "
                 "more than the tolerance"
             )
-    return said
+    return warnings

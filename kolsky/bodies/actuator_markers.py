@@ -168,16 +168,16 @@ def fit_stiffness(
             lefts.append((wanted - marker_positions(run, weights)).ravel())
             slopes.append(slope.ravel())
         left, J = np.concatenate(lefts), np.concatenate(slopes)
-        found = interval(left, J, sigma, factor, converged=converged)
+        fit = interval(left, J, sigma, factor, converged=converged)
         if converged:
-            return found
+            return fit
         step = float(J @ left) / float(J @ J)
         following = float(np.clip(factor + step, 0.5 * factor, 2.0 * factor))
         if not RANGE[0] < following < RANGE[1]:
-            return found
+            return fit
         factor = following
-        converged = abs(step) <= FIT_TOLERANCE * found.sigma
-    return found
+        converged = abs(step) <= FIT_TOLERANCE * fit.sigma
+    return fit
 
 
 EQUAL_PRESSURES = 1e-6
@@ -196,15 +196,15 @@ def compared_markers(
     if section is None:
         return [], None, {}
     measured, sha256 = _read_markers(spec)
-    known = {one.name: one for one in directions}
-    found = []
+    by_name = {one.name: one for one in directions}
+    comparisons = []
     for name, sets in measured.items():
-        one = known[name]
+        one = by_name[name]
         for pressure, places in sets.items():
             step = int(np.argmin(np.abs(one.pristine.pressures.max(axis=1) - pressure)))
-            found.append(compare(one.pristine, name, step, places, section.sigma))
+            comparisons.append(compare(one.pristine, name, step, places, section.sigma))
     stiffness = fit_stiffness(spec.actuator, spec.gravities, measured, section.sigma)
-    return found, stiffness, {section.file: sha256}
+    return comparisons, stiffness, {section.file: sha256}
 
 
 def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]], str]:
@@ -223,11 +223,11 @@ def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]
     names = [table.field(named, row).strip() for row in range(len(numbers))]
     x, z = table.values(section.x.as_column()), table.values(section.z.as_column())
     declared = spec.pressures
-    found: dict[str, dict[float, FloatArray]] = {}
+    markers: dict[str, dict[float, FloatArray]] = {}
     for name in dict.fromkeys(names):
         if name not in spec.gravities:
             raise InputError(path, f"names the direction {name!r}", allowed=", ".join(spec.gravities))
-        found[name] = {}
+        markers[name] = {}
         rows = np.array([other == name for other in names])
         for pressure in np.unique(pressures[rows]):
             if np.abs(declared - pressure).min() > EQUAL_PRESSURES * declared.max():
@@ -244,5 +244,5 @@ def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]
                     f"has the markers {numbers[own].astype(int).tolist()} of {name} at {pressure:g} Pa",
                     allowed="1, 2, ..., each once, from the clamped end on",
                 )
-            found[name][float(pressure)] = np.column_stack([x[own], z[own]])
-    return found, table.sha256
+            markers[name][float(pressure)] = np.column_stack([x[own], z[own]])
+    return markers, table.sha256

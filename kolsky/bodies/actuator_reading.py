@@ -52,7 +52,7 @@ class GeometrySection(Section):
             return self
         extra = sorted(self.model_fields_set - {"mesh", "mesh_unit"})
         if extra:
-            raise f.problem("has no effect beside a mesh", key=extra[0], cure="remove it")
+            raise f.problem("has no effect with a mesh", key=extra[0], cure="remove it")
         if self.mesh_unit is None:
             raise f.problem("is missing", key="mesh_unit", cure='write the unit of its points, e.g. "mm"')
         return self
@@ -234,10 +234,8 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     inputs = {toml.path.name: toml.sha256}
     shape = None
     if declared.geometry.mesh is None:
-        try:
+        with toml.refusing("geometry", "makes no actuator"):
             shape = _pneunet_of(declared.geometry)
-        except ValueError as error:
-            raise toml.error("geometry", f"makes no actuator: {error}") from None
         mesh, cavities = shape.mesh, shape.cavities
     else:
         mesh = _mesh(toml, declared.geometry, inputs)
@@ -267,31 +265,29 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         mesh, cavities, solid, declared.material.density, declared.material.mixed, device, contacts
     )
     for name, g in declared.gravity.items():
-        try:
+        with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
-        except ValueError as error:
-            raise toml.error(f"gravity.{name}", f"cannot be used: {error}") from None
     return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
 
 
 def _pneunet_of(section: GeometrySection) -> Pneunet:
     """The dimensions that [geometry] declares."""
-    given: dict[str, Any] = {
+    sizes: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
-    return Pneunet(**given)
+    return Pneunet(**sizes)
 
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
     """The contacts of the walls at the gaps of a mesh; none without a section."""
-    found: list[SelfContact] = []
-    while section is not None and f"gap_{len(found) + 1}_left" in mesh.sets:
-        n = len(found) + 1
-        found.append(
+    contacts: list[SelfContact] = []
+    while section is not None and f"gap_{len(contacts) + 1}_left" in mesh.sets:
+        n = len(contacts) + 1
+        contacts.append(
             SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
         )
-    return tuple(found)
+    return tuple(contacts)
 
 
 def volume_reading(d1: Any) -> float:
@@ -339,8 +335,6 @@ def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> M
         inputs[section.mesh] = raw.sha256
         return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
     grid, inputs[section.mesh] = read_vtu(path)
-    try:
-        made = from_pyvista(grid)
-    except ValueError as error:
-        raise toml.error("geometry.mesh", f"cannot be read: {error}", cure="save a VTU or MSH file") from None
-    return replace(made, points=section.mesh_unit * made.points)
+    with toml.refusing("geometry.mesh", "cannot be read", cure="save a VTU or MSH file"):
+        mesh = from_pyvista(grid)
+    return replace(mesh, points=section.mesh_unit * mesh.points)

@@ -109,10 +109,10 @@ class SearchOptimum:
 def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
     """The objective (S.1) in standard deviations [-]."""
     moved = x - samples.displacement
-    found = float((((force - samples.force) / samples.sigma_force) ** 2).sum())
+    chi2 = float((((force - samples.force) / samples.sigma_force) ** 2).sum())
     if samples.sigma_displacement > 0.0:
-        found += float(((moved / samples.sigma_displacement) ** 2).sum())
-    return found
+        chi2 += float(((moved / samples.sigma_displacement) ** 2).sum())
+    return chi2
 
 
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:

@@ -362,20 +362,20 @@ class FieldFit:
     @property
     def warnings(self) -> list[str]:
         """What to know before using the constants."""
-        said = [] if self.converged else ["the search did not come to rest"]
-        said += [
+        warnings = [] if self.converged else ["the search did not come to rest"]
+        warnings += [
             f"{name} is at its bound: the data ask for a value outside"
             for name, held in zip(self.constants.free, self.at_bound, strict=True)
             if held
         ]
         if not self.adequate:
-            said.append(
+            warnings.append(
                 f"the model does not explain the displacement field: its misfit is "
                 f"{100.0 * self.misfit.min():.3g} to {100.0 * self.misfit.max():.3g} % of the displacements, "
                 f"noise alone would make {100.0 * self.noise.max():.2g} %; the constants are those of the "
                 "nearest such sheet, and differ from step to step"
             )
-        return said
+        return warnings
 
 
 def fit_field(problem: FieldProblem) -> FieldFit:
@@ -459,10 +459,10 @@ def _newton_step(hessian: FloatArray, gradient: FloatArray, held: BoolArray) -> 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:
     """Fit every step alone: constants that drift with the load show that the law is not the material's."""
-    found: list[FieldFit | str] = []
+    fits: list[FieldFit | str] = []
     for step in range(len(problem.data.pad)):
         try:
-            found.append(fit_field(FieldProblem(problem.sheet, problem.data.only(step), problem.constants)))
+            fits.append(fit_field(FieldProblem(problem.sheet, problem.data.only(step), problem.constants)))
         except ValueError as error:
-            found.append(str(error))
-    return found
+            fits.append(str(error))
+    return fits

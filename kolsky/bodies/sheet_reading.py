@@ -74,8 +74,8 @@ def read_field(spec: Specification) -> MeasuredField:
         raise toml.error(
             "field.points", "lie on no whole cell of the mesh", cure="check field.mesh_unit and the origin"
         )
-    found = project(points[kept], flat[kept], sheet.mesh.points)
-    nodal = np.moveaxis(found.reshape(len(found), -1, 2), 0, 1)
+    projected = project(points[kept], flat[kept], sheet.mesh.points)
+    nodal = np.moveaxis(projected.reshape(len(projected), -1, 2), 0, 1)
     data = FieldData(pad, force, nodal, cells, noise, section.sigma_force, spacing(points) ** 2)
     problem = FieldProblem(sheet, data, spec.constants)
     return MeasuredField(problem, points, bad, displacements, tuple(section.frames), hashes)
@@ -132,19 +132,19 @@ def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArr
     frame = table.integers(Column(own.frame))
     columns = [table.values(column.as_column()) for column in (own.x, own.y, own.ux, own.uy)]
     rows = [np.flatnonzero(frame == number) for number in section.frames]
-    for number, found in zip(section.frames, rows, strict=True):
-        if not len(found):
+    for number, place in zip(section.frames, rows, strict=True):
+        if not len(place):
             raise toml.error("field.frames", f"names frame {number}, which {own.file} does not have")
-        if len(found) != len(rows[0]):
+        if len(place) != len(rows[0]):
             raise InputError(
                 path,
-                f"has {len(found)} points in frame {number}, {len(rows[0])} in the first",
+                f"has {len(place)} points in frame {number}, {len(rows[0])} in the first",
                 cure="export the same points in every frame",
             )
     points = np.stack([columns[0][rows[0]], columns[1][rows[0]]], axis=-1)
-    for number, found in zip(section.frames, rows, strict=True):
-        there = np.stack([columns[0][found], columns[1][found]], axis=-1)
-        if not np.array_equal(there, points):
+    for number, place in zip(section.frames, rows, strict=True):
+        places = np.stack([columns[0][place], columns[1][place]], axis=-1)
+        if not np.array_equal(places, points):
             raise InputError(
                 path, f"has other points in frame {number}", cure="export the points of the reference"
             )
@@ -159,10 +159,10 @@ def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray,
     frame = table.integers(Column(own.frame))
     rows = []
     for number in section.frames:
-        found = np.flatnonzero(frame == number)
-        if len(found) != 1:
-            raise toml.error("field.frames", f"names frame {number}: {own.file} has {len(found)} rows of it")
-        rows.append(int(found[0]))
+        place = np.flatnonzero(frame == number)
+        if len(place) != 1:
+            raise toml.error("field.frames", f"names frame {number}: {own.file} has {len(place)} rows of it")
+        rows.append(int(place[0]))
     displacement = table.values(own.displacement.as_column())[rows]
     return displacement, table.values(own.force.as_column())[rows], table.sha256
 

@@ -98,8 +98,8 @@ class ConstantEstimate:
             ConstantVerdict.AT_BOUND: "the data ask for a value outside its bounds: try another law",
             ConstantVerdict.NOT_SEEN: "a combination of the constants moves no force: hold one of them",
         }
-        said = f"{self.name} is {self.verdict.value}"
-        return f"{said}: {cures[self.verdict]}" if self.verdict in cures else said
+        sentence = f"{self.name} is {self.verdict.value}"
+        return f"{sentence}: {cures[self.verdict]}" if self.verdict in cures else sentence
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,9 @@ def correlation_of(covariance: FloatArray) -> FloatArray:
     """Correlations of a covariance; rows of zero variance have 0 off the diagonal, shape [p, p]."""
     sigma = np.sqrt(np.diag(covariance))
     outer = np.outer(sigma, sigma)
-    found = np.divide(covariance, outer, out=np.zeros_like(covariance), where=outer > 0.0)
-    np.fill_diagonal(found, 1.0)
-    return np.asarray(found)
+    correlation = np.divide(covariance, outer, out=np.zeros_like(covariance), where=outer > 0.0)
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation)
 
 
 def neighbour_correlation(residual: FloatArray) -> float:
@@ -289,9 +289,9 @@ def debonding(
         searched += 1
         length = float(seen @ left) / information
         sigma = float(np.sqrt(scale / information))
-        found = Debonding(j, amount * length, amount * sigma, length / sigma, 0)
-        if best is None or abs(found.z) > abs(best.z):
-            best = found
+        candidate = Debonding(j, amount * length, amount * sigma, length / sigma, 0)
+        if best is None or abs(candidate.z) > abs(best.z):
+            best = candidate
     return None if best is None else Debonding(best.sample, best.length, best.sigma, best.z, searched)
 
 
@@ -362,16 +362,16 @@ class SpecimenFit:
     @property
     def warnings(self) -> list[str]:
         """What to know before using the constants."""
-        said = []
+        warnings = []
         if not self.found.converged:
-            said.append(f"{self.name}: the search did not come to rest: {self.found.ended}")
-        said += [
+            warnings.append(f"{self.name}: the search did not come to rest: {self.found.ended}")
+        warnings += [
             f"{self.name}: {one.sentence}"
             for one in self.intervals.estimates
             if one.verdict.value != "identified"
         ]
         if not self.intervals.explained:
-            said.append(
+            warnings.append(
                 f"{self.name}: the law does not explain the forces within their declared noise (probability "
                 f"{self.intervals.probability:.2g}): its misfit is {np.sqrt(self.intervals.scale):.3g} "
                 "times as large, and the intervals are widened by that; try another law, or check sigma_force"
@@ -380,12 +380,12 @@ class SpecimenFit:
             for end, peel in zip("xy", one.debonding, strict=False):
                 if peel is not None and peel.suspected:
                     at = 1e3 * one.test.samples.displacement[peel.sample, "xy".index(end)]
-                    said.append(
+                    warnings.append(
                         f"{self.name}: a bond of {one.test.name} seems to peel from {at:.3g} mm on (as if it "
                         f"were {1e3 * peel.length:.2g} ± {2e3 * peel.sigma:.2g} mm shorter): look at the "
                         "specimen, or end the data before it"
                     )
-        return said
+        return warnings
 
 
 def fit(
@@ -439,9 +439,9 @@ def fit(
     ends.sort(key=lambda one: one.chi2)
     best = ends[0]
     series: list[FloatArray] = []
-    for own, x, there in zip(samples, best.displacements, best.linearised, strict=True):
-        series += list(reduce(own, x, there).residual.reshape(x.shape).T)
-    said = intervals(
+    for own, x, response in zip(samples, best.displacements, best.linearised, strict=True):
+        series += list(reduce(own, x, response).residual.reshape(x.shape).T)
+    uncertainty = intervals(
         constants.free,
         best.constants,
         best.reduced,
@@ -450,17 +450,17 @@ def fit(
         bounds=constants.bounds,
     )
     values = Constants(constants.law, constants.all(best.constants), constants.free)
-    beside = []
-    for test, x, there in zip(tests, best.displacements, best.linearised, strict=True):
-        one = _test_fit(test, x, there, said, fitted=True)
-        beside.append(_with_bonds(one, values, there, said) if bonds else one)
+    test_fits = []
+    for test, x, response in zip(tests, best.displacements, best.linearised, strict=True):
+        one = _test_fit(test, x, response, uncertainty, fitted=True)
+        test_fits.append(_with_bonds(one, values, response, uncertainty) if bonds else one)
     for test in predicted:
         answer = test.model.linearised(constants, best.constants, test.samples.displacement)
         if isinstance(answer, str):
             raise ValueError(f"the prediction failed: {answer}")
-        beside.append(_test_fit(test, test.samples.displacement, answer, said, fitted=False))
-    others = tuple(one.constants for one in ends)
-    return SpecimenFit(name, values, said, tuple(beside), best, others)
+        test_fits.append(_test_fit(test, test.samples.displacement, answer, uncertainty, fitted=False))
+    optima = tuple(one.constants for one in ends)
+    return SpecimenFit(name, values, uncertainty, tuple(test_fits), best, optima)
 
 
 def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
@@ -481,16 +481,18 @@ def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArr
     return [first, *np.clip(drawn, low, high)]
 
 
-def _test_fit(test: SlowTest, x: FloatArray, there: Linearised, said: Intervals, *, fitted: bool) -> TestFit:
+def _test_fit(
+    test: SlowTest, x: FloatArray, response: Linearised, uncertainty: Intervals, *, fitted: bool
+) -> TestFit:
     moved = x - test.samples.displacement
-    force = there.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
-    slopes = there.by_constants
-    variance = np.einsum("nip,pq,niq->ni", slopes, np.nan_to_num(said.covariance), slopes)
-    factor = float(student.ppf(0.5 + 0.5 * LEVEL, said.degrees))
+    force = response.force - np.einsum("nij,nj->ni", response.by_displacement, moved)
+    slopes = response.by_constants
+    variance = np.einsum("nip,pq,niq->ni", slopes, np.nan_to_num(uncertainty.covariance), slopes)
+    factor = float(student.ppf(0.5 + 0.5 * LEVEL, uncertainty.degrees))
     return TestFit(test, x, force, factor * np.sqrt(np.maximum(variance, 0.0)), fitted)
 
 
-def _with_bonds(one: TestFit, constants: Constants, there: Linearised, said: Intervals) -> TestFit:
+def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncertainty: Intervals) -> TestFit:
     """The test with its bonds looked at; as it is where the bond cannot be shortened or that fails."""
     test = one.test
     try:
@@ -502,14 +504,14 @@ def _with_bonds(one: TestFit, constants: Constants, there: Linearised, said: Int
         return one
     amount = test.model.shape.size[0] / test.model.shape.elements[0]
     sigma = test.samples.sigma_force
-    found = tuple(
+    bonds = tuple(
         debonding(
             (test.samples.force[:, end] - one.force[:, end]) / sigma,
-            there.by_constants[:, end] / sigma,
-            (answer.force[:, end] - there.force[:, end]) / sigma,
+            response.by_constants[:, end] / sigma,
+            (answer.force[:, end] - response.force[:, end]) / sigma,
             amount=amount,
-            scale=said.scale,
+            scale=uncertainty.scale,
         )
         for end in range(test.model.shape.ends)
     )
-    return TestFit(test, one.displacement, one.force, one.band, one.fitted, found)
+    return TestFit(test, one.displacement, one.force, one.band, one.fitted, bonds)

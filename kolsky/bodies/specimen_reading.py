@@ -73,7 +73,9 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     """
     toml, declared = read_toml(Path(path), SpecimenFile)
     material, numerics = declared.material, declared.numerics
-    constants = _constants(toml, declared)
+    values = read_constants(toml, "material.constants", material.law, material.constants)
+    with toml.refusing("material.constants", "are not those of the law"):
+        constants = Constants(material.law, {**values, POISSON: material.poisson}, tuple(material.free))
     models, samples = {}, {}
     inputs = {toml.path.name: toml.sha256}
     for name, section in declared.tests.items():
@@ -85,12 +87,10 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
             density=material.density,
         )
         models[name] = SpecimenModel(name, shape, device)
-        try:
-            found = shape.mesh.sets
-        except ValueError as error:
-            raise toml.error(f"tests.{name}.elements", f"make no mesh: {error}") from None
+        with toml.refusing(f"tests.{name}.elements", "make no mesh"):
+            sets = shape.mesh.sets
         step = shape.size[0] / shape.elements[0]
-        if abs(shape.bond / step - round(shape.bond / step)) > 1e-6 or "bond_x+" not in found:
+        if abs(shape.bond / step - round(shape.bond / step)) > 1e-6 or "bond_x+" not in sets:
             raise toml.error(
                 f"tests.{name}.bond",
                 f"does not end between two elements, which are {1e3 * step:g} mm long",
@@ -99,15 +99,6 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
         if section.file is not None:
             samples[name], inputs[section.file] = _samples(toml, section)
     return Specification(toml, declared, constants, models, samples, inputs)
-
-
-def _constants(toml: TomlFile, declared: SpecimenFile) -> Constants:
-    material = declared.material
-    values = read_constants(toml, "material.constants", material.law, material.constants)
-    try:
-        return Constants(material.law, {**values, POISSON: material.poisson}, tuple(material.free))
-    except ValueError as error:
-        raise toml.error("material.constants", f"are not those of the law: {error}") from None
 
 
 def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:
@@ -172,11 +163,11 @@ class Simulated:
     @property
     def columns(self) -> dict[str, FloatArray]:
         """Columns of its CSV file, which `[tests.NAME]` can name."""
-        found = {}
+        columns = {}
         for end in range(self.displacement.shape[1]):
-            found[f"displacement {AXES[end]} (mm)"] = 1e3 * self.displacement[:, end]
-            found[f"force {AXES[end]} (N)"] = self.force[:, end]
-        return found
+            columns[f"displacement {AXES[end]} (mm)"] = 1e3 * self.displacement[:, end]
+            columns[f"force {AXES[end]} (N)"] = self.force[:, end]
+        return columns
 
 
 def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str, Simulated]:

@@ -74,8 +74,8 @@ class TestSection(Section):
         only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone"}
         for key, shape in only.items():
             if (getattr(self, key) is not None) != (self.shape == shape):
-                said = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
-                raise f.problem(said, key=key, cure=f'it belongs to shape = "{shape}"')
+                problem = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
+                raise f.problem(problem, key=key, cure=f'it belongs to shape = "{shape}"')
         if self.file is None and self.stroke is None:
             raise f.problem(
                 "is missing", key="file", cure='add the file of the test, or stroke = "60 mm" to plan one'

@@ -37,11 +37,11 @@ class StudyRow:
     """Trial points of the search."""
 
 
-def study_row(label: str, found: SpecimenFit) -> StudyRow:
-    parts = [one for one in found.tests if one.fitted]
+def study_row(label: str, result: SpecimenFit) -> StudyRow:
+    parts = [one for one in result.tests if one.fitted]
     rmse = float(np.sqrt(np.mean([one.rmse**2 for one in parts])))
     unknowns = parts[0].test.model.shape.mesh.points.size
-    return StudyRow(label, dict(found.constants.values), rmse, unknowns, found.found.simulations)
+    return StudyRow(label, dict(result.constants.values), rmse, unknowns, result.found.simulations)
 
 
 def resolution_study(
@@ -65,10 +65,10 @@ def resolution_study(
             elements = (factor * base[0], factor * base[1], factor * base[2])
             shape = replace(test.model.shape, elements=elements, element=element)
             own = replace(test, model=replace(test.model, shape=shape))
-            found = fit(f"{element} {elements}", [own], start, bonds=False)
+            result = fit(f"{element} {elements}", [own], start, bonds=False)
             label = f"{element} {elements[0]} x {elements[1]} x {elements[2]}"
-            rows.append(study_row(label, found))
-            start = found.constants  # of the coarser mesh: fewer steps
+            rows.append(study_row(label, result))
+            start = result.constants  # of the coarser mesh: fewer steps
     return rows
 
 
@@ -87,16 +87,16 @@ def noise_study(
             added = sigma * rng.standard_normal(test.samples.force.shape)
             total = float(np.hypot(test.samples.sigma_force, sigma))
             samples = replace(test.samples, force=test.samples.force + added, sigma_force=total)
-            found = fit("noise", [replace(test, samples=samples)], constants, bonds=False)
-            rows.append(study_row(f"sigma {sigma:g} N, draw {draw + 1}", found))
+            result = fit("noise", [replace(test, samples=samples)], constants, bonds=False)
+            rows.append(study_row(f"sigma {sigma:g} N, draw {draw + 1}", result))
     return rows
 
 
 def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray:
     """RMSE of each test (column) with the constants of each fit (row) [N], shape [fits, tests]."""
     table = np.full((len(fits), len(tests)), np.nan)
-    for row, found in enumerate(fits):
-        for one in found.tests:
+    for row, result in enumerate(fits):
+        for one in result.tests:
             if one.test.name in tests:
                 table[row, list(tests).index(one.test.name)] = one.rmse
     return table
@@ -172,7 +172,7 @@ def slopes(
     sigma of displacement [m] and of force [N]. ``constants``: the constants at which the tests are planned.
     Raises ValueError if a simulation fails.
     """
-    whitened, forces, found = {}, {}, {}
+    whitened, forces, responses = {}, {}, {}
     for name, model in models.items():
         answer = model.linearised(constants, constants.start, schedules[name])
         if isinstance(answer, str):
@@ -180,8 +180,8 @@ def slopes(
         samples = Samples(schedules[name], answer.force, *noise[name])
         whitened[name] = reduce(samples, schedules[name], answer).jacobian
         forces[name] = float(np.abs(answer.force).max())
-        found[name] = answer
-    return whitened, forces, found
+        responses[name] = answer
+    return whitened, forces, responses
 
 
 def plan(
@@ -193,5 +193,5 @@ def plan(
     wanted: Sequence[str] = (),
 ) -> list[Expected]:
     """Compare choices of tests, the one that tells most first; see `expected`."""
-    found = [expected(tests, whitened, forces, constants, wanted) for tests in choices]
-    return sorted(found, key=lambda one: one.criterion)
+    expectations = [expected(tests, whitened, forces, constants, wanted) for tests in choices]
+    return sorted(expectations, key=lambda one: one.criterion)

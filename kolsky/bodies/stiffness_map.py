@@ -148,7 +148,7 @@ def stiffness_map(
     logs += float(shift.x[0])
     uniform, chi2, weight = float(shift.fun), float(shift.fun), float("inf")
     for weight in weights:
-        found = minimize(
+        minimum = minimize(
             lambda at, tau=weight: _total(blocks, touching, at, tau),
             logs,
             jac=True,
@@ -156,7 +156,7 @@ def stiffness_map(
             bounds=[(-LARGEST, LARGEST)] * blocks.n,
             options={"maxiter": MOST_STEPS},
         )
-        logs = np.asarray(found.x)
+        logs = np.asarray(minimum.x)
         chi2 = blocks.chi2(logs)[0]
         if chi2 <= EXPLAINED * degrees:
             break

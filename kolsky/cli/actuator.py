@@ -6,13 +6,13 @@ command ends with a page, a JSON file and figures.
 
 from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Device, Figures
+from kolsky.base.options import Option
+from kolsky.cli.options import Figures, Film, Vtu
+from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
     from kolsky.report.body_views import ActuatorView
@@ -22,30 +22,22 @@ _ActuatorPath = Annotated[
     Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: geometry, material, gravity, pressures.")
 ]
 _OutOfActuator = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SPEC's name/COMMAND"),
+    Path | None, Option("Where results go.", metavar="FOLDER", show_default="SPEC's name/COMMAND")
 ]
 
 
 def actuator_simulate(
     spec: _ActuatorPath,
     out: _OutOfActuator = None,
-    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the largest pressure for ParaView.")] = False,
-    film: Annotated[
-        str, typer.Option(metavar="FORMAT", help="Also write a film of every direction: mp4 or gif.")
-    ] = "",
+    vtu: Vtu = False,
+    film: Film = "",
     device: Device = "cpu",
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Simulate a pressurised actuator: bend over pressure in every direction of gravity, pristine and healed.
 
     Compares measured markers where SPEC names them. Writes actuator.html, actuator.json, bend.csv, line.csv.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
-    if film:
-        texts.one_of("--film", film, ("mp4", "gif"))
     from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_bending import move, simulate_all, warnings_of
     from kolsky.bodies.actuator_markers import compared_markers
@@ -63,18 +55,16 @@ def actuator_simulate(
 
     read = read_actuator(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
-    try:
+    with read.toml.refusing("pressures", "cannot be simulated"):
         directions = simulate_all(read)
         motions = move(read, directions)
-        compared, stiffness, more = compared_markers(read, directions)
-    except ValueError as error:
-        raise read.toml.error("pressures", f"cannot be simulated: {error}") from None
-    inputs = {**read.inputs, **more}
+        compared, stiffness, marker_files = compared_markers(read, directions)
+    inputs = {**read.inputs, **marker_files}
     warnings = warnings_of(directions)
     view = ActuatorView(
         read.name, directions, compared, stiffness=stiffness, motions=motions, warnings=warnings
     )
-    said = bends_json(directions, inputs) | markers_json(compared, stiffness)
+    content = bends_json(directions, inputs) | markers_json(compared, stiffness)
 
     def tables(partial: Path) -> None:
         write_bends(partial, directions)
@@ -88,25 +78,20 @@ def actuator_simulate(
             if film:
                 write_actuator_film(partial / f"{one.name}.{film}", one)
 
-    _write_result(
-        folder, view, said, inputs, formats=formats, as_json=as_json, started=started, more=tables,
-    )  # fmt: skip
+    _write_result(folder, view, content, inputs, figures, write_more=tables)
 
 
 def actuator_invert(
     spec: _ActuatorPath,
     out: _OutOfActuator = None,
     device: Device = "cpu",
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Find the pressures for the bends of `invert`, by Newton's method on the exact slope of the bend.
 
     Separate chambers have a pressure each, found by bounded least squares with a wanted tip. Writes
     actuator.html and actuator.json.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
     from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_bending import Inversion, SearchEnd, pressure_for, pressures_for
     from kolsky.bodies.actuator_output import inversions_json
@@ -118,24 +103,24 @@ def actuator_invert(
     if section is None:
         raise read.toml.error("invert", "is missing", cure='add [invert] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "invert")
-    found: dict[str, list[Inversion]] = {}
+    inversions: dict[str, list[Inversion]] = {}
     for name, g in read.gravities.items():
-        found[name] = []
+        inversions[name] = []
         for angle in section.angles:
             if len(read.actuator.cavities) == 1 and section.tip is None:
                 one = pressure_for(read.actuator, g, angle, most=section.most)
             else:
                 one = pressures_for(read.actuator, g, angle=angle, tip=section.tip, most=section.most)
-            found[name].append(one)
+            inversions[name].append(one)
     warnings = [
         f"{name}: the pressure for {57.29577951308232 * one.angle:.4g}° is not a solution: {one.ended.value}"
-        for name, each in found.items()
+        for name, each in inversions.items()
         for one in each
         if one.ended is not SearchEnd.YES
     ]
-    view = ActuatorView(read.name, inversions=found, warnings=warnings)
-    said = inversions_json(found, read.inputs)
-    _write_result(folder, view, said, read.inputs, formats=formats, as_json=as_json, started=started)
+    view = ActuatorView(read.name, inversions=inversions, warnings=warnings)
+    content = inversions_json(inversions, read.inputs)
+    _write_result(folder, view, content, read.inputs, figures)
 
 
 def actuator_control(
@@ -143,21 +128,18 @@ def actuator_control(
     out: _OutOfActuator = None,
     basis: Annotated[
         Path | None,
-        typer.Option(
+        Option(
+            "Folder of reduced models, which are used again for the same inputs.",
             metavar="FOLDER",
-            help="Keep the reduced models there, and take them from there where the inputs are the same.",
         ),
     ] = None,
     device: Device = "cpu",
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
-    """Close the loop of `control`: a reduced model in it, a plant of another stiffness with noise and delay.
+    """Run the closed loop of `control`: a reduced model, a plant of another stiffness, noise and delay.
 
-    Writes actuator.html, actuator.json and every tick with its wall time, a CSV file a direction of gravity.
+    Writes actuator.html, actuator.json and, for each direction of gravity, every tick as CSV.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
     from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_control import loop_warnings, run_control
     from kolsky.bodies.actuator_output import loop_json, write_loop
@@ -169,50 +151,38 @@ def actuator_control(
     if section is None:
         raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
-    kept = None if basis is None else usable_folder(basis)
-    try:
-        closed, reductions = run_control(read.actuator, read.gravities, section, basis=kept)
-    except ValueError as error:
-        raise read.toml.error("control", f"cannot be run: {error}") from None
+    stored = None if basis is None else usable_folder(basis)
+    with read.toml.refusing("control", "cannot be run"):
+        closed, reductions = run_control(read.actuator, read.gravities, section, basis=stored)
     warnings = loop_warnings(closed, reductions, section)
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
-    said = loop_json(closed, reductions, read.inputs)
+    content = loop_json(closed, reductions, read.inputs)
 
     def ticks(partial: Path) -> None:
         for name, run in closed.items():
             write_loop(partial / f"{name}.csv", run)
 
-    _write_result(
-        folder, view, said, read.inputs, formats=formats, as_json=as_json, started=started, more=ticks
-    )  # fmt: skip
+    _write_result(folder, view, content, read.inputs, figures, write_more=ticks)
 
 
 def _write_result(
     folder: Path,
     view: "ActuatorView",
-    said: dict[str, Any],
+    content: dict[str, Any],
     inputs: dict[str, str],
+    figures: tuple[str, ...],
     *,
-    formats: tuple[str, ...],
-    as_json: bool,
-    started: float,
-    more: Callable[[Path], None] | None = None,
+    write_more: Callable[[Path], None] = lambda partial: None,
 ) -> None:
-    """Write actuator.html, actuator.json, figures and what `more` writes, and print the result."""
+    """Write actuator.html, actuator.json, figures and further files, and print the result."""
     from kolsky.base.files import filling, write_json
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.cli.terminal import print_result
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.actuator import printed, write_page
 
     with filling(folder) as partial:
-        if more is not None:
-            more(partial)
-        write_json(partial / "actuator.json", said)
+        write_more(partial)
+        write_json(partial / "actuator.json", content)
         write_page(partial / "actuator.html", view, inputs)
-        save_figures_alone(partial, view, formats)
-    print_result(
-        printed(view),
-        said if as_json else None,
-        rest={"page": folder / "actuator.html", "wall time": since(started)},
-        warnings=view.warnings,
-    )
+        save_figures_alone(partial, view, figures)
+    print_result(printed(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings)

@@ -5,30 +5,27 @@ and the mean curve of repeated tests.
 """
 
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Out, OutFolder, ShotPath
+from kolsky.cli.options import Figures, Out, OutFolder, ShotPath
 
 if TYPE_CHECKING:
     from kolsky.bars.records import ReducedTest
 
 
-def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJson = False) -> None:
+def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     """Reduce a shot's bar signals: forces, equilibrium, strain, rate and stress, each with its uncertainty.
 
     A test between bars needs the tables bars, recorders and gauges in shot.toml; without gauges it is a
     flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
     from kolsky.bars.reduction.output import summary
     from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import waves as reduced
@@ -37,14 +34,13 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
     with progress_bars() as progress:
         result = reduced(shot, results=usable_folder(place), progress=progress)
     folder = usable_folder(place)
-    write_results(folder, result, formats=formats)
+    write_results(folder, result, formats=figures)
     print_result(
         _wave_rows(result),
-        summary(result) if as_json else None,
-        rest={
+        summary(result),
+        files={
             "result": folder / "waves.h5",
             "page": folder / "waves.html",
-            "wall time": since(started),
         },
         warnings=result.remarks,
     )
@@ -64,13 +60,13 @@ def _wave_rows(result: "ReducedTest") -> dict[str, str]:
         "balanced": "never"
         if balanced is None
         else "{:.4g} to {:.4g} µs".format(*(1e6 * t for t in balanced)),
-        **({"means": said} if (said := means_over(result)) else {}),
-        **_own_rows(result),
+        **({"means": means} if (means := means_over(result)) else {}),
+        **_rows_of_kind(result),
         **{name: quantity(value, unit) for name, (value, unit) in result.facts.items()},
     }
 
 
-def _own_rows(result: "ReducedTest") -> dict[str, str]:
+def _rows_of_kind(result: "ReducedTest") -> dict[str, str]:
     """Rows of one kind of test."""
     from kolsky.bars.records import FlyerResult, WavesResult
 
@@ -89,39 +85,36 @@ def _own_rows(result: "ReducedTest") -> dict[str, str]:
     return {**rows, "validity": result.validity, "clocks": result.synchronisation or "no incident transducer"}
 
 
-def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJson = False) -> None:
+def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     """Find the bars' wave speed and the gauges' relative gain from a shot with the bars together.
 
     Needs the tables bars, recorders and gauges in shot.toml, no specimen. Writes wavespeed.csv into
     SHOT/results.
     """
-    formats = texts.figure_formats(figures)
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
+    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import residual_columns, wave_speed_of, wave_speed_summary
 
-    name, found, notes = wave_speed_of(shot)
+    shot_name, speed, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
-        write_table(partial / "wavespeed.csv", residual_columns(found))
-        if formats:
-            from kolsky.report.canvas import save_figures
-
-            save_figures(partial / "figures", found, formats=formats)
+        write_table(partial / "wavespeed.csv", residual_columns(speed))
+        save_figures_alone(partial, speed, figures)
     print_result(
         {
-            "shot": name,
-            "wave speed c0": f"{found.wave_speed:.2f} ± {2.0 * found.wave_speed_sigma:.2f} m/s (k = 2)",
-            "gain, transmission over incident": f"{found.gain:.5f} ± {2.0 * found.gain_sigma:.5f} (k = 2)",
-            "residual, rms of peak": f"{100.0 * found.rms:.2f} %",
-            "residual, largest of peak": f"{100.0 * found.largest:.2f} %",
-            "plain shift, rms": f"{100.0 * found.plain_rms:.2f} % at {found.plain_wave_speed:.1f} m/s",
-            "by Poisson's ratio": f"{found.by_poisson:.3g} m/s per unit",
-            "by distance": f"{found.wave_speed / found.distance * 1e-3:.3g} m/s per mm",
+            "shot": shot_name,
+            "wave speed c0": f"{speed.wave_speed:.2f} ± {2.0 * speed.wave_speed_sigma:.2f} m/s (k = 2)",
+            "gain, transmission over incident": f"{speed.gain:.5f} ± {2.0 * speed.gain_sigma:.5f} (k = 2)",
+            "residual, rms of peak": f"{100.0 * speed.rms:.2f} %",
+            "residual, largest of peak": f"{100.0 * speed.largest:.2f} %",
+            "plain shift, rms": f"{100.0 * speed.plain_rms:.2f} % at {speed.plain_wave_speed:.1f} m/s",
+            "by Poisson's ratio": f"{speed.by_poisson:.3g} m/s per unit",
+            "by distance": f"{speed.wave_speed / speed.distance * 1e-3:.3g} m/s per mm",
         },
-        {"shot": name, **wave_speed_summary(found), "remarks": list(notes)} if as_json else None,
-        rest={"residual": folder / "wavespeed.csv"},
+        {"shot": shot_name, **wave_speed_summary(speed), "remarks": list(notes)},
+        files={"residual": folder / "wavespeed.csv"},
         warnings=notes,
     )
 
@@ -135,14 +128,12 @@ def repeats(
         list[Path], typer.Argument(metavar="SHOT...", help="Two or more shots with bars and gauges.")
     ],
     out: OutFolder = Path("repeats"),
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Average the stress-strain curves of repeated tests between bars, with a confidence band.
 
     Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
     """
-    formats = texts.figure_formats(figures)
     if len(shots) < _FEWEST:
         raise InputError(
             texts.COMMAND_LINE,
@@ -151,34 +142,27 @@ def repeats(
         )
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result, progress_bars
-    from kolsky.shot.waves import repeats as repeated
+    from kolsky.report.figures_alone import save_figures_alone
+    from kolsky.shot import waves
 
     folder = usable_folder(out)
-    try:
-        with progress_bars() as progress:
-            found = repeated(shots, progress=progress)
-    except ValueError as error:
-        raise InputError(
-            texts.COMMAND_LINE, str(error), cure="give two tests or more of one specimen and setup"
-        ) from error
+    with progress_bars() as progress, texts.refused(cure="give two tests or more of one specimen and setup"):
+        curves = waves.repeats(shots, progress=progress)
     with filling(folder) as partial:
-        write_table(partial / "repeats.csv", found.columns())
-        if formats:
-            from kolsky.report.canvas import save_figures
-
-            save_figures(partial / "figures", found.mean, formats=formats)
-    said = found.summary()
-    (first, last), largest = said["strain_range"], said["largest_mean_stress"]
+        write_table(partial / "repeats.csv", curves.columns())
+        save_figures_alone(partial, curves.mean, figures)
+    summary = curves.summary()
+    (first, last), largest = summary["strain_range"], summary["largest_mean_stress"]
     low, high = largest["band"]
     print_result(
         {
-            "tests": ", ".join(found.names),
+            "tests": ", ".join(curves.names),
             "strains": f"{first:.4g} to {last:.4g}",
             "largest mean stress": f"{largest['value']:.4g} Pa, 95 % band {low:.4g} to {high:.4g} Pa"
             f" at strain {largest['strain']:.4g}",
             "scatter between tests there": f"{largest['scatter']:.3g} Pa",
         },
-        said if as_json else None,
-        rest={"curves": folder / "repeats.csv"},
-        warnings=found.mean.repeats.remarks,
+        summary,
+        files={"curves": folder / "repeats.csv"},
+        warnings=curves.mean.repeats.remarks,
     )

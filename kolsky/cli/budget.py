@@ -2,15 +2,31 @@
 
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated
 
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Mesh, SolverOptions
+from kolsky.cli.options import Figures
 from kolsky.cli.sweep import Workers
+from kolsky.inverse.settings import Numerics, Settings
+
+_SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), replicates=0)
+"""Coarser than of an identification: a budget is a difference of many."""
+
+
+def _rates(option: str, text: str) -> tuple[float, ...]:
+    """ "200,1000" as the slowest and the fastest rate [1/s]."""
+    rates = tuple(texts.numbers(option, text))
+    if len(rates) != 2:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"{option} needs the slowest and the fastest rate",
+            cure="give two: --rates 100,1000",
+        )
+    return rates
 
 
 def budget(
@@ -19,66 +35,51 @@ def budget(
     ],
     *,
     size: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--size",
-            metavar="KEY=SIGMA",
-            help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
+        tuple[str, ...],
+        Option(
+            'A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
             "specification's table budget, those that the shot declares, or typical ones.",
+            metavar="KEY=SIGMA",
         ),
-    ] = None,
+    ] = (),
     free: Annotated[
         str,
-        typer.Option(
+        Option(
+            "Free parameters of the budget.",
             metavar="NAMES",
-            help="Free parameters of the budget.",
             show_default="the stiffness factor, others free as in identify",
         ),
     ] = "",
-    draws: Annotated[int, typer.Option(min=4, help="Random draws of the noise only.")] = 16,
-    together: Annotated[int, typer.Option(min=0, help="Random draws of all errors together.")] = 32,
-    mesh: Mesh = "16x22",
-    refined_mesh: Mesh = "32x44",
+    draws: Annotated[int, Option("Random draws of the noise only.", min=4)] = 16,
+    together: Annotated[int, Option("Random draws of all errors together.", min=0)] = 32,
+    settings: Annotated[Settings, ("numerics", "refined_mesh")] = _SETTINGS,
     truth_mesh: Annotated[
-        str, typer.Option(metavar="NRxNY", help="Mesh of the truth.", show_default="the specification's")
-    ] = "",
-    solver: SolverOptions,
+        tuple[int, int] | None,
+        Option("Mesh of the true run.", metavar="NRxNY", show_default="the specification's"),
+    ] = None,
     workers: Workers,
-    retry: Annotated[bool, typer.Option("--retry", help="Repeat realisations that failed before.")] = False,
+    retry: Annotated[bool, Option("Repeat realisations that failed before.")] = False,
     slope: Annotated[
-        float | None,
-        typer.Option(help="Plan a campaign for this expanded uncertainty of the rate slope per decade."),
+        float | None, Option("Plan a campaign for this expanded uncertainty of the rate slope per decade.")
     ] = None,
     rates: Annotated[
-        str, typer.Option(metavar="LOW,HIGH", help="Nominal strain rates of the campaign [1/s].")
-    ] = "200,1000",
+        tuple[float, ...],
+        Option("Nominal strain rates of the campaign [1/s].", metavar="LOW,HIGH", read=_rates),
+    ] = (200.0, 1000.0),
     scatter: Annotated[
-        float, typer.Option(min=0.0, help="Standard deviation of the stiffness from specimen to specimen.")
+        float, Option("Standard deviation of the stiffness from specimen to specimen.", min=0.0)
     ] = 0.0,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="the test's results"),
+        Path | None, Option("Where results go.", metavar="FOLDER", show_default="the test's results")
     ] = None,
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Budget the errors of a test; writes budget.csv and budget.html, and stores realisations in a ledger."""
-    started = perf_counter()
-    analysis, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
-    formats = texts.figure_formats(figures)
-    ends = texts.numbers("--rates", rates)
-    if len(ends) != 2:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "--rates needs the slowest and the fastest rate",
-            cure="give two: --rates 100,1000",
-        )
     from doe.ledger import LedgerError
     from kolsky.base.files import jsonable, usable_folder
-    from kolsky.cli.terminal import print_result, since, sweep_progress
-    from kolsky.inverse.problem import Settings
+    from kolsky.cli.terminal import print_result, sweep_progress
     from kolsky.report.result_folder import write_budget_results
-    from kolsky.studies.budget.budget import budget as budget_of
+    from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.factors import factors_of, usual_sizes
     from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma
     from kolsky.virtual.specification import read_specification
@@ -87,18 +88,19 @@ def budget(
     series = read_specification(_specification(test, folder))
     shot = series.shot(series.numbers[0])
     quantities = shot.quantities
-    if truth_mesh:
-        finer = quantities.truth.model_copy(update={"mesh": texts.mesh("--truth-mesh", truth_mesh)})
+    if truth_mesh is not None:
+        finer = quantities.truth.model_copy(update={"mesh": truth_mesh})
         quantities = quantities.model_copy(update={"truth": finer})
-    sizes = dict(part.partition("=")[::2] for part in size or []) or series.declared.budget or usual_sizes()
-    numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(analysis)
-    settings = Settings(numerics=numerics, refined_mesh=refined, replicates=0)
+    sizes = dict(part.partition("=")[::2] for part in size) or series.declared.budget or usual_sizes()
+    numerics = replace(settings.numerics, threads=workers.threads(settings.numerics.threads))
+    settings = replace(settings, numerics=numerics)
     if free:
         settings = replace(settings, free=dict.fromkeys(texts.listed(free)))
-    try:
+    cure = "correct the specification, or take more draws"
+    with texts.refused(cure=cure, place=test, errors=(ValueError, LedgerError)):
         factors = factors_of({key: texts.plain_or_text(value) for key, value in sizes.items()})
         with workers.executor() as executor, sweep_progress() as progress:
-            found = budget_of(
+            budgeted = budgets.budget(
                 quantities,
                 factors,
                 settings=settings,
@@ -110,30 +112,27 @@ def budget(
                 executor=executor,
                 progress=progress,
             )
-    except (ValueError, LedgerError) as error:
-        raise InputError(test, str(error), cure="correct the specification, or take more draws") from None
     campaign, unplanned = None, ""
     if slope is not None:
         try:
-            campaign = plan_campaign(ends[0], ends[1], slope, shot_sigma(found[0], scatter))
+            campaign = plan_campaign(rates[0], rates[1], slope, shot_sigma(budgeted[0], scatter))
         except ValueError as error:
             unplanned = str(error)
-    write_budget_results(folder, found, campaign, formats=formats)
+    write_budget_results(folder, budgeted, campaign, formats=figures)
     if unplanned:
         raise InputError(
             test,
             f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}",
             cure="budget more factors, or leave --rates out",
         )
-    summary = {**printed(found[0], campaign), "page": str(folder / "budget.html")}
-    how = made_with(analysis, refined, quantities.truth.mesh, draws, together)
-    budgets = [facts(one, campaign) for one in found]
-    said = jsonable({"made_with": how, "budgets": budgets}, "budget") if as_json else None
-    print_result(summary, said, rest={"wall time": since(started)})
+    summary = {**printed(budgeted[0], campaign), "page": str(folder / "budget.html")}
+    how = made_with(numerics.mesh, settings.refined_mesh, quantities.truth.mesh, draws, together)
+    entries = [facts(one, campaign) for one in budgeted]
+    print_result(summary, jsonable({"made_with": how, "budgets": entries}, "budget"))
 
 
 def _specification(test: Path, folder: Path) -> Path:
-    """The specification's file; that of a shot is written first."""
+    """The specification's file; one is written for a shot."""
     if test.suffix == ".toml" and test.name != "shot.toml":
         return test
     if test.is_dir() and not (test / "shot.toml").exists():
@@ -143,10 +142,10 @@ def _specification(test: Path, folder: Path) -> Path:
     from kolsky.virtual.shot_file import specification_of
 
     shot = load_shot(test)
-    kept = shot.folder / "results" / "identification.h5"
+    stored = shot.folder / "results" / "identification.h5"
     answer = (
-        {name: one.value for name, one in read_identification(kept).estimates.items()}
-        if kept.exists()
+        {name: one.value for name, one in read_identification(stored).estimates.items()}
+        if stored.exists()
         else {}
     )
     folder.mkdir(parents=True, exist_ok=True)

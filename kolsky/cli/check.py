@@ -1,6 +1,5 @@
 """`kolsky check` and `channels`: what was read from a shot, or from one recorder's file."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,26 +7,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dic.files import one_line
-from kolsky.cli import texts
-from kolsky.cli.options import AsJson, HeaderLine, Out, ShotPath
+from kolsky.base.options import HeaderLine, Option
+from kolsky.cli.options import Out, ShotPath
+from kolsky.cli.terminal import as_json, print_json
 
 if TYPE_CHECKING:
     from kolsky.readers.contents import ChannelInfo
 
 
-def check(shot: ShotPath, out: Out = None, as_json: AsJson = False) -> None:
-    """Read a shot, refuse what cannot be right, and show what was understood.
+def check(shot: ShotPath, out: Out = None) -> None:
+    """Read a shot, reject impossible values, and show how its files were read.
 
-    Of a test between bars these are the files, the strains at the gauges, arrivals and windows; nothing is
-    reduced yet. Beside the table stands a page with the signals on one clock, the window and the outline at
-    three times; --json writes none.
+    For a test between bars it shows the files, the strains at the gauges, arrivals and windows, without a
+    reduction. It also writes a page with the signals on one clock, the window and the outline at three
+    times; with --json it does not.
     """
     from kolsky.shot import summary
     from kolsky.shot.load import check_shot
 
     loaded = check_shot(shot)
-    if as_json:
-        print(json.dumps(summary.as_json(loaded), indent=2, allow_nan=False))
+    if as_json():
+        print_json(summary.as_json(loaded))
         return
     summary.print_table(loaded)
     from kolsky.base.files import filling, usable_folder
@@ -42,24 +42,30 @@ def check(shot: ShotPath, out: Out = None, as_json: AsJson = False) -> None:
 
 def channels(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of an oscilloscope or recorder.")],
-    form: Annotated[str | None, typer.Option("--format", help="Its format.", show_default="found")] = None,
-    encoding: Annotated[str | None, typer.Option(help="Of text.", show_default="found")] = None,
+    form: Annotated[
+        str | None, Option("Format of the file.", name="format", show_default="found in the file")
+    ] = None,
+    encoding: Annotated[
+        str | None, Option("Encoding of a text file.", show_default="found in the file")
+    ] = None,
     delimiter: Annotated[
-        str | None, typer.Option(help="comma, semicolon, tab or blanks.", show_default="found")
+        str | None, Option("comma, semicolon, tab or blanks.", show_default="found in the file")
     ] = None,
-    decimal: Annotated[str | None, typer.Option(help='"." or ",".', show_default="found")] = None,
+    decimal: Annotated[
+        str | None, Option('Decimal sign: "." or ",".', show_default="found in the file")
+    ] = None,
     header_line: HeaderLine = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None,
-    time: Annotated[str | None, typer.Option(help="The time column, by name or number.")] = None,
-    time_unit: Annotated[str | None, typer.Option(help="Its unit, e.g. ms.")] = None,
+    sheet: Annotated[str | None, Option("Sheet of a workbook.")] = None,
+    time: Annotated[str | None, Option("The time column, by name or number.")] = None,
+    time_unit: Annotated[str | None, Option("Unit of the time column, e.g. ms.")] = None,
     interval: Annotated[
-        str | None, typer.Option(help='Time from sample to sample, e.g. "100 ns".', show_default="found")
+        float | None,
+        Option('Time between samples, e.g. "100 ns".', unit="s", show_default="found in the file"),
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
-    """Show what is in a recorder's file: channels, units, clock, and how the file was understood.
+    """Show the contents of a recorder's file: channels, units, clock, and how the file was read.
 
-    The options are the keys of a `layout` in shot.toml, to try them out.
+    The options are the keys of a `layout` in shot.toml.
     """
     from kolsky.readers.contents import Layout
     from kolsky.readers.recordings import list_channels
@@ -73,13 +79,13 @@ def channels(
         sheet=sheet,
         time=time,
         time_unit=time_unit,
-        interval=None if interval is None else texts.physical("--interval", interval, "s"),
+        interval=interval,
     )
-    found = list_channels(file, layout=layout)
-    if as_json:
-        typer.echo(json.dumps(_channels_json(file, found), indent=2, allow_nan=False))
+    infos = list_channels(file, layout=layout)
+    if as_json():
+        print_json(_channels_json(file, infos))
     else:
-        typer.echo(_channel_table(file, found))
+        typer.echo(_channel_table(file, infos))
 
 
 def _channel_unit(channel: "ChannelInfo") -> str | None:
@@ -89,8 +95,8 @@ def _channel_unit(channel: "ChannelInfo") -> str | None:
     return channel.unit or heading_unit(channel.name)
 
 
-def _channels_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
-    first = asdict(found[0])
+def _channels_json(file: Path, infos: "list[ChannelInfo]") -> dict[str, Any]:
+    first = asdict(infos[0])
     return {
         "file": str(file),
         "found": first["facts"],
@@ -98,22 +104,22 @@ def _channels_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
         "channels": [
             {key: value for key, value in asdict(channel).items() if key not in ("facts", "metadata")}
             | {"unit": _channel_unit(channel)}
-            for channel in found
+            for channel in infos
         ],
     }
 
 
-def _channel_table(file: Path, found: "list[ChannelInfo]") -> str:
+def _channel_table(file: Path, infos: "list[ChannelInfo]") -> str:
     from kolsky.readers.contents import clock_words
 
-    facts, metadata = found[0].facts, found[0].metadata
+    facts, metadata = infos[0].facts, infos[0].metadata
     lines = [str(file), *(f"  {key}: {value}" for key, value in facts.items()), ""]
-    width = max(len(channel.name) for channel in found)
-    for channel in found:
+    width = max(len(channel.name) for channel in infos)
+    for channel in infos:
         unit = _channel_unit(channel) or "unit not stated"
         lines.append(f"  {channel.number:>3}  {channel.name:<{width}}  {unit}  {channel.samples} samples")
     clocks: dict[tuple[str, float | None, float | None, int], list[str]] = {}
-    for channel in found:
+    for channel in infos:
         key = (channel.time, channel.start, channel.interval, channel.samples)
         clocks.setdefault(key, []).append(channel.name)
     for (words, start, interval, samples), names in clocks.items():

@@ -73,10 +73,10 @@ COMMANDS: dict[str, Command] = {
 """Every command by its words on the command line; the first of two words is a group of `GROUPS`."""
 
 GROUPS = {
-    "material": "The quasi-static tests of the material behind a shot.",
+    "material": "Quasi-static tests of the material of a shot.",
     "specimen": "Whole specimens in slow tests, simulated and fitted.",
     "actuator": "Pressurised soft actuators: bend, pressure for a bend, closed loop.",
-    "virtual": "The virtual laboratory: shots whose answer is known.",
+    "virtual": "The virtual laboratory: synthetic shots with known properties.",
 }
 """Groups of commands and their line of `--help`."""
 
@@ -96,43 +96,43 @@ EXTRAS = {
 }
 """Extra of this package by the module that it brings."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
-"""Words that commands had once: they still work, and `--help` does not show them."""
+"""Earlier names of commands, which work and are not in `--help`."""
 
 
 LONGEST_PLACE = 300
 """Most characters of a name that a message shows."""
-TOLD = 128
+SIGNAL_CODE = 128
 """Exit code of a command that a signal ended, less the signal's number, as shells give it."""
 
-SOON = 0.05
+REPEAT_AFTER = 0.05
 """Time after which a signal is repeated whose exception was ignored [s]."""
 
 
-def _ending(told: list[int]) -> Callable[[int, FrameType | None], None]:
-    """What a signal that ends the command does: an exception, so that every block removes what it left."""
+def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
+    """Handler of a signal that ends the command: an exception, so that every block cleans up."""
 
     def end(number: int, frame: FrameType | None) -> None:
-        told.append(number)
+        received.append(number)
         if number == signal.SIGINT:
             raise KeyboardInterrupt
-        raise SystemExit(TOLD + number)
+        raise SystemExit(SIGNAL_CODE + number)
 
     return end
 
 
-def _insist(told: list[int]) -> None:
-    """Repeat a signal whose exception Python ignored, as it does in a finaliser, and say nothing of that."""
+def _repeat_ignored_signals(received: list[int]) -> None:
+    """Repeat a signal whose exception Python ignores, as in a finaliser, without a message."""
     ordinary = sys.unraisablehook
 
-    def ignored(what: "sys.UnraisableHookArgs") -> None:
-        if told and isinstance(what.exc_value, KeyboardInterrupt | SystemExit):
-            again = Timer(SOON, os.kill, (os.getpid(), told[0]))
-            again.daemon = True
-            again.start()
+    def repeat(event: "sys.UnraisableHookArgs") -> None:
+        if received and isinstance(event.exc_value, KeyboardInterrupt | SystemExit):
+            timer = Timer(REPEAT_AFTER, os.kill, (os.getpid(), received[0]))
+            timer.daemon = True
+            timer.start()
         else:
-            ordinary(what)
+            ordinary(event)
 
-    sys.unraisablehook = ignored
+    sys.unraisablehook = repeat
 
 
 def main() -> None:
@@ -142,34 +142,31 @@ def main() -> None:
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
     set_blas_threads()
-    told: list[int] = []
-    _insist(told)
-    signal.signal(signal.SIGTERM, _ending(told))
+    received: list[int] = []
+    _repeat_ignored_signals(received)
+    signal.signal(signal.SIGTERM, _ending(received))
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores it
-        signal.signal(signal.SIGINT, _ending(told))
+        signal.signal(signal.SIGINT, _ending(received))
     try:
         with last_work():
             app()
     except Exception:
-        if not told:
+        if not received:
             raise
         # A library that was being loaded makes the signal's exception an error of its own.
-        raise SystemExit(TOLD + told[0]) from None
+        raise SystemExit(SIGNAL_CODE + received[0]) from None
 
 
 def program(commands: Mapping[str, Command]) -> typer.Typer:
-    """The command line of a table of commands.
+    """The command line of a table of commands such as `COMMANDS`.
 
-    Parameters
-    ----------
-    commands
-        As `COMMANDS`. An `InputError` that a command raises ends it with its lines on stderr and exit code 2.
+    An `InputError` that a command raises ends it with its lines on stderr and exit code 2.
     """
     made = typer.Typer(
         name="kolsky",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
-        help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
+        help="Dynamic stiffness of a soft material, with its uncertainty, from one impact test.",
     )
     made.callback()(_kolsky)
     groups = {
@@ -189,7 +186,7 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn bad input, what the system refuses, and a missing extra into lines on stderr and exit code 2."""
+    """Turn bad input, an error of the system or a missing extra into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
@@ -213,15 +210,15 @@ def refusing_bad_input() -> Iterator[None]:
 
 
 def of_system(error: OSError) -> InputError:
-    """What the system refuses (a full disk, a long name, a closed folder), with its cure."""
+    """An error of the system (a full disk, a long name, a closed folder), with its cure."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        cure = "make room, or give another place with --out FOLDER; earlier results are as they were"
+        cure = "make room, or give another place with --out FOLDER; earlier results are unchanged"
     elif error.errno == errno.ENAMETOOLONG:
         cure = "give a shorter name"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        cure = "see that you may read and write there, or copy it to where you may"
+        cure = "give yourself read and write access, or copy it to a folder where you have it"
     else:
-        cure = "look at the file or folder that it names"
+        cure = "check the file or folder that it names"
     place = str(error.filename) if error.filename is not None else "the disk"
     shown = place if len(place) <= LONGEST_PLACE else f"{place[:LONGEST_PLACE]}..."
     return InputError(shown, f"cannot be used: {error.strerror}", cure=cure)

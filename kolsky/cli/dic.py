@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Out, ShotPath
+from kolsky.cli.options import Figures, Out, ShotPath
 
 if TYPE_CHECKING:
     from dic.calibration.views import Calibration
@@ -21,104 +21,92 @@ def dic(
     shot: ShotPath,
     out: Out = None,
     device: Annotated[
-        str, typer.Option(help='Where pictures are correlated: "cpu" or a CUDA device such as "cuda:0".')
+        str, Option('Device of the correlation: "cpu" or a CUDA device such as "cuda:0".')
     ] = "cpu",
-    again: Annotated[bool, typer.Option("--again", help="Correlate even if the result is there.")] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
-    vtp: Annotated[
-        bool, typer.Option("--vtp", help="Also write the surfaces for ParaView (VTU files for a dic.toml).")
-    ] = False,
+    repeat: Annotated[bool, Option("Correlate even if a result exists.", name="again")] = False,
+    csv: Annotated[bool, Option("Also write the points of every frame as CSV.")] = False,
+    vtp: Annotated[bool, Option("Also write the surfaces for ParaView (VTU files for a dic.toml).")] = False,
     regions: Annotated[
-        bool,
-        typer.Option(
-            "--regions",
-            help="Draw the regions by hand in a page on this computer, which saves them into the file.",
-        ),
+        bool, Option("Draw the regions by hand in a page on this computer, and save them in the file.")
     ] = False,
     grid: Annotated[
-        bool,
-        typer.Option(
-            "--grid",
-            help="Write pictures with a grid and the lines to fill in: regions by hand without a page.",
-        ),
+        bool, Option("Write pictures with a grid, to enter the regions by hand without a page.")
     ] = False,
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Correlate a shot's pictures: surfaces, outline and the flyer's displacement, each with its sigma.
 
     Writes dic.h5, dic.html, centreline.csv, flyer.csv and the reporting table into SHOT/results. `kolsky
-    identify` does the same by itself for a shot without exports. A folder with a dic.toml in place of a
-    shot.toml is a measurement by image correlation alone: a plane by one camera, a surface or a cylinder by
-    two.
+    identify` does this automatically for a shot without exports. A folder with a dic.toml instead of a
+    shot.toml is a measurement by image correlation only: a plane by one camera, a surface or a cylinder by
+    two cameras.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
     from kolsky.schema.pictures import find_measurement_file
 
     if regions or grid:
         _draw_regions(shot, out, grid=grid)
         return
-    if (alone := find_measurement_file(shot)) is not None:
-        _measure_alone(alone, out, device, started, formats, csv=csv, vtu=vtp, as_json=as_json)
+    if (measurement := find_measurement_file(shot)) is not None:
+        _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtp)
         return
     from dic.processes import allow_forks
     from kolsky.base.files import usable_folder
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.rig import calibrate_in_background
     from kolsky.shot.load import load_pictures
 
     keep_freed_memory()
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
-    kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
+    is_stored = not repeat and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
     with progress_bars() as progress, allow_forks(), single_threaded_libraries(), ExitStack() as stack:
         began = perf_counter()
-        cameras = None if kept else stack.enter_context(calibrate_in_background(loaded.pictures))
+        cameras = None if is_stored else stack.enter_context(calibrate_in_background(loaded.pictures))
         # imported while others look at the target
         from kolsky.report.result_folder import drawing_processes, write_dic_results
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
-        found = surfaces(
-            loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras
+        surfaces_of_shot = surfaces(
+            loaded.pictures, folder, device=device, again=repeat, progress=progress, cameras=cameras
         )
-        result, now = found.result, perf_counter()
-        times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+        result, now = surfaces_of_shot.result, perf_counter()
+        times = (
+            {name: result.seconds[name] for name in ("calibration", "correlation")}
+            if surfaces_of_shot.fresh
+            else {}
+        )
         times["surfaces file"] = now - began - sum(times.values())
         now = perf_counter()
         write_dic_results(
-            folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=drawing_processes()
+            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtp=vtp, processes=drawing_processes()
         )
         times["files and page"] = perf_counter() - now
     print_result(
-        found.rows(),
-        {"shot": loaded.name, **found.summary()} if as_json else None,
-        rest={
-            "result": f"{folder / RESULT_FILE}" + ("" if found.fresh else " (as it was)"),
+        surfaces_of_shot.rows(),
+        {"shot": loaded.name, **surfaces_of_shot.summary()},
+        files={
+            "result": f"{folder / RESULT_FILE}" + ("" if surfaces_of_shot.fresh else " (as it was)"),
             "page": folder / "dic.html",
             "stages": ", ".join(f"{name} {value:.1f} s" for name, value in times.items()),
-            "wall time": since(started),
         },
-        warnings=found.warnings,
+        warnings=surfaces_of_shot.warnings,
     )
 
 
-def _measure_alone(
+def _measure_pictures(
     path: Path,
     out: Path | None,
     device: str,
-    started: float,
-    formats: tuple[str, ...],
+    figures: tuple[str, ...],
     *,
     csv: bool,
     vtu: bool,
-    as_json: bool,
 ) -> None:
     """The measurement that a dic.toml describes."""
     from dic.processes import allow_forks
     from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.measurement import measure_file, read_measurement
 
     measurement = read_measurement(path)
@@ -128,13 +116,13 @@ def _measure_alone(
     from kolsky.report.pages.full_field import printed, summary, warnings
     from kolsky.report.result_folder import write_full_field_results
 
-    said = warnings(result)
-    write_full_field_results(folder, measurement, result, formats=formats, csv=csv, vtu=vtu)
+    remarks = warnings(result)
+    write_full_field_results(folder, measurement, result, formats=figures, csv=csv, vtu=vtu)
     print_result(
         printed(result),
-        {"measurement": measurement.name, **summary(result), "warnings": said} if as_json else None,
-        rest={"result": folder / "dic.h5", "page": folder / "dic.html", "wall time": since(started)},
-        warnings=said,
+        {"measurement": measurement.name, **summary(result), "warnings": remarks},
+        files={"result": folder / "dic.h5", "page": folder / "dic.html"},
+        warnings=remarks,
     )
 
 
@@ -171,32 +159,26 @@ def calibrate(
             help="A calibration.toml, a shot.toml with a table calibration, or the folder of one.",
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="results")
-    ] = None,
+    out: Annotated[Path | None, Option("Where results go.", metavar="FOLDER", show_default="results")] = None,
     export: Annotated[
         str,
-        typer.Option(
-            metavar="FORMATS",
-            help="Also write the cameras for other programs; an unknown name lists the formats.",
+        Option(
+            "Also write the cameras for other programs; an unknown name lists the formats.", metavar="FORMATS"
         ),
     ] = "",
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Calibrate two cameras from pictures of a target, with the covariance of all parameters.
 
     Writes rig.yml, calibration.html and calibration.csv.
     """
-    started = perf_counter()
     from dic.camera_files import FORMATS, CameraFileError, write_rig
 
-    known = {known.name: known for known in FORMATS}
-    exports = [texts.one_of("--export", name, tuple(known)) for name in texts.listed(export)]
-    formats = texts.figure_formats(figures)
+    formats = {one.name: one for one in FORMATS}
+    exports = [texts.one_of("--export", name, tuple(formats)) for name in texts.listed(export)]
     from kolsky.base.files import filling, usable_folder
     from kolsky.base.process import single_threaded_libraries
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.calibration import (
         calibration_json,
         calibration_of,
@@ -208,42 +190,35 @@ def calibrate(
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
-        found = calibration_of(toml, section, progress)
-    from kolsky.report.canvas import save_figures
+        calibration = calibration_of(toml, section, progress)
+    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.calibration import write_page
 
     with filling(folder) as partial:
-        try:
-            write_rig(partial / _RIG_FILE, found.rig, "opencv")
+        cure = "is it the folder of a calibration series of this target? look at the pictures named"
+        with texts.refused(cure=cure, place=folder, errors=(CameraFileError,)):
+            write_rig(partial / _RIG_FILE, calibration.rig, "opencv")
             for name in exports:
-                write_rig(partial / f"rig-{name}{known[name].suffix}", found.rig, name)
-        except CameraFileError as error:
-            raise InputError(
-                folder,
-                str(error),
-                cure="is it the folder of a calibration series of this target? look at the pictures named",
-            ) from None
-        write_calibration_points(partial / "calibration.csv", found)
-        write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
-        if formats:
-            save_figures(partial / "figures", found, formats=formats)
+                write_rig(partial / f"rig-{name}{formats[name].suffix}", calibration.rig, name)
+        write_calibration_points(partial / "calibration.csv", calibration)
+        write_page(partial / "calibration.html", toml.path.parent.resolve().name, calibration)
+        save_figures_alone(partial, calibration, figures)
     print_result(
-        summary(found),
-        {**calibration_json(found), "warnings": warnings(found)} if as_json else None,
-        answers=[] if as_json else _calibration_pairs(found),
-        rest={
+        summary(calibration),
+        {**calibration_json(calibration), "warnings": warnings(calibration)},
+        lines=_calibration_pairs(calibration),
+        files={
             "cameras": folder / _RIG_FILE,
             "page": folder / "calibration.html",
-            "wall time": since(started),
         },
-        warnings=warnings(found),
+        warnings=warnings(calibration),
     )
 
 
-def _calibration_pairs(found: "Calibration") -> list[str]:
+def _calibration_pairs(calibration: "Calibration") -> list[str]:
     """A line for each pair: residuals of the two cameras, and what became of it."""
     lines = ["  pair        camera 0    camera 1    points"]
-    for pair in found.pairs:
+    for pair in calibration.pairs:
         rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
         points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
         word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"

@@ -12,26 +12,24 @@ from typing import Annotated, Any
 
 import typer
 
-from kolsky.cli.options import AsJson
-
 
 def doctor(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Where shots are, to see whether results can go there.")
+        Path, typer.Argument(metavar="FOLDER", help="Folder of shots, checked for space and write access.")
     ] = Path(),
-    as_json: AsJson = False,
 ) -> None:
-    """Show versions, devices, the cache of compiled kernels, what can be read, and whether one may write.
+    """Check the installation: versions, devices, cache of compiled kernels, extras, writable folders.
 
-    Ends with exit code 1 if something that every command needs is missing.
+    The exit code is 1 if something that every command needs is missing.
     """
     from kolsky.base.files import jsonable
     from kolsky.cli.terminal import print_result
 
-    found = examine(folder)
-    said = jsonable(found.as_dict(), "doctor") if as_json else None
-    print_result(found.rows(), said, rest={}, warnings=found.problems)
-    if found.problems:
+    installation = examine(folder)
+    print_result(
+        installation.rows(), jsonable(installation.as_dict(), "doctor"), warnings=installation.problems
+    )
+    if installation.problems:
         raise typer.Exit(1)
 
 
@@ -91,7 +89,7 @@ class Installation:
 
     def rows(self) -> dict[str, str]:
         """The findings as names and texts."""
-        rows = {name: found or "missing" for name, found in self.versions.items()}
+        rows = {name: version or "missing" for name, version in self.versions.items()}
         rows["devices"] = ", ".join(self.devices) or "none"
         rows["cores"] = str(self.cores)
         rows["compiled kernels"] = str(self.cache or "nowhere")
@@ -130,8 +128,8 @@ def examine(folder: Path) -> Installation:
         for name in REQUIRED
         if versions[name] is None
     ]
-    devices, cache, said = _devices()
-    problems += said
+    devices, cache, failures = _devices()
+    problems += failures
     problems += [why for place in (folder, cache) if place is not None and (why := _unwritable(place))]
     free = float(shutil.disk_usage(folder).free) if folder.is_dir() else None
     if free is not None and free < LEAST_SPACE:

@@ -10,26 +10,21 @@ from concurrent.futures import BrokenExecutor, CancelledError, as_completed
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.identify_shots import (
-    JointOptions,
-    identify_shots,
-    refuse_single_shot_options,
-    with_relaxation_option,
-)
-from kolsky.cli.options import AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.identify_shots import JointOptions, identify_shots
+from kolsky.cli.options import Figures, Out, changed
 from kolsky.cli.sweep import Workers
-from kolsky.cli.terminal import quietly
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.cli.terminal import printing
+from kolsky.inverse.settings import Settings
 
 if TYPE_CHECKING:
-    from kolsky.inverse.problem import Settings
     from kolsky.shot.records import Shot
 
 
@@ -39,69 +34,64 @@ class SingleShotJob:
 
     shot: Path
     """Its folder, or its shot.toml."""
-    solver: SolverOptions
-    """Numerical choices."""
-    mesh: tuple[int, int]
-    """Elements across the radius and along the length, of the search."""
-    choices: Mapping[str, Any]
-    """Fields of `kolsky.inverse.problem.Settings` beside the numerics."""
+    settings: Settings
+    """Settings of the library."""
     out: Path | None = None
     """Where results go; None for the folder `results` of the shot."""
-    relaxation: str = ""
-    """Kind of relaxation, as written; empty for what the shot declares."""
+    relaxation: tuple[RelaxationKind, int] | None = None
+    """Kind and branches of a relaxation; None for the shot's."""
     diagnose: bool = False
     """Whether the likeliest causes of misfit are tested."""
     paper: bool = False
     """Whether the method of Mates et al. is applied too."""
-    formats: tuple[str, ...] = ()
-    """Formats of figures alone."""
+    figures: tuple[str, ...] = ()
+    """Formats of figures that are saved as files."""
 
 
 @dataclass(frozen=True)
 class Printout:
-    """What is printed of an identification; it can be pickled."""
+    """Printed answer of an identification; it can be pickled."""
 
     shot: str
     """Name of the shot."""
-    answers: tuple[str, ...]
+    lines: tuple[str, ...]
     """First lines: the free parameters with their intervals, the fit."""
     rows: Mapping[str, Any]
     """Names and values below them."""
-    said: Mapping[str, Any]
+    content: Mapping[str, Any]
     """The object of `--json`."""
     warnings: tuple[str, ...]
-    """What to know before using the answer."""
+    """Remarks for the user of the answer."""
     page: Path
     """The report."""
 
 
-def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
+def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
+    from kolsky import identification
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import progress_bars
-
-    shot, folder = load(one.shot, one.out, forks=processes > 1)
-    shot = with_relaxation_option(shot, one.relaxation)
-    from kolsky import identification
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.parameters import with_relaxation
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results import printed
     from kolsky.results.identification_rows import fit_line
     from kolsky.results.tables import to_json
 
-    settings = Settings(numerics=one.solver.numerics(one.mesh), **one.choices)
+    shot, folder = load(job.shot, job.out, forks=processes > 1)
+    if job.relaxation is not None:
+        shot = with_relaxation(shot, *job.relaxation)
     with usable(shot), progress_bars() as progress:
-        found = identification.identify(shot, settings, progress=progress)
-        if one.diagnose:
-            found = identification.diagnose(found, shot, settings, progress=progress)
-    write_identify_results(folder, found, shot, formats=one.formats, processes=processes)
-    beside, said, doubts = paper_answer(shot, settings, folder) if one.paper else ({}, {}, [])
+        result = identification.identify(shot, job.settings, progress=progress)
+        if job.diagnose:
+            result = identification.diagnose(result, shot, job.settings, progress=progress)
+    write_identify_results(folder, result, shot, formats=job.figures, processes=processes)
+    rows, content, remarks = paper_answer(shot, job.settings, folder) if job.paper else ({}, {}, [])
     return Printout(
         shot=shot.name,
-        answers=(*(printed.answer(e) for e in found.estimates.values()), fit_line(found)),
-        rows={**printed.details(found), **beside},
-        said={**to_json(found), **said},
-        warnings=(*found.warnings, *doubts),
+        lines=(*(printed.answer(e) for e in result.estimates.values()), fit_line(result)),
+        rows={**printed.details(result), **rows},
+        content={**to_json(result), **content},
+        warnings=(*result.warnings, *remarks),
         page=folder / PAGE,
     )
 
@@ -109,9 +99,9 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
 def paper_answer(
     shot: "Shot", settings: "Settings", folder: Path
 ) -> tuple[dict[str, str], dict[str, Any], list[str]]:
-    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written.
+    """Write the paper's answer; its rows to print, keys of the JSON object and warnings.
 
-    Without one there is none of these but a warning: our own answer stands.
+    If the method fails, there is only a warning.
     """
     from doe.ledger import LedgerError
     from kolsky.cli.terminal import progress_bars
@@ -122,7 +112,7 @@ def paper_answer(
     given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
     try:
         with progress_bars() as progress:
-            found = paper_method(
+            result = paper_method(
                 with_pull(shot, settings.pull),
                 bounds=given,
                 held=settings.held,
@@ -133,106 +123,93 @@ def paper_answer(
             )
     except (ValueError, LedgerError, OSError) as error:
         return {}, {paper.STEM: None}, [f"the paper's method has no answer: {error}"]
-    paper.write_paper_method(folder, found)
+    paper.write_paper_method(folder, result)
     return (
-        paper.rows(found),
-        {paper.STEM: paper.to_json(found)},
-        paper.paper_warnings(found),
+        paper.rows(result),
+        {paper.STEM: paper.to_json(result)},
+        paper.paper_warnings(result),
     )
 
 
 _Answer = Printout | InputError
-"""What became of a shot: its answer, or why there is none."""
+"""The answer of a shot, or the reason of its failure."""
 
 
-def refuse_shared(workers: Workers) -> None:
-    """Refuse workers for a single identification."""
-    for option, given in (("--processes", workers.processes is not None), ("--dask", bool(workers.dask))):
-        if given:
-            raise InputError(
-                texts.COMMAND_LINE,
-                f"{option} is for shots that are identified one by one",
-                cure="give --each, or leave it out",
-            )
+def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Workers) -> None:
+    """Identify every shot as in the pattern, write the results of each, print in the order of the shots."""
+    from kolsky.cli.terminal import print_result, progress_bars
 
-
-def identify_each(shots: Sequence[Path], alike: SingleShotJob, workers: Workers, *, as_json: bool) -> None:
-    """Identify every shot, write the results of each, print in the order of the shots."""
-    started = perf_counter()
-    from kolsky.cli.terminal import print_result, progress_bars, since
-
-    tasks = [
-        replace(alike, shot=shot, out=out)
-        for shot, out in zip(shots, _result_folders(shots, alike.out), strict=True)
+    jobs = [
+        replace(pattern, shot=shot, out=out)
+        for shot, out in zip(shots, _result_folders(shots, pattern.out), strict=True)
     ]
     if workers.dask or workers.processes is not None:
-        # Workers of a scheduler share their machines: one thread each, unless more are asked for.
-        threads = workers.threads(alike.solver.threads or (1 if workers.dask else None))
-        tasks = [replace(task, solver=replace(task.solver, threads=threads)) for task in tasks]
-    found: list[_Answer] = []
+        # Workers of a scheduler share their machines: one thread each by default.
+        numerics = pattern.settings.numerics
+        threads = workers.threads(numerics.threads or (1 if workers.dask else None))
+        settings = replace(pattern.settings, numerics=replace(numerics, threads=threads))
+        jobs = [replace(job, settings=settings) for job in jobs]
+    answers: list[_Answer] = []
     with workers.executor() as executor:
         if executor is None:
-            found = [_run_or_error(task, processes=2) for task in tasks]
+            answers = [_run_or_error(job, processes=2) for job in jobs]
         else:
             with progress_bars() as progress:
-                found = run_jobs(executor, tasks, lambda done: progress("shots", done, len(tasks)))
-    names = [_shot_name(shot) for shot in shots]
-    there = [one for one in found if isinstance(one, Printout)]
+                answers = run_jobs(executor, jobs, lambda done: progress("shots", done, len(jobs)))
+    printouts = [one for one in answers if isinstance(one, Printout)]
     print_result(
-        {"shots answered": f"{len(there)} of {len(shots)}"},
-        {"shots": [_json_object(shot, one) for shot, one in zip(shots, found, strict=True)]}
-        if as_json
-        else None,
-        answers=[f"{one.shot}: {line}" for one in there for line in one.answers],
-        rest={"reports": ", ".join(str(one.page) for one in there), "wall time": since(started)},
+        {"shots identified": f"{len(printouts)} of {len(shots)}"},
+        {"shots": [_json_object(shot, one) for shot, one in zip(shots, answers, strict=True)]},
+        lines=[f"{one.shot}: {line}" for one in printouts for line in one.lines],
+        files={"reports": ", ".join(str(one.page) for one in printouts)},
         warnings=[
-            f"{name}: {line}"
-            for name, one in zip(names, found, strict=True)
+            f"{_shot_name(shot)}: {line}"
+            for shot, one in zip(shots, answers, strict=True)
             if isinstance(one, Printout)
             for line in one.warnings
         ],
     )
-    refuse([problem for one in found if isinstance(one, InputError) for problem in one.problems])
+    refuse([problem for one in answers if isinstance(one, InputError) for problem in one.problems])
 
 
 def run_jobs(
-    executor: Callable[[], Any], tasks: Sequence[SingleShotJob], told: Callable[[int], None]
+    executor: Callable[[], Any], jobs: Sequence[SingleShotJob], report: Callable[[int], None]
 ) -> list[_Answer]:
-    """Have an executor's workers answer."""
-    found: dict[int, _Answer] = {}
-    told(0)
+    """Run the jobs by an executor's workers; `report` is called with the number of finished ones."""
+    answers: dict[int, _Answer] = {}
+    report(0)
     try:
         with executor() as pool:
-            flying = {pool.submit(_in_worker, task): i for i, task in enumerate(tasks)}
-            for future in as_completed(flying):
-                found[flying[future]] = future.result()
-                told(len(found))
+            futures = {pool.submit(_in_worker, job): i for i, job in enumerate(jobs)}
+            for future in as_completed(futures):
+                answers[futures[future]] = future.result()
+                report(len(answers))
     except _lost_worker_errors() as error:
         raise InputError(
             texts.COMMAND_LINE,
-            f"a worker was lost with {len(found)} of {len(tasks)} shots answered ({error})",
-            cure="take fewer workers or more memory; the shots that were answered have their results",
+            f"a worker was lost with {len(answers)} of {len(jobs)} shots identified ({error})",
+            cure="take fewer workers or more memory; the results of the identified shots are complete",
         ) from error
-    return [found[i] for i in range(len(tasks))]
+    return [answers[i] for i in range(len(jobs))]
 
 
 def _lost_worker_errors() -> tuple[type[BaseException], ...]:
-    """What is raised where a worker died, of this machine or, once it is in use, of Dask."""
+    """The errors of a dead worker, of this machine or of Dask if it is in use."""
     if "distributed" not in sys.modules:
         return BrokenExecutor, CancelledError
     return BrokenExecutor, CancelledError, import_module("distributed").scheduler.KilledWorker
 
 
-def _in_worker(task: SingleShotJob) -> _Answer:
-    """The answer of a worker, whose terminal belongs to others."""
-    with quietly(True):
-        return _run_or_error(task, processes=1)
+def _in_worker(job: SingleShotJob) -> _Answer:
+    """The answer of a worker, which prints nothing."""
+    with printing(quiet=True):
+        return _run_or_error(job, processes=1)
 
 
-def _run_or_error(task: SingleShotJob, *, processes: int) -> _Answer:
-    """The answer, or what is wrong with the shot."""
+def _run_or_error(job: SingleShotJob, *, processes: int) -> _Answer:
+    """The answer, or the problem of the shot."""
     try:
-        return _run_job(task, processes=processes)
+        return _run_job(job, processes=processes)
     except InputError as error:
         return error
 
@@ -254,7 +231,7 @@ def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None
         raise InputError(
             texts.COMMAND_LINE,
             f"two shots would write to {double[0]}",
-            cure="name each shot once; with --out their folders need names of their own",
+            cure="name each shot once; with --out the names of their folders must differ",
         )
     return [None] * len(shots) if out is None else list(places)
 
@@ -262,7 +239,7 @@ def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None
 def _json_object(shot: Path, one: _Answer) -> dict[str, Any]:
     """A shot in the object of `--json`."""
     if isinstance(one, Printout):
-        return {"folder": str(shot), "report": str(one.page), "answer": one.said, "problem": None}
+        return {"folder": str(shot), "report": str(one.page), "answer": one.content, "problem": None}
     return {"folder": str(shot), "report": None, "answer": None, "problem": str(one)}
 
 
@@ -274,67 +251,40 @@ def identify(
         ),
     ],
     *,
-    free: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--free",
-            metavar="NAME[=LOW:HIGH]",
-            help=f"Free parameter and the bounds of its search; repeat for more. {', '.join(PARAMETERS)}.",
-            show_default="stiffness_factor, and poisson and damping if the data constrain them",
-        ),
-    ] = None,
+    settings: Settings,
     hold: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--hold",
-            "-p",
-            "--parameter",
+        tuple[str, ...],
+        Option(
+            "Hold a parameter at the shot's value, or at this one (SI or with unit); repeat for more.",
+            short="-p/--parameter",
             metavar="NAME[=VALUE]",
-            help="Hold a parameter at the shot's value, or at this one (SI or with unit); repeat for more.",
         ),
-    ] = None,
-    mesh: Mesh = "24x32",
-    refined_mesh: Annotated[
-        str, typer.Option(metavar="NRxNY", help="Mesh of the final estimate and its check.")
-    ] = "64x86",
-    replicates: Annotated[
-        int,
-        typer.Option(min=0, help="Random draws of the flyer's and the curve's noise; 0: none."),
-    ] = 64,
+    ] = (),
     method: Annotated[
-        str,
-        typer.Option(
-            metavar="WHICH",
-            help="least-squares, or paper: also the method of Mates et al. (factorial over friction and m, "
+        Literal["least-squares", "paper"],
+        Option(
+            "least-squares, or paper: also the method of Mates et al. (factorial over friction and m, "
             "response surface of Phi, simplex); bounds by --free.",
+            metavar="WHICH",
         ),
     ] = "least-squares",
-    solver: SolverOptions,
-    bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     diagnose: Annotated[
-        bool,
-        typer.Option("--diagnose", help="Identify again with each of the two likeliest causes corrected."),
+        bool, Option("Repeat the identification with each of the two likeliest causes corrected.")
     ] = False,
     relaxation: Annotated[
-        str,
-        typer.Option(
+        tuple[RelaxationKind, int] | None,
+        Option(
+            "Add a viscoelastic model with free constants: prony, prony:2 or bergstrom_boyce.",
             metavar="KIND",
-            help="Add a viscoelastic model with free constants: prony, prony:2 or bergstrom_boyce.",
             show_default="[relaxation] of shot.toml",
+            read=texts.relaxation,
         ),
-    ] = "",
-    each: Annotated[
-        bool, typer.Option("--each", help="Identify several shots one by one, with a results folder each.")
-    ] = False,
+    ] = None,
+    each: Annotated[bool, Option("Identify several shots one by one, with a results folder each.")] = False,
     workers: Workers,
     joint: JointOptions,
-    pull: Annotated[
-        str, typer.Option(help="Pull of the curve that m refers to: first or conditioned.")
-    ] = "first",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
@@ -348,72 +298,45 @@ def identify(
     ledger joint.sqlite in the folder joint; the same command continues an interrupted run. With
     --each they are identified one by one, in parallel with --processes or --dask.
     """
-    started = perf_counter()
-    ranges = texts.ranges("--free", free) if free else None
-    held, kept = texts.holds("--hold", hold or [])
-    coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
-    texts.finer("--refined-mesh", refined, "--mesh", coarse)
-    formats = texts.figure_formats(figures)
-    texts.one_of("--method", method, ("least-squares", "paper"))
-    texts.one_of("--pull", pull, ("first", "conditioned"))
-    texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
-    if bayes:
+    values, names = texts.holds("--hold", hold)
+    texts.apart("--free", settings.free or {}, "--hold", [*values, *names])
+    texts.finer("--refined-mesh", settings.refined_mesh, "--mesh", settings.numerics.mesh)
+    settings = replace(settings, held=values, hold=names)
+    if settings.bayes:
         texts.installed("--bayes", "emcee", "bayes")
-    if (len(shots) > 1 or joint.asked) and not each:
-        refuse_shared(workers)
-        refuse_single_shot_options(
-            {
-                "method": method != "least-squares",
-                "bayes": bayes,
-                "diagnose": diagnose,
-            }
+    if not each:
+        problem = "is for shots that are identified one by one"
+        texts.refuse(changed(workers), problem, cure="give --each, or leave it out")
+    if (len(shots) > 1 or joint.is_needed) and not each:
+        texts.refuse(
+            {"--method": method != "least-squares", "--bayes": settings.bayes, "--diagnose": diagnose},
+            "is for one shot by itself",
+            cure="leave it out, or identify the shots one by one",
         )
-        chosen = joint.settings(
-            free=ranges,
-            held=held,
-            hold=kept,
-            numerics=solver.numerics(coarse),
-            refined=refined,
-            replicates=replicates,
-            seed=seed,
-        )
-        identify_shots(
-            shots, joint, chosen, relaxation=relaxation, pull=pull, out=out, formats=formats, as_json=as_json
-        )
+        identify_shots(shots, joint, settings, relaxation=relaxation, out=out, figures=figures)
         return
-    alone = SingleShotJob(
+    job = SingleShotJob(
         shots[0],
-        solver,
-        coarse,
-        {
-            "free": ranges,
-            "held": held,
-            "hold": kept,
-            "refined_mesh": refined,
-            "replicates": replicates,
-            "bayes": bayes,
-            "pull": "conditioned" if pull == "conditioned" else "first",
-            "seed": seed,
-        },
+        settings,
         out=out,
         relaxation=relaxation,
         diagnose=diagnose,
         paper=method == "paper",
-        formats=tuple(formats),
+        figures=figures,
     )
     if each:
-        joint.refuse()
-        identify_each(shots, alone, workers, as_json=as_json)
+        problem = "is for several shots together"
+        texts.refuse(changed(joint), problem, cure="leave it out, or leave out --each")
+        identify_each(shots, job, workers)
         return
-    refuse_shared(workers)
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import drawing_processes
 
-    found = _run_job(alone, processes=drawing_processes())
+    answer = _run_job(job, processes=drawing_processes())
     print_result(
-        found.rows,
-        found.said if as_json else None,
-        answers=found.answers,
-        rest={"report": found.page, "wall time": since(started)},
-        warnings=found.warnings,
+        answer.rows,
+        answer.content,
+        lines=answer.lines,
+        files={"report": answer.page},
+        warnings=answer.warnings,
     )

@@ -4,25 +4,25 @@ Homogeneous tests are fitted point by point; a cylinder with bonded or rough end
 elements.
 """
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from kolsky.base.apparatus import Specimen
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, HeaderLine, OutFolder
+from kolsky.cli.options import Figures, OutFolder
+from kolsky.material.fits.columns import Columns
 
 if TYPE_CHECKING:
-    from kolsky.base.apparatus import Specimen
     from kolsky.material.end_friction.problem import ModelFit
     from kolsky.material.fits.compare import Comparison
     from kolsky.material.fits.homogeneous import Mode
-    from kolsky.material.fits.homogeneous_test import Columns, HomogeneousTest
+    from kolsky.material.fits.homogeneous_test import HomogeneousTest
 
 
 _DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2", "ogden1")
@@ -32,56 +32,44 @@ _SAME_SIZE = 1e-3
 """Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
 
 
-def size_of(text: str) -> "Specimen":
+def size_of(option: str, text: str) -> Specimen:
     """ "9.5 mm x 6.5 mm" as the undeformed size of a cylinder."""
-    from kolsky.base.apparatus import Specimen
-
     diameter, cross, length = text.partition(" x ")
     if not cross:
         raise InputError(
-            texts.COMMAND_LINE, f"--specimen {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
+            texts.COMMAND_LINE, f"{option} {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
         )
     return Specimen(
-        diameter=texts.physical("--specimen", diameter, "m", positive=True),
-        length=texts.physical("--specimen", length, "m", positive=True),
+        diameter=texts.physical(option, diameter, "m", positive=True),
+        length=texts.physical(option, length, "m", positive=True),
         density=0.0,
     )
 
 
-def agreed_size(
-    size: "Specimen", length: float | None, area: float | None, unused: dict[str, bool]
-) -> tuple[float, float]:
-    """Length [m] and cross-section [m^2] of the tests: the cylinder's, which others must agree with."""
-    for option, mine, own, unit in (
-        ("--length", length, size.length, "m"),
-        ("--area or --diameter", area, size.area, "m^2"),
+def with_size(columns: Columns, size: Specimen) -> Columns:
+    """The columns with the size of a cylinder, which a size of their own must agree with."""
+    for option, given, declared, unit in (
+        ("--length", columns.length, size.length, "m"),
+        ("--area or --diameter", columns.section, size.area, "m^2"),
     ):
-        if mine is not None and abs(mine / own - 1.0) > _SAME_SIZE:
+        if given is not None and abs(given / declared - 1.0) > _SAME_SIZE:
             raise InputError(
                 texts.COMMAND_LINE,
-                f"{option} gives {mine:.6g} {unit}, --specimen {own:.6g} {unit}",
+                f"{option} gives {given:.6g} {unit}, --specimen {declared:.6g} {unit}",
                 cure=f"leave {option} out: the size of --specimen is taken",
             )
-    given = [name for name, used in unused.items() if used]
-    if given:
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"{', '.join(given)} does not go with --specimen",
-            cure="leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
-        )
-    return size.length, size.area
+    return replace(columns, length=size.length, area=size.area, diameter=None)
 
 
 def _fit_cylinder_with_friction(
     tests: Sequence["HomogeneousTest"],
     *,
-    size: "Specimen",
+    size: Specimen,
     ends: str,
     laws: tuple[str, ...],
     poisson: float | None,
     hashes: dict[str, str],
     folder: Path,
-    as_json: bool,
 ) -> None:
     """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
 
@@ -89,7 +77,7 @@ def _fit_cylinder_with_friction(
     """
     import numpy as np
 
-    from kolsky.base.files import filling, write_table
+    from kolsky.base.files import filling, write_json, write_table
     from kolsky.cli.material_curves import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
@@ -98,34 +86,30 @@ def _fit_cylinder_with_friction(
     from kolsky.material.reference_curve import Treatment, model_summary, reference_curve
     from kolsky.material.uniaxial import UniaxialTest
 
-    held = ends_of(ends, 0.0)
-    if held is None or ends == "free":
+    contact = ends_of(ends, 0.0)
+    if contact is None or ends == "free":
         raise InputError(
             texts.COMMAND_LINE, "--specimen needs --ends", cure="write bonded, rough or Coulomb's coefficient"
         )
     for test in tests:
         if test.mode is not Mode.UNIAXIAL or test.strain.min() > -1e-9:
-            raise InputError(texts.COMMAND_LINE, f"{test.name} is no compression test", cure="leave it out")
-    pushed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
-    try:
-        mean = reference_curve(pushed, Treatment(points=40))
-        found = fit_specimen(
+            raise InputError(
+                texts.COMMAND_LINE, f"{test.name} is not a compression test", cure="leave it out"
+            )
+    compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
+    with texts.refused(cure="correct the option; `--help` shows each with its unit"):
+        mean = reference_curve(compressed, Treatment(points=40))
+        fits = fit_specimen(
             mean.band,
             size,
-            held,
+            contact,
             laws or _DEFAULT_LAWS,
             numerics=CorrectionNumerics(poisson=0.499 if poisson is None else poisson),
         )
-    except ValueError as error:
-        raise InputError(
-            texts.COMMAND_LINE, str(error), cure="correct the option; `--help` shows each with its unit"
-        ) from error
-    said: dict[str, Any] = {"inputs": hashes, "ends": ends, "laws": [model_summary(one) for one in found]}
-    fitted = [one for one in found if not one.reason]
+    content = {"inputs": hashes, "ends": ends, "laws": [model_summary(one) for one in fits]}
+    fitted = [one for one in fits if not one.reason]
     with filling(folder) as partial:
-        (partial / "specimen.json").write_text(
-            json.dumps(said, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-        )
+        write_json(partial / "specimen.json", content)
         write_table(partial / "specimen_constants.csv", _constant_words(fitted))
         curves: dict[str, list[Any]] = {
             "nominal strain (1)": mean.band.strain.tolist(),
@@ -135,10 +119,10 @@ def _fit_cylinder_with_friction(
         write_table(partial / "specimen_curves.csv", curves)
     print_result(
         {},
-        said if as_json else None,
-        answers=_cylinder_lines(fitted),
-        rest={"constants": folder / "specimen_constants.csv"},
-        warnings=[*mean.remarks, *(f"{one.name} has no fit: {one.reason}" for one in found if one.reason)],
+        content,
+        lines=_cylinder_lines(fitted),
+        files={"constants": folder / "specimen_constants.csv"},
+        warnings=[*mean.remarks, *(f"{one.name} has no fit: {one.reason}" for one in fits if one.reason)],
     )
 
 
@@ -171,55 +155,29 @@ def _cylinder_lines(fitted: Sequence["ModelFit"]) -> list[str]:
     return lines
 
 
-_AREAS = {"mm^2": 1e-6, "cm^2": 1e-4, "m^2": 1.0}
-"""Units of a cross-section [m^2]."""
-
-
-def poisson_of(text: str | None, lateral: str) -> tuple[float | None, bool]:
+def poisson_of(option: str, text: str) -> float | Literal["free"]:
     """ "0.44" as a ratio, "free" as one that is fitted."""
-    if text is None:
-        return None, False
     if text == "free":
-        if not lateral:
-            raise InputError(texts.COMMAND_LINE, "--poisson free needs --lateral", cure="name its column")
-        return None, True
+        return "free"
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
     if not 0.0 <= value <= 0.49999:
         raise InputError(
-            texts.COMMAND_LINE, "is no ratio", key="--poisson", value=text, allowed="0 to 0.49999, or free"
+            texts.COMMAND_LINE, "is not a ratio", key=option, value=text, allowed="0 to 0.49999, or free"
         )
-    return value, False
-
-
-def area_of(area: str | None, diameter: str | None) -> float | None:
-    """Cross-section [m^2] by itself or by its diameter."""
-    from math import pi
-
-    if area is not None and diameter is not None:
-        raise InputError(texts.COMMAND_LINE, "--area and --diameter exclude each other", cure="leave one out")
-    if diameter is not None:
-        return 0.25 * pi * texts.physical("--diameter", diameter, "m", positive=True) ** 2
-    if area is None:
-        return None
-    number, _, unit = area.strip().partition(" ")
-    if unit not in _AREAS:
-        raise InputError(
-            texts.COMMAND_LINE, f"--area {area!r} cannot be read", cure="write a number and mm^2, cm^2 or m^2"
-        )
-    return texts.physical("--area", number, "1", positive=True) * _AREAS[unit]
+    return value
 
 
 def read_tests(
-    files: Sequence[str], columns: "Columns", *, mean: int = 0
+    files: Sequence[str], columns: Columns, *, mean: int = 0
 ) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str]]":
     """The tests, and the hashes of their files by path.
 
-    ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: what is said of the files. ``mean``:
-    strains at which the files of a mode are averaged; 0 keeps each as a test with all its points. Raises
-    InputError if a file cannot be read, what is said of it is not enough, or it holds no such test.
+    ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: columns of the files. ``mean``: strains
+    at which the files of a mode are averaged; 0 keeps each as a test with all its points. Raises InputError
+    if a file cannot be read, its columns are not known, or it holds no such test.
     """
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,
@@ -232,17 +190,13 @@ def read_tests(
     tests: list[HomogeneousTest] = []
     for text in files:
         mode, path = _mode_and_path(text)
-        there = with_table_headings(path, columns)
-        _refuse_columns(path, mode, there)
-        test, hashes[str(path)] = read_homogeneous_test(path, there, mode=mode)
+        complete = with_table_headings(path, columns)
+        _refuse_columns(path, mode, complete)
+        test, hashes[str(path)] = read_homogeneous_test(path, complete, mode=mode)
         tests.append(test)
     if mean:
-        try:
+        with texts.refused("--mean: ", cure="give two files or more of one kind of test"):
             tests = means_by_mode(tests, mean)
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE, f"--mean: {error}", cure="give two files or more of one kind of test"
-            ) from None
     return with_unique_names(tests), hashes
 
 
@@ -250,16 +204,16 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
     """ "planar:FILE" as a mode and a file; a file alone is uniaxial."""
     from kolsky.material.fits.homogeneous import Mode, mode_named
 
-    head, colon, rest = text.partition(":")
-    if colon and rest:
+    head, colon, path = text.partition(":")
+    if colon and path:
         try:
-            return mode_named(head), Path(rest)
+            return mode_named(head), Path(path)
         except ValueError:
             # A drive of Windows, or a mode that does not exist: only one of them is a file.
             if len(head) > 1 and not Path(text).exists():
                 raise InputError(
                     texts.COMMAND_LINE,
-                    "is no mode",
+                    "is not a mode of deformation",
                     key=text,
                     allowed=", ".join(mode.value.replace(" ", "-") for mode in Mode)
                     + ", then a colon and FILE",
@@ -267,7 +221,7 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
     return Mode.UNIAXIAL, Path(text)
 
 
-def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
+def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.fits.homogeneous_test import CONVENTIONS
@@ -282,7 +236,7 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
     if (columns.force != "") != (columns.displacement != ""):
         raise InputError(texts.COMMAND_LINE, "--force and --displacement belong together", cure="name both")
     if columns.force:
-        if mode is not Mode.UNIAXIAL or columns.area is None or columns.length is None:
+        if mode is not Mode.UNIAXIAL or columns.section is None or columns.length is None:
             raise InputError(
                 texts.COMMAND_LINE,
                 f"{path}: --force and --displacement are of uniaxial tests; they need --length, and --area or"
@@ -291,10 +245,10 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
             )
         return
     if not columns.stress or not (columns.stretch or columns.strain):
-        there = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
+        columns_of_file = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
         raise InputError(
             path,
-            f"does not say which columns are the test; its columns of numbers are {there}",
+            f"the columns of the test are not named; the file has the columns of numbers {columns_of_file}",
             cure="name stress and deformation, or give their numbers: --stress COLUMN, and --stretch COLUMN "
             "or --strain COLUMN",
         )
@@ -304,63 +258,6 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
             f"{path}: simple shear has no stretch",
             cure="name the amount of shear with --strain",
         )
-
-
-@dataclass(frozen=True)
-class ColumnOptions:
-    """Columns of homogeneous tests and the specimen's size; see `kolsky.cli.options.with_settings`."""
-
-    convention: Annotated[
-        str,
-        typer.Option(
-            help="Sign of stress and strain in the files: tension-positive or compression-positive.",
-            show_default="required",
-        ),
-    ] = ""
-    stretch: Annotated[str, typer.Option(metavar="COLUMN", help="The stretch, by name or number.")] = ""
-    strain: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead: the nominal strain, or the amount of shear.")
-    ] = ""
-    strain_unit: Annotated[str | None, typer.Option(help='Its unit, "1" or "%".', show_default="found")] = (
-        None
-    )
-    stress: Annotated[str, typer.Option(metavar="COLUMN", help="The nominal stress.")] = ""
-    stress_unit: Annotated[str | None, typer.Option(help='Its unit, e.g. "kPa".', show_default="found")] = (
-        None
-    )
-    displacement: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead of a strain, uniaxial tests; needs --length.")
-    ] = ""
-    force: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead of a stress; needs --area or --diameter.")
-    ] = ""
-    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None
-    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None
-    diameter: Annotated[str | None, typer.Option(help='Or the diameter, e.g. "50 mm".')] = None
-    lateral: Annotated[
-        str,
-        typer.Option(
-            metavar="COLUMN", help="The stretch across the load, or with --lateral-strain its strain."
-        ),
-    ] = ""
-    lateral_strain: Annotated[
-        bool, typer.Option("--lateral-strain", help="The lateral column is a nominal strain.")
-    ] = False
-    header_line: HeaderLine = None
-
-    def columns(self) -> "Columns":
-        """The columns, with the size in SI units.
-
-        Raises InputError if a size cannot be read.
-        """
-        from kolsky.material.fits.homogeneous_test import Columns
-
-        given = asdict(self)
-        diameter = given.pop("diameter")
-        if self.length is not None:
-            given["length"] = texts.physical("--length", self.length, "m", positive=True)
-        given["area"] = area_of(self.area, diameter)
-        return Columns(**given)
 
 
 def material_fit(
@@ -373,97 +270,85 @@ def material_fit(
         ),
     ],
     *,
-    columns: ColumnOptions,
+    columns: Columns,
     mean: Annotated[
-        int,
-        typer.Option(
-            min=0, help="Average the files of a mode at this number of strains; 0: fit every point."
-        ),
+        int, Option("Average the files of a mode at this number of strains; 0: fit every point.", min=0)
     ] = 0,
-    laws: Annotated[str, typer.Option(metavar="NAMES", help="Laws to try.", show_default="all")] = "",
-    weighting: Annotated[str, typer.Option(help="absolute, relative or sigma.")] = "absolute",
-    free_bounds: Annotated[
-        bool,
-        typer.Option("--free-bounds", help="Allow constants with which an energy can become negative."),
-    ] = False,
+    laws: Annotated[str, Option("Laws to try.", metavar="NAMES", show_default="all")] = "",
+    weighting: Annotated[
+        Literal["absolute", "relative", "sigma"], Option("absolute, relative or sigma.")
+    ] = "absolute",
+    free_bounds: Annotated[bool, Option("Allow constants with which an energy can become negative.")] = False,
     poisson: Annotated[
-        str | None,
-        typer.Option(
-            help="Poisson's ratio at rest, or free (with --lateral).", show_default="incompressible"
+        float | Literal["free"] | None,
+        Option(
+            "Poisson's ratio at rest, or free (with --lateral).",
+            metavar="RATIO",
+            show_default="incompressible",
+            read=poisson_of,
         ),
     ] = None,
     specimen: Annotated[
-        str | None,
-        typer.Option(
+        Specimen | None,
+        Option(
+            'Inverse finite elements on a compressed cylinder, e.g. "9.5 mm x 6.5 mm"; needs --ends.',
             metavar="DIAMETER x LENGTH",
-            help='Inverse finite elements on a compressed cylinder, e.g. "9.5 mm x 6.5 mm"; needs --ends.',
+            read=size_of,
         ),
     ] = None,
-    ends: Annotated[
-        str, typer.Option(help="What held its ends: bonded, rough, or Coulomb's coefficient.")
-    ] = "",
-    starts: Annotated[
-        int, typer.Option(min=1, max=1000, help="Starts of each search that are polished.")
-    ] = 12,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 1,
+    ends: Annotated[str, Option("Contact at its ends: bonded, rough, or Coulomb's coefficient.")] = "",
+    starts: Annotated[int, Option("Starts of each search that are refined.", min=1, max=1000)] = 12,
+    seed: Annotated[int, Option("Seed of the starts.", min=0)] = 1,
     out: OutFolder = Path("material"),
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
-    """Fit laws to homogeneous tests and compare them: errors, constants, and where each stops being stable.
+    """Fit laws to homogeneous tests and compare them: errors, constants, limits of stability.
 
     Several tests are fitted at once. Writes material.html, material.json and CSV tables.
     """
-    started = perf_counter()
-    formats = texts.figure_formats(figures)
-    from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.base.files import filling, usable_folder, write_json, write_table
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.material.fits.compare import candidates, compare_laws
     from kolsky.material.fits.search import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
+    from kolsky.report.figures_alone import save_figures_alone
+    from kolsky.report.pages.material import write_page
 
-    texts.one_of("--weighting", weighting, tuple(kind.value for kind in Weighting))
-    try:
-        tried = candidates(texts.listed(laws))
-    except ValueError as error:
-        raise InputError(
-            texts.COMMAND_LINE, f"--laws: {error}", cure="`kolsky material fit --help` lists the laws"
-        ) from None
+    with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
+        chosen = candidates(texts.listed(laws))
+    free_poisson = poisson == "free"
+    if free_poisson and not columns.lateral:
+        raise InputError(texts.COMMAND_LINE, "--poisson free needs --lateral", cure="name its column")
+    ratio = None if isinstance(poisson, str) else poisson
     folder = usable_folder(out)
-    ratio, free_poisson = poisson_of(poisson, columns.lateral)
-    chosen, size = columns.columns(), None
     if specimen is not None:
-        size = size_of(specimen)
-        length, area = agreed_size(
-            size,
-            chosen.length,
-            chosen.area,
+        columns = with_size(columns, specimen)
+        texts.refuse(
             {
-                "--figures": bool(formats),
+                "--figures": bool(figures),
                 "--mean": mean > 0,
                 "--weighting": weighting != "absolute",
                 "--free-bounds": free_bounds,
                 "--poisson free": free_poisson,
                 "--lateral": bool(columns.lateral),
             },
+            "does not go with --specimen",
+            cure="leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
         )
-        chosen = replace(chosen, length=length, area=area)
-    tests, hashes = read_tests(files, chosen, mean=mean)
-    if size is not None:
+    tests, hashes = read_tests(files, columns, mean=mean)
+    if specimen is not None:
         _fit_cylinder_with_friction(
             tests,
-            size=size,
+            size=specimen,
             ends=ends,
             laws=texts.listed(laws),
             poisson=ratio,
             hashes=hashes,
             folder=folder,
-            as_json=as_json,
         )
         return
-    if ends:
-        raise InputError(texts.COMMAND_LINE, "--ends goes with --specimen", cure="give the cylinder's size")
+    texts.refuse({"--ends": bool(ends)}, "goes with --specimen", cure="give the cylinder's size")
     if weighting == "sigma" and any(test.sigma is None for test in tests):
         raise InputError(
             texts.COMMAND_LINE,
@@ -471,8 +356,8 @@ def material_fit(
             cure="give repeats and --mean, or weight absolute or relative",
         )
     with progress_bars() as progress:
-        found = compare_laws(
-            tried,
+        comparison = compare_laws(
+            chosen,
             tests,
             weighting=Weighting(weighting),
             bounded=not free_bounds,
@@ -480,44 +365,40 @@ def material_fit(
             free_poisson=free_poisson,
             starts=starts,
             seed=seed,
-            progress=lambda done: progress("laws", done, len(tried)),
+            progress=lambda done: progress("laws", done, len(chosen)),
         )
-    if all(row.fit is None for row in found.rows):
-        reasons = "; ".join(row.reason for row in found.rows)
+    if all(row.fit is None for row in comparison.rows):
+        reasons = "; ".join(row.reason for row in comparison.rows)
         raise InputError(
             texts.COMMAND_LINE,
             f"no law can be fitted: {reasons}",
             cure="give more points or more kinds of test",
         )
-    said = to_json(found, hashes)
-    from kolsky.report.canvas import save_figures
-    from kolsky.report.pages.material import write_page
+    content = to_json(comparison, hashes)
 
     with filling(folder) as partial:
-        for name, table in tables(found).items():
+        for name, table in tables(comparison).items():
             write_table(partial / f"{name}.csv", table)
-        text = json.dumps(said, indent=2, allow_nan=False) + "\n"
-        (partial / "material.json").write_text(text, encoding="utf-8")
-        write_page(partial / "material.html", found, hashes, remarks(found))
-        if formats:
-            save_figures(partial / "figures", found, formats=formats)
+        write_json(partial / "material.json", content)
+        write_page(partial / "material.html", comparison, hashes, remarks(comparison))
+        save_figures_alone(partial, comparison, figures)
     print_result(
         {},
-        said if as_json else None,
-        answers=_lines(found),
-        rest={"report": folder / "material.html", "wall time": since(started)},
-        warnings=remarks(found),
+        content,
+        lines=_lines(comparison),
+        files={"report": folder / "material.html"},
+        warnings=remarks(comparison),
     )
 
 
-def _lines(found: "Comparison") -> list[str]:
+def _lines(comparison: "Comparison") -> list[str]:
     """The table for a terminal of 80 columns and more, least AIC first."""
     from kolsky.material.fits.fit import FitOutcome
     from kolsky.material.fits.tables import failure
 
-    best = found.best
+    best = comparison.best
     lines = [f"{'':2}{'law':<19}{'E0 (kPa)':>9}{'RMSE (kPa)':>11}{'R2':>9}{'AIC':>9}  stability"]
-    for row in found.rows:
+    for row in comparison.rows:
         f = row.fit
         if f is None:
             continue

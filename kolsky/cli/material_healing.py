@@ -1,104 +1,90 @@
 """`kolsky material healing`: healing efficiencies from tensile tests to fracture."""
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.material_fit import ColumnOptions, poisson_of, read_tests
-from kolsky.cli.options import AsJson, OutFolder
+from kolsky.cli.material_fit import poisson_of, read_tests
+from kolsky.cli.options import OutFolder
+from kolsky.material.fits.columns import Columns
 
 if TYPE_CHECKING:
     from kolsky.material.fits.properties import Healing
 
-TENSILE = ColumnOptions(convention="tension-positive")
+TENSILE = Columns(convention="tension-positive")
 
 
 def material_healing(
-    undamaged: Annotated[
-        list[str], typer.Option(metavar="FILE", help="Tensile test of an undamaged specimen; repeat.")
-    ],
-    healed: Annotated[
-        list[str], typer.Option(metavar="FILE", help="Tensile test of a healed specimen; repeat.")
-    ],
+    undamaged: Annotated[list[str], Option("Tensile test of an undamaged specimen; repeat.", metavar="FILE")],
+    healed: Annotated[list[str], Option("Tensile test of a healed specimen; repeat.", metavar="FILE")],
     *,
-    columns: ColumnOptions = TENSILE,
-    law: Annotated[str, typer.Option(help="Law whose constants are compared.")] = "neo_hookean",
+    columns: Columns = TENSILE,
+    law: Annotated[str, Option("Law whose constants are compared.")] = "neo_hookean",
     poisson: Annotated[
-        str | None, typer.Option(help="Poisson's ratio at rest.", show_default="incompressible")
+        float | None,
+        Option("Poisson's ratio at rest.", metavar="RATIO", show_default="incompressible", read=poisson_of),
     ] = None,
     out: OutFolder = Path("healing"),
-    as_json: AsJson = False,
 ) -> None:
     """Healing efficiencies of modulus, constants, fracture stress and strain, with their uncertainties.
 
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.base.files import filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
 
     texts.one_of("--law", law, tuple(LAWS))
-    ratio, free = poisson_of(poisson, "")
-    assert not free
+    texts.refuse({"--poisson free": poisson == "free"}, "needs a lateral strain", cure="give a number")
     folder = usable_folder(out)
-    chosen = columns.columns()
-    groups = [read_tests(files, chosen) for files in (undamaged, healed)]
-    both = set(groups[0][1]) & set(groups[1][1])
-    if both:
-        raise InputError(sorted(both)[0], "is named as undamaged and as healed", cure="name it once")
-    try:
-        found = healing(groups[0][0], groups[1][0], law=law, poisson=ratio)
-    except ValueError as error:
-        raise InputError(
-            texts.COMMAND_LINE,
-            str(error),
-            cure="correct the option; `kolsky material healing --help` shows each",
-        ) from error
-    said = {
+    groups = [read_tests(files, columns) for files in (undamaged, healed)]
+    repeated = set(groups[0][1]) & set(groups[1][1])
+    if repeated:
+        raise InputError(sorted(repeated)[0], "is named as undamaged and as healed", cure="name it once")
+    with texts.refused(cure="correct the option; `kolsky material healing --help` shows each"):
+        result = healing(groups[0][0], groups[1][0], law=law, poisson=poisson)
+    content = {
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,
         "properties": {
-            name: _json(asdict(row)) | {"unit": found.units[name]} for name, row in found.rows.items()
+            name: _json(asdict(row)) | {"unit": result.units[name]} for name, row in result.rows.items()
         },
         "specimens": {
-            "undamaged": {one.name: one.values for one in found.undamaged},
-            "healed": {one.name: one.values for one in found.healed},
+            "undamaged": {one.name: one.values for one in result.undamaged},
+            "healed": {one.name: one.values for one in result.healed},
         },
-        "remarks": list(found.remarks),
+        "remarks": list(result.remarks),
     }
     with filling(folder) as partial:
-        text = json.dumps(said, indent=2, allow_nan=False) + "\n"
-        (partial / "healing.json").write_text(text, encoding="utf-8")
-        write_table(partial / "healing.csv", _table(found))
-        write_table(partial / "healing_specimens.csv", _specimens(found))
+        write_json(partial / "healing.json", content)
+        write_table(partial / "healing.csv", _table(result))
+        write_table(partial / "healing_specimens.csv", _specimens(result))
     print_result(
         {},
-        said if as_json else None,
-        answers=_lines(found),
-        rest={"table": folder / "healing.csv"},
-        warnings=found.remarks,
+        content,
+        lines=_lines(result),
+        files={"table": folder / "healing.csv"},
+        warnings=result.remarks,
     )
 
 
 def _json(value: Any) -> Any:
-    """Numbers for JSON: what is not known is null."""
+    """Numbers for JSON; an unknown one is null."""
     if isinstance(value, dict):
         return {name: _json(part) for name, part in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _table(found: "Healing") -> dict[str, list[Any]]:
-    rows = found.rows.items()
+def _table(result: "Healing") -> dict[str, list[Any]]:
+    rows = result.rows.items()
     return {
         "property": [name for name, _ in rows],
-        "unit": [found.units[name] for name, _ in rows],
+        "unit": [result.units[name] for name, _ in rows],
         "undamaged": [row.undamaged.value for _, row in rows],
         "u undamaged": [_json(row.undamaged.sigma) for _, row in rows],
         "healed": [row.healed.value for _, row in rows],
@@ -108,10 +94,10 @@ def _table(found: "Healing") -> dict[str, list[Any]]:
     }
 
 
-def _specimens(found: "Healing") -> dict[str, list[Any]]:
+def _specimens(result: "Healing") -> dict[str, list[Any]]:
     rows = [
         (group, one.name, name, one.values[name])
-        for group, ones in (("undamaged", found.undamaged), ("healed", found.healed))
+        for group, ones in (("undamaged", result.undamaged), ("healed", result.healed))
         for one in ones
         for name in one.values
     ]
@@ -123,14 +109,14 @@ def _specimens(found: "Healing") -> dict[str, list[Any]]:
     }
 
 
-def _lines(found: "Healing") -> list[str]:
+def _lines(result: "Healing") -> list[str]:
     """The table for a terminal."""
     lines = [f"{'property':<24}{'undamaged':>12}{'healed':>12}  efficiency"]
-    for name, row in found.rows.items():
+    for name, row in result.rows.items():
         u = row.efficiency.sigma
         spread = f" ± {200.0 * u:.2g} % (k = 2)" if math.isfinite(u) else " %, scatter unknown"
         lines.append(
             f"{name:<24}{row.undamaged.value:>12.4g}{row.healed.value:>12.4g}"
-            f"  {100.0 * row.efficiency.value:.4g}{spread}  [{found.units[name]}]"
+            f"  {100.0 * row.efficiency.value:.4g}{spread}  [{result.units[name]}]"
         )
     return lines

@@ -3,7 +3,6 @@
 An existing file is left unchanged.
 """
 
-import json
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.cli.options import AsJson
+from kolsky.base.options import Option
+from kolsky.cli.terminal import as_json, print_json
 
 if TYPE_CHECKING:
     from kolsky.survey.pictures import PictureSurvey
@@ -37,7 +37,7 @@ def beginning(path: Path) -> Iterator[None]:
     except FileExistsError as error:
         at_fault = path if folder.is_dir() else Path(error.filename)
         raise InputError(
-            at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
+            at_fault, "exists already and was not changed", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
         raise InputError(
@@ -46,22 +46,18 @@ def beginning(path: Path) -> Iterator[None]:
 
 
 def new(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Where the shot's raw files are or will be.")
-    ],
-    bars: Annotated[
-        bool, typer.Option("--bars", help="For a test between bars with strain gauges, without cameras.")
-    ] = False,
-    pictures: Annotated[
-        bool, typer.Option("--pictures", help="For pictures of two cameras in place of exports.")
-    ] = False,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the shot's raw files.")],
+    bars: Annotated[bool, Option("For a test between bars with strain gauges, without cameras.")] = False,
+    pictures: Annotated[bool, Option("For pictures of two cameras instead of exports.")] = False,
     previous: Annotated[
         Path | None,
-        typer.Option("--from", metavar="SHOT", help="The last shot of a series; its apparatus stays."),
+        Option("The last shot of a series, with the same apparatus.", name="from", metavar="SHOT"),
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
-    """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
+    """Write a shot.toml with the files, columns, units and clocks of a folder, and blanks for other facts.
+
+    An existing file is left unchanged.
+    """
     from kolsky.survey.tables import survey
 
     if sum((bars, pictures, previous is not None)) > 1:
@@ -69,35 +65,35 @@ def new(
     path = folder / "shot.toml"
     last = None if previous is None else _text_of(previous)
     with beginning(path):
-        found = survey(folder)
-        series = _pictures(folder, found) if pictures else None
-        text = written(found, folder, bars=bars, pictures=series, last=last)
+        contents = survey(folder)
+        series = _pictures(folder, contents) if pictures else None
+        text = written(contents, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-    if as_json:
-        typer.echo(json.dumps(_found_lines(path, text, found, bars=bars, pictures=series), indent=2))
+    if as_json():
+        print_json(_found_lines(path, text, contents, bars=bars, pictures=series))
         return
     if bars:
-        for table in found.recordings:
+        for table in contents.recordings:
             typer.echo(f"  {table.path.name}: a recording")
     else:
-        for part, table in found.parts.items():
+        for part, table in contents.parts.items():
             typer.echo(f"  {table.path.name}: [{part}]")
     for key, name in _parts(series).items():
         typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
     for one in () if series is None else series.others:
         typer.echo(f"  {one.said}: of no part of the shot beyond doubt")
-    recorded = {table.path.name for table in found.recordings} if bars else set()
-    for name, why in found.doubtful.items():
-        if name not in recorded:
+    recordings = {table.path.name for table in contents.recordings} if bars else set()
+    for name, why in contents.doubtful.items():
+        if name not in recordings:
             typer.echo(f"  {name}: {why}")
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
-def _pictures(folder: Path, found: "Survey") -> "PictureSurvey":
+def _pictures(folder: Path, contents: "Survey") -> "PictureSurvey":
     from kolsky.survey.pictures import survey_pictures
 
-    return survey_pictures(folder, found)
+    return survey_pictures(folder, contents)
 
 
 def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
@@ -109,26 +105,26 @@ def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
 
 
 def _found_lines(
-    path: Path, text: str, found: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
+    path: Path, text: str, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
     """What was found and what is left to fill in, as one object."""
     from kolsky.base.toml import blanks
 
-    recorded = [table.path.name for table in found.recordings] if bars else []
+    recordings = [table.path.name for table in contents.recordings] if bars else []
     return {
         "file": str(path),
         "found": {
-            **({} if bars else {part: table.path.name for part, table in found.parts.items()}),
+            **({} if bars else {part: table.path.name for part, table in contents.parts.items()}),
             **_parts(pictures),
         },
-        "recordings": recorded,
-        "doubtful": {name: why for name, why in found.doubtful.items() if name not in recorded},
+        "recordings": recordings,
+        "doubtful": {name: why for name, why in contents.doubtful.items() if name not in recordings},
         "to_fill_in": list(blanks(tomllib.loads(text))),
     }
 
 
 def written(
-    found: "Survey",
+    contents: "Survey",
     folder: Path,
     *,
     bars: bool = False,
@@ -139,13 +135,13 @@ def written(
     from kolsky.survey.new_file import fill_in, next_of_series, notes_of, values_of, with_notes
 
     if last is not None:
-        return with_notes(next_of_series(last, folder, found), notes_of(found))
+        return with_notes(next_of_series(last, folder, contents), notes_of(contents))
     text = template(bars=bars, pictures=pictures is not None)
     if bars:
         from kolsky.survey.new_file import with_recordings
 
-        return with_recordings(text, found)
-    values, notes = values_of(found), notes_of(found)
+        return with_recordings(text, contents)
+    values, notes = values_of(contents), notes_of(contents)
     if pictures is not None:
         from kolsky.survey.pictures import picture_notes, picture_values
 

@@ -1,190 +1,266 @@
-"""Options that several commands share, and the shot that a command is about.
+"""Options of the commands, made from the settings that they fill, and the shot that a command is about.
 
-A record of options, such as `SolverOptions`, is spread over the signature of a command when the program is
-made, see `with_settings`.
+A record, such as `kolsky.inverse.settings.Numerics`, is spread over the signature of a command when the
+program is made, see `with_settings`.
 """
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
-from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.terminal import quietly
+from kolsky.cli.terminal import printing
 
 if TYPE_CHECKING:
-    from kolsky.inverse.forward import Numerics
     from kolsky.pictures.picture_set import PictureSet
     from kolsky.shot.records import OpticalData, Shot
 
 
 ShotPath = Annotated[Path, typer.Argument(metavar="SHOT", help="A shot's folder, or its shot.toml.")]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SHOT/results"),
-]
-OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")]
+Out = Annotated[Path | None, Option("Where results go.", metavar="FOLDER", show_default="SHOT/results")]
+OutFolder = Annotated[Path, Option("Where results go.", metavar="FOLDER")]
 Figures = Annotated[
-    str, typer.Option(metavar="FORMATS", help="Also save each figure as a file, e.g. pdf,svg,png,csv.")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]
-
-Numbers = Annotated[
-    list[str] | None,
-    typer.Option(
-        "-p", "--parameter", metavar="NAME=VALUE", help="Hold a parameter at this value (SI or with unit)."
+    tuple[str, ...],
+    Option(
+        "Also save each figure as a file, e.g. pdf,svg,png,csv.",
+        metavar="FORMATS",
+        show_default="",
+        read=texts.figure_formats,
     ),
 ]
-Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
-Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
-Device = Annotated[str, typer.Option(help='"cpu", a CUDA device such as "cuda:0", or "cuda".')]
-Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
-
-HeaderLine = Annotated[
-    int | None, typer.Option(min=0, help="Line of the column names; 0: none.", show_default="found")
+Values = Annotated[
+    dict[str, float],
+    Option("Hold a parameter at this value (SI or with unit).", short="-p", metavar="NAME=VALUE"),
 ]
+Film = Annotated[Literal["", "mp4", "gif"], Option("Also write a film: mp4 or gif.", metavar="FORMAT")]
+Vtu = Annotated[bool, Option("Also write meshes for ParaView.")]
+
+READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (
+    (tuple[int, int], texts.mesh),
+    (dict[str, float], texts.values),
+    (Mapping[str, tuple[float, float] | None], texts.ranges),
+    (tuple[str, ...], lambda option, given: tuple(given)),
+    (tuple[Path, ...], lambda option, given: tuple(given)),
+)
+"""How the text of an option is read, by its type; all but a mesh may be repeated."""
 
 
 @dataclass(frozen=True)
-class SolverOptions:
-    """Numerical choices of the solver as the command line gives them.
+class _Argument:
+    """One option of a command: what typer shows and what its text becomes."""
 
-    Every field is an option of a command that has a parameter of this type, see `with_settings`.
-    """
+    annotation: Any
+    """For typer."""
+    default: Any
+    """For typer."""
+    read: Callable[[Any], Any]
+    """Turns what typer gives into the value of the field."""
 
-    element: Annotated[
-        str,
-        typer.Option(help="one_point, or fbar: fully integrated, three times as expensive."),
-    ] = "one_point"
-    hourglass: Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")] = (
-        "stiffness"
+
+def _argument(name: str, hint: Any, default: Any) -> _Argument:
+    """The option of a field or parameter; one with an annotation for typer is left as it is."""
+    option = _option_of(hint)
+    if option is None:
+        return _Argument(hint, default, lambda given: given)
+    kind = get_args(hint)[0]
+    bare = (
+        next((part for part in get_args(kind) if part is not type(None)), kind) if _optional(kind) else kind
     )
-    nearly_incompressible: Annotated[
-        bool,
-        typer.Option(
-            "--nearly-incompressible",
-            help="Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
-        ),
-    ] = False
-    precision: Precision = "fp64"
-    device: Device = "cpu"
-    threads: Threads = None
-    past_data: Annotated[
-        str,
-        typer.Option(
-            metavar="CHOICE",
-            help="Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
-        ),
-    ] = "continue"
-
-    def numerics(self, mesh: tuple[int, int]) -> "Numerics":
-        """Settings of the solver on a mesh.
-
-        ``mesh``: elements across the radius and along the length. Raises InputError if the precision, the
-        element or the hourglass control is unknown, or the machine has no such device.
-        """
-        from explicit.device import select_device
-        from explicit.elements import ELEMENTS
-        from explicit.incompressible import COMPRESSIBLE
-        from kolsky.inverse.forward import Numerics
-
-        texts.one_of("--precision", self.precision, ("fp64", "fp32"))
-        texts.one_of("--past-data", self.past_data, ("continue", "stop"))
-        texts.one_of("--element", self.element, tuple(ELEMENTS))
-        texts.one_of("--hourglass", self.hourglass, ("stiffness", "viscous"))
-        try:
-            select_device(self.device)
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE,
-                f"--device: {error}",
-                cure="give cpu, cuda or cuda:N; `kolsky doctor` lists the devices",
-            ) from None
-        return Numerics(
-            mesh=mesh,
-            precision="fp32" if self.precision == "fp32" else "fp64",
-            device=self.device,
-            threads=self.threads,
-            past_data="stop" if self.past_data == "stop" else "continue",
-            element=self.element,
-            hourglass_form="viscous" if self.hourglass == "viscous" else "stiffness",
-            compressible=COMPRESSIBLE if self.nearly_incompressible else None,
+    flag = f"--{_word(name, option, default)}"
+    shown: dict[str, Any] = {"help": option.help, "metavar": option.metavar}
+    if option.show_default is not None:
+        shown["show_default"] = option.show_default or False
+    if bare is bool or option.on is not None:
+        on = option.on or (lambda: not default)
+        return _Argument(
+            Annotated[bool, typer.Option(flag, help=option.help)],
+            False,
+            lambda given: on() if given else default,
         )
+    names = [flag, *option.short.split("/")] if option.short else [flag]
+    read = _reader(bare, option)
+    if read is None:
+        shown |= {"min": option.min, "max": option.max}
+        return _Argument(Annotated[kind, typer.Option(*names, **shown)], default, lambda given: given)
+    missing = None if default is inspect.Parameter.empty else default
+    if option.read is None and get_origin(bare) in (dict, Mapping, tuple) and bare != tuple[int, int]:
+        each = Path if bare == tuple[Path, ...] else str
+        required = bare == dict[str, float]
+        return _Argument(
+            Annotated[list[each] | None, typer.Option(*names, **shown)],  # type: ignore[valid-type]
+            None,
+            lambda given: read(flag, given or []) if given or required else missing,
+        )
+    text = _text(default, bare)
+    return _Argument(
+        Annotated[str if text is not None else str | None, typer.Option(*names, **shown)],
+        inspect.Parameter.empty if default is inspect.Parameter.empty else text,
+        lambda given: missing if given in (text, *([""] if text is None else [])) else read(flag, given),
+    )
 
 
-Quiet = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", help="Print the answer and its warnings only: no progress, no wall time."),
-]
+def _optional(kind: Any) -> bool:
+    return type(None) in get_args(kind)
+
+
+def _option_of(hint: Any) -> Option | None:
+    """The option in an annotation."""
+    return next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Option)), None)
+
+
+def _reader(kind: Any, option: Option) -> Callable[[str, Any], Any] | None:
+    """What reads the text of an option; None where typer does."""
+    if option.read is not None:
+        return option.read
+    if option.unit:
+        return functools.partial(texts.physical, unit=option.unit, positive=option.positive)
+    if get_origin(kind) is Literal:
+        return functools.partial(texts.one_of, choices=[word for word in get_args(kind) if word])
+    return next((read for one, read in READERS if one == kind), None)
+
+
+def _text(default: Any, kind: Any) -> str | None:
+    """A default as it is written on the command line."""
+    if default is None or default is inspect.Parameter.empty:
+        return None
+    if isinstance(default, tuple):
+        words = [f"{part:g}" if isinstance(part, float) else str(part) for part in default]
+        return ("x" if kind == tuple[int, int] else ",").join(words)
+    return str(default)
+
+
+def _arguments(name: str, hint: Any, default: Any) -> dict[str, _Argument]:
+    """The options of a parameter: one, or those of its record's fields."""
+    kind, chosen = _record(hint)
+    if kind is None:
+        return {name: _argument(name, hint, default)}
+    arguments: dict[str, _Argument] = {}
+    for field, annotation in _option_fields(kind, chosen):
+        field_default = (
+            _default_of(field) if default is inspect.Parameter.empty else getattr(default, field.name)
+        )
+        arguments |= _arguments(field.name, annotation, field_default)
+    return arguments
+
+
+def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
+    """The value of a parameter: one of the values, or a record of them."""
+    kind, chosen = _record(hint)
+    if kind is None:
+        return values[name]
+    base = kind() if default is inspect.Parameter.empty else default
+    parts = {
+        field.name: _made(field.name, annotation, getattr(base, field.name), values)
+        for field, annotation in _option_fields(kind, chosen)
+    }
+    with texts.refused(cure="correct the option; `--help` shows each with its range"):
+        return replace(base, **parts)
+
+
+def _record(hint: Any) -> tuple[Any, tuple[str, ...]]:
+    """The dataclass of an annotation and the fields that are options; None and all if it is no record."""
+    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    chosen = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, tuple)), ())
+    return (kind if is_dataclass(kind) else None), chosen
+
+
+def _option_fields(kind: Any, chosen: tuple[str, ...]) -> Iterator[tuple[Field[Any], Any]]:
+    """The fields of a record that are options or records of options."""
+    hints = get_type_hints(kind, include_extras=True)
+    for field in fields(kind):
+        hint = hints[field.name]
+        if field.name in (chosen or hints) and (_option_of(hint) or _record(hint)[0] is not None):
+            yield field, hint
+
+
+def changed(record: Any) -> dict[str, bool]:
+    """Whether each option of a record has another value than its default, by the option's name."""
+    return {
+        f"--{_word(field.name, option, field.default)}": getattr(record, field.name) != field.default
+        for field, hint in _option_fields(type(record), ())
+        if (option := _option_of(hint)) is not None
+    }
+
+
+def _word(name: str, option: Option, default: Any) -> str:
+    """Name of an option without its dashes; a switch that is on by default is turned off by "no-"."""
+    word = option.name or name.replace("_", "-")
+    return f"no-{word}" if default is True else word
+
+
+def _default_of(field: "Field[Any]") -> Any:
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Make one option of every field of a command's records, and add `--quiet`.
+    """Make one option of every setting of a command, and add `--json` and `--quiet`.
 
-    ``command``: a function of typed options. The fields of a parameter whose type is a dataclass take its
-    place in the signature; their annotations are `typer.Option`, and the record is made from what was given.
+    ``command``: a function whose parameters are annotated by `typer.Argument`, by an
+    `kolsky.base.options.Option`, or are records with such fields, which take the record's place in the
+    signature. ``Annotated[Record, ("field", ...)]`` takes these fields only. The command gets the records and
+    the values that the texts stand for.
     """
     hints = get_type_hints(command, include_extras=True)
-    records: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
-    parameters: list[inspect.Parameter] = []
-    for parameter in inspect.signature(command).parameters.values():
-        if parameter.name not in records:
-            parameters.append(parameter.replace(annotation=hints[parameter.name]))
-            continue
-        record = records[parameter.name]
-        given = parameter.default
-        annotations = get_type_hints(record, include_extras=True)
-        parameters += [
-            parameter.replace(
-                name=field.name,
-                default=field.default if given is inspect.Parameter.empty else getattr(given, field.name),
-                annotation=annotations[field.name],
-            )
-            for field in fields(record)
-        ]
-    parameters.append(
-        inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
+    given = inspect.signature(command).parameters
+    arguments: dict[str, _Argument] = {}
+    for name, parameter in given.items():
+        arguments |= _arguments(name, hints[name], parameter.default)
+    arguments["as_json"] = _Argument(
+        Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")],
+        False,
+        bool,
+    )
+    arguments["quiet"] = _Argument(
+        Annotated[
+            bool,
+            typer.Option(
+                "--quiet", "-q", help="Print the answer and its warnings only: no progress, no wall time."
+            ),
+        ],
+        False,
+        bool,
     )
 
     @functools.wraps(command)
-    def spread(*, quiet: bool = False, **given: Any) -> None:
-        made = {
-            name: record(**{field.name: given.pop(field.name) for field in fields(record)})
-            for name, record in records.items()
-        }
-        with quietly(quiet):
-            command(**given, **made)
+    def spread(*, as_json: bool = False, quiet: bool = False, **texts_given: Any) -> None:
+        with printing(as_json=as_json, quiet=quiet):
+            values = {
+                name: arguments[name].read(texts_given.get(name, arguments[name].default))
+                for name in arguments.keys() - {"as_json", "quiet"}
+            }
+            command(
+                **{
+                    name: _made(name, hints[name], parameter.default, values)
+                    for name, parameter in given.items()
+                }
+            )
 
-    spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    spread.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    spread.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.annotation
+            )
+            for name, one in arguments.items()
+        ]
+    )
+    spread.__annotations__ = {name: one.annotation for name, one in arguments.items()}
     del spread.__wrapped__  # type: ignore[attr-defined]
     return spread
 
 
 def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
-    """The shot, and the folder its results go to: refused now if unusable, not after the work.
+    """The shot, and the folder of its results, which is refused before any work if it cannot be used.
 
-    Parameters
-    ----------
-    shot
-        A shot's folder, or its shot.toml.
-    out
-        Where results go; by default the folder "results" of the shot.
-    inside
-        Folders inside it.
-    forks
-        Whether pictures may be correlated by several processes.
-
-    Raises
-    ------
-    InputError
-        If the shot cannot be used, or the folder cannot be written to.
+    ``shot``: a folder or its shot.toml. ``out``: where results go; by default the folder "results" of the
+    shot. ``inside``: folders inside it. ``forks``: whether several processes may correlate pictures. Raises
+    InputError if the shot or the folder cannot be used.
     """
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import progress_bars
@@ -206,14 +282,7 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
     return loaded, usable_folder(place.joinpath(*inside))
 
 
-@contextmanager
-def usable(shot: "Shot") -> Iterator[None]:
+def usable(shot: "Shot") -> AbstractContextManager[None]:
     """Make bad input of a shot that cannot be worked with: one line, exit code 2."""
-    try:
-        yield
-    except ValueError as error:
-        raise InputError(
-            shot.folder,
-            str(error),
-            cure="correct shot.toml or the option that it names; `kolsky check` shows what was read",
-        ) from error
+    cure = "correct shot.toml or the option that it names; `kolsky check` shows what was read"
+    return texts.refused(cure=cure, place=shot.folder)

@@ -1,14 +1,13 @@
 """`kolsky rate`: several identified shots to their stiffness against strain rate."""
 
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, OutFolder
+from kolsky.cli.options import Figures, OutFolder
 
 if TYPE_CHECKING:
     from kolsky.inverse.result import Identification
@@ -18,84 +17,71 @@ if TYPE_CHECKING:
 
 
 def rate(
-    shots: Annotated[list[Path], typer.Argument(metavar="SHOT...", help="Shots that were identified.")],
+    shots: Annotated[list[Path], typer.Argument(metavar="SHOT...", help="Identified shots.")],
     group: Annotated[
         str,
-        typer.Option(
-            metavar="KEY", help="Compare shots with one value of this key of shot.toml, e.g. interface.faces."
-        ),
+        Option("Compare shots with one value of this key of shot.toml, e.g. interface.faces.", metavar="KEY"),
     ] = "",
-    strains: Annotated[str, typer.Option(metavar="NUMBERS", help="Nominal strains.")] = "0.1,0.3,0.5",
+    strains: Annotated[
+        tuple[float, ...], Option("Nominal strains.", metavar="NUMBERS", read=texts.strains)
+    ] = (0.1, 0.3, 0.5),
     shared: Annotated[
-        float, typer.Option(min=0.0, help="Relative standard uncertainty that all m have in common.")
+        float, Option("Relative standard uncertainty that all m have in common.", min=0.0)
     ] = 0.0,
-    identify: Annotated[bool, typer.Option("--identify", help="Identify shots without a result.")] = False,
-    keep_unexplained: Annotated[
-        bool,
-        typer.Option("--keep-unexplained", help="Count shots whose data the model does not explain, too."),
-    ] = False,
+    identify: Annotated[bool, Option("Identify shots without a result.")] = False,
+    keep_unexplained: Annotated[bool, Option("Include shots whose data the model does not explain.")] = False,
     out: OutFolder = Path("rates"),
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
     """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
 
-    Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
+    Writes rates.h5, rates.html and CSV tables. A slope that the range of rates does not support is rejected.
     A shot whose data the model does not explain is left out and named.
     """
-    started = perf_counter()
-    at = texts.strains("--strains", strains)
-    formats = texts.figure_formats(figures)
     from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
+    from kolsky.studies.rates import rate as rates
     from kolsky.studies.rates.output import summary
-    from kolsky.studies.rates.rate import rate as compared
 
     folder = usable_folder(out)
-    with progress_bars() as progress:
-        try:
-            report = compared(
-                shots,
-                group=group,
-                strains=at,
-                shared=shared,
-                identify=_identified(progress) if identify else None,
-                keep_unexplained=keep_unexplained,
-                progress=progress,
-            )
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE, str(error), cure="correct the option; `kolsky rate --help` shows each"
-            ) from error
-    write_results(folder, report, formats=formats)
+    with progress_bars() as progress, texts.refused(cure=_CURE):
+        report = rates.rate(
+            shots,
+            group=group,
+            strains=strains,
+            shared=shared,
+            identify=_identification_of(progress) if identify else None,
+            keep_unexplained=keep_unexplained,
+            progress=progress,
+        )
+    write_results(folder, report, formats=figures)
     several = len(report.groups) > 1
     print_result(
         {name: text for group in report.groups for name, text in _rows(group, several=several).items()},
-        summary(report) if as_json else None,
-        rest={"result": folder / "rates.h5", "page": folder / "rates.html", "wall time": since(started)},
+        summary(report),
+        files={"result": folder / "rates.h5", "page": folder / "rates.html"},
         warnings=[remark for group in report.groups for remark in group.remarks],
     )
 
 
-def _identified(progress: Any) -> "Identify":
-    """Identification of a shot without a result; it leaves the files of `kolsky identify`."""
+_CURE = "correct the option; `kolsky rate --help` shows each"
+
+
+def _identification_of(progress: Any) -> "Identify":
+    """Identification of a shot without a result; it writes the files of `kolsky identify`."""
 
     def identify(shot: Path, loaded: "Shot") -> "Identification":
+        from kolsky import identification
         from kolsky.base.files import usable_folder
-        from kolsky.identification import identify as identified
         from kolsky.report.result_folder import write_identify_results
         from kolsky.studies.rates.rate import result_of
 
         folder = usable_folder(result_of(shot).parent)
-        try:
-            found = identified(loaded, progress=progress)
-        except ValueError as error:
-            raise InputError(
-                loaded.folder, str(error), cure="correct the option; `kolsky rate --help` shows each"
-            ) from error
-        write_identify_results(folder, found, loaded)
-        return found
+        with texts.refused(cure=_CURE, place=loaded.folder):
+            result = identification.identify(loaded, progress=progress)
+        write_identify_results(folder, result, loaded)
+        return result
 
     return identify
 
@@ -127,9 +113,9 @@ def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
             rows[f"{prefix}because {number}"] = reason
         if line.fit is not None:
             low, high = line.fit.interval(1)
-            said = "would show" if line.reasons else "line"
+            name = "not supported: slope" if line.reasons else "line"
             middle = float(line.fit.coefficients[1])
-            rows[f"{prefix}{said}"] = f"{middle:.3g} per decade, 95 % {low:.3g} to {high:.3g}"
+            rows[f"{prefix}{name}"] = f"{middle:.3g} per decade, 95 % {low:.3g} to {high:.3g}"
     if group.long_lever is not None:
         lever = group.long_lever
         rows[f"{prefix}from quasi-static"] = (

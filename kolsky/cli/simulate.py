@@ -1,68 +1,80 @@
 """`kolsky simulate`: one simulation of a shot, compared with its data."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated, Any
 
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import Out, ShotPath, Values, Vtu, changed
+from kolsky.inverse.settings import Numerics
 
 
 def simulate(
     shot: ShotPath,
     *,
-    parameter: Numbers = None,
-    mesh: Mesh = "24x32",
-    solver: SolverOptions,
+    parameter: Values,
+    numerics: Numerics,
     out: Out = None,
     slow: Annotated[
-        bool,
-        typer.Option("--slow", help="Simulate the quasi-static test instead, as slow as --error requires."),
+        bool, Option("Simulate the quasi-static test instead, as slow as --error requires.")
     ] = False,
     strain: Annotated[
-        str,
-        typer.Option(
-            metavar="SHARE", help="Of --slow: last nominal compression.", show_default="where the shot ends"
+        float | None,
+        Option(
+            "Last nominal compression of --slow.",
+            metavar="SHARE",
+            unit="1",
+            positive=True,
+            show_default="where the shot ends",
         ),
-    ] = "",
+    ] = None,
     error: Annotated[
-        str, typer.Option(metavar="SHARE", help="Of --slow: wanted error of the force.", show_default="0.2 %")
-    ] = "",
-    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
-    as_json: AsJson = False,
+        float | None,
+        Option(
+            "Error of the force, for --slow.", metavar="SHARE", unit="1", positive=True, show_default="0.2 %"
+        ),
+    ] = None,
+    vtu: Vtu = False,
 ) -> None:
     """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data.
 
-    A run that fails is written up to its end; the exit code is then 1. With --slow its specimen is compressed
+    A failed run is written up to its end; the exit code is then 1. With --slow the specimen is compressed
     without inertia: slow.csv has force, stress and radius over the strain.
     """
-    started = perf_counter()
-    parameters = texts.values("--parameter", parameter or [])
-    elements = texts.mesh("--mesh", mesh)
     if slow:
-        wanted = _slow_options(parameters, strain, error, solver, vtu=vtu)
-        _slow(shot, out, parameters, elements, wanted, solver.threads, as_json=as_json)
+        unused = [name for name in parameter if name not in SLOW_PARAMETERS]
+        texts.refuse(
+            {
+                **{f"--parameter {name}": True for name in unused},
+                **changed(replace(numerics, mesh=Numerics.mesh, threads=None)),
+                "--vtu": vtu,
+            },
+            "has no effect with --slow",
+            cure=f"leave it out; of the parameters a slow test reads {', '.join(SLOW_PARAMETERS)}",
+        )
+        if strain is not None and strain >= 1.0:
+            raise InputError(
+                texts.COMMAND_LINE, "is not allowed", key="--strain", value=strain, allowed="< 100 %"
+            )
+        _simulate_slow_test(shot, out, parameter, numerics, strain, 2e-3 if error is None else error)
         return
-    if strain or error:
-        raise InputError(texts.COMMAND_LINE, "--strain and --error belong to --slow", cure="add --slow")
-    if vtu and solver.nearly_incompressible:
+    given = {"--strain": strain is not None, "--error": error is not None}
+    texts.refuse(given, "needs --slow", cure="add --slow")
+    if vtu and numerics.compressible is not None:
         raise InputError(
             texts.COMMAND_LINE,
             "--vtu and --nearly-incompressible exclude each other: meshes with different nodes have no "
             "common deformed one",
             cure="leave one out",
         )
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, progress_bars, since
-
-    loaded, folder = load(shot, out, "simulation")
-    numerics = solver.numerics(elements)
     from kolsky.base.files import filling, jsonable
+    from kolsky.cli.options import load, usable
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
     from kolsky.uncertainty.warnings import (
@@ -72,10 +84,11 @@ def simulate(
         sliding_warning,
     )
 
+    loaded, folder = load(shot, out, "simulation")
     with usable(loaded), progress_bars() as progress:
         progress("simulation", 0, 1)
         run = simulation.simulate(
-            loaded, parameters, numerics=numerics, progress=lambda n: progress("simulation", n, 1)
+            loaded, parameter, numerics=numerics, progress=lambda n: progress("simulation", n, 1)
         )
     with filling(folder) as partial:
         simulation.write_simulation(partial, run)
@@ -88,10 +101,8 @@ def simulate(
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
         *past_curve_warning(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
         *hourglass_warning(run.response),
-        *folded_warning(
-            run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameters)
-        ),
-        *sliding_warning(loaded.interface, list(parameters)),
+        *folded_warning(run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameter)),
+        *sliding_warning(loaded.interface, list(parameter)),
     ]
     summary = {
         "shot": loaded.name,
@@ -105,8 +116,7 @@ def simulate(
         **({} if run.terms is None else {**vars(run.terms), "phi_units": "phi_force N, phi_shape 1"}),
         "folder": str(folder),
     }
-    said = jsonable({**summary, "warnings": warnings}, "simulation") if as_json else None
-    print_result(summary, said, rest={"wall time": since(started)}, warnings=warnings)
+    print_result(summary, jsonable({**summary, "warnings": warnings}, "simulation"), warnings=warnings)
     if not ending.outcome.ok:
         raise typer.Exit(1)
 
@@ -124,70 +134,44 @@ def _failure(ending: Any) -> dict[str, Any]:
 
 
 SLOW_PARAMETERS = ("stiffness_factor", "friction", "poisson")
-"""Parameters that a slow test reads."""
+"""Parameters of a slow test."""
 
 
-def _slow_options(
-    parameters: Mapping[str, float], strain: str, error: str, solver: SolverOptions, *, vtu: bool
-) -> tuple[float | None, float]:
-    """Last strain, None for the shot's, and wanted error of a slow test."""
-    for name in parameters:
-        if name not in SLOW_PARAMETERS:
-            cure = f"leave it out; a slow test reads {', '.join(SLOW_PARAMETERS)}"
-            raise InputError(texts.COMMAND_LINE, f"--parameter {name} has no effect with --slow", cure=cure)
-    for field in fields(SolverOptions):
-        if field.name != "threads" and getattr(solver, field.name) != field.default:
-            option = f"--{field.name.replace('_', '-')}"
-            raise InputError(texts.COMMAND_LINE, f"{option} has no effect with --slow", cure="leave it out")
-    if vtu:
-        raise InputError(texts.COMMAND_LINE, "--vtu has no effect with --slow", cure="leave it out")
-    last = None if not strain else texts.physical("--strain", strain, "1", positive=True)
-    if last is not None and not last < 1.0:
-        raise InputError(
-            texts.COMMAND_LINE, "is not allowed", key="--strain", value=strain, allowed="< 100 %"
-        )
-    return last, 2e-3 if not error else texts.physical("--error", error, "1", positive=True)
-
-
-def _slow(
+def _simulate_slow_test(
     shot: Path,
     out: Path | None,
     parameters: Mapping[str, float],
-    mesh: tuple[int, int],
-    wanted: tuple[float | None, float],
-    threads: int | None,
-    *,
-    as_json: bool,
+    numerics: Numerics,
+    last: float | None,
+    error: float,
 ) -> None:
-    """The quasi-static test of a shot's specimen."""
-    started = perf_counter()
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, since
-
-    loaded, folder = load(shot, out, "simulation")
+    """The quasi-static test of a shot's specimen, up to a last strain, with an error of the force."""
     from kolsky.base.files import filling, jsonable
+    from kolsky.cli.options import load, usable
+    from kolsky.cli.terminal import print_result
     from kolsky.inverse import simulate as slow
     from kolsky.material.slow_compression import write_slow_compression
 
+    loaded, folder = load(shot, out, "simulation")
     with usable(loaded):
-        found = slow.slow_test_of(
-            loaded, parameters, last=wanted[0], error=wanted[1], mesh=mesh, threads=threads
+        result = slow.slow_test_of(
+            loaded, parameters, last=last, error=error, mesh=numerics.mesh, threads=numerics.threads
         )
     with filling(folder) as partial:
-        write_slow_compression(partial / "slow.csv", found)
-    warnings = slow.slow_test_warnings(found)
+        write_slow_compression(partial / "slow.csv", result)
+    warnings = slow.slow_test_warnings(result)
     summary = {
         "shot": loaded.name,
         **({"parameters": dict(parameters)} if parameters else {}),
-        "last_strain": float(found.strain[-1]),
-        "last_force": float(found.force[-1]),
-        "error": found.errors[-1],
-        "duration": f"{found.durations[-1]:.0f} passages of a wave, after {len(found.durations) - 1} shorter",
-        "kinetic_share": found.test.kinetic_share,
-        "face_difference": found.test.face_difference,
-        "extrapolated_share": found.test.past_data,
+        "last_strain": float(result.strain[-1]),
+        "last_force": float(result.force[-1]),
+        "error": result.errors[-1],
+        "duration": f"{result.durations[-1]:.0f} passages of a wave, after "
+        f"{len(result.durations) - 1} shorter",
+        "kinetic_share": result.test.kinetic_share,
+        "face_difference": result.test.face_difference,
+        "extrapolated_share": result.test.past_data,
         "file": str(folder / "slow.csv"),
     }
-    listed = {**summary, "durations": found.durations, "errors": found.errors, "warnings": warnings}
-    said = jsonable(listed, "slow") if as_json else None
-    print_result(summary, said, rest={"wall time": since(started)}, warnings=warnings)
+    content = {**summary, "durations": result.durations, "errors": result.errors, "warnings": warnings}
+    print_result(summary, jsonable(content, "slow"), warnings=warnings)

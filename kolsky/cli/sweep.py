@@ -8,19 +8,18 @@ import asyncio
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.base.process import process_pool
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import Figures, Out, ShotPath, Values
+from kolsky.inverse.settings import Numerics
 
 if TYPE_CHECKING:
     from doe import Box, Design
@@ -28,95 +27,29 @@ if TYPE_CHECKING:
     from doe.designs import DesignKind
 
 
+_NUMERICS = Numerics(mesh=(16, 22))
+
+
 def sweep(
     shot: ShotPath,
     *,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="NAME=LOW:HIGH[:LEVELS]",
-            help="A parameter to vary; repeat for more. LEVELS belong to a factorial.",
-            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each",
-        ),
-    ] = None,
-    parameter: Numbers = None,
-    design: Annotated[
-        str,
-        typer.Option(
-            help="factorial, fractional, composite, box-behnken or csv; with --runs points lhs, maximin, "
-            "sobol, halton or d-optimal."
-        ),
-    ] = "factorial",
-    runs: Annotated[
-        int, typer.Option(min=2, max=1_000_000, help="Points of a design that takes any number.")
-    ] = 64,
-    generators: Annotated[
-        str, typer.Option(metavar="WORDS", help='Of a fractional design, a word a parameter, e.g. "a b ab".')
-    ] = "",
-    points: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
-    ] = None,
-    mesh: Mesh = "16x22",
-    solver: SolverOptions,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
-    log: Annotated[
-        list[str] | None,
-        typer.Option("--log", metavar="NAME", help="Spread this parameter evenly in its logarithm; repeat."),
-    ] = None,
-    where: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--where",
-            metavar="INEQUALITY",
-            help='Leave out points that violate it, e.g. "friction <= 2 * stiffness_factor" (SI); repeat.',
-        ),
-    ] = None,
+    choice: "DesignChoice",
+    parameter: Values,
+    numerics: Numerics = _NUMERICS,
     workers: "Workers",
-    ledger: Annotated[
-        str,
-        typer.Option(
-            help="File that stores every run, so that none is repeated; or none.",
-            show_default="sweep.sqlite among the results",
-        ),
-    ] = "",
-    retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that failed before.")] = False,
-    shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Run the I-th of N parts of the design.", show_default="all")
-    ] = "1/1",
-    merge: Annotated[
-        list[Path] | None,
-        typer.Option("--merge", metavar="LEDGER", help="Use the runs of another ledger too; repeat."),
-    ] = None,
+    records: "Records",
     out: Out = None,
-    figures: Figures = "",
-    as_json: AsJson = False,
+    figures: Figures = (),
 ) -> None:
-    """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
-    started = perf_counter()
-
-    choice = DesignChoice.of(
-        design,
-        vary or [],
-        runs=runs,
-        seed=seed,
-        generators=generators,
-        points=points,
-        logarithmic=tuple(log or ()),
-        where=tuple(where or ()),
-    )
-    held = texts.values("--parameter", parameter or [])
-    elements = texts.mesh("--mesh", mesh)
-    records = Records(ledger, retry=retry, shard=texts.shard("--shard", shard), merge=tuple(merge or ()))
-    formats = texts.figure_formats(figures)
+    """Run a design of experiments over a shot's parameters; writes sweep.csv, with every run, and a page."""
     chosen = choice.design()
-    texts.apart("--points" if points else "--vary", chosen.box.names, "--parameter", held)
+    texts.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", parameter)
     part = records.part(chosen)
     from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, since, sweep_progress
+    from kolsky.cli.terminal import print_result, sweep_progress
 
     loaded, folder = load(shot, out)
-    numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(elements)
+    numerics = replace(numerics, threads=workers.threads(numerics.threads))
     place = records.place(folder)
     from kolsky.base.files import jsonable
     from kolsky.report.result_folder import write_sweep_results
@@ -129,7 +62,7 @@ def sweep(
         result = sweeping.sweep(
             loaded,
             part,
-            held=held,
+            held=parameter,
             numerics=numerics,
             ledger=place,
             merge=records.merge,
@@ -140,14 +73,14 @@ def sweep(
     warnings = [
         *rerun_advice(result.damaged),
         *lost_runs(result.table),
-        *sliding_warning(loaded.interface, [*result.table.names, *held]),
+        *sliding_warning(loaded.interface, [*result.table.names, *parameter]),
     ]
     analysis = analyse_sweep(result.shot, chosen.box, result.table)
-    write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=formats)
+    write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=figures)
     summary = {
         "shot": result.shot,
         **sweeping.counts(result),
-        **({"left_out_by_constraints": chosen.settings["refused"]} if where else {}),
+        **({"left_out_by_constraints": chosen.settings["refused"]} if choice.where else {}),
         **sweeping.least_misfit(result),
         **surface_optimum(analysis),
         "file": str(folder / f"{records.stem}.csv"),
@@ -155,73 +88,76 @@ def sweep(
         **({} if place is None else {"ledger": str(place)}),
     }
     failed = {"failed_runs": failed_runs(result.table)}
-    said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
-    print_result(summary, said, rest={"wall time": since(started)}, warnings=warnings)
+    print_result(summary, jsonable({**summary, **failed, "warnings": warnings}, "sweep"), warnings=warnings)
 
 
 _DEFAULT_BOUNDS = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}
-"""Bounds of a sweep whose `--vary` says nothing."""
+"""Bounds of a sweep without `--vary`."""
 _DEFAULT_LEVELS = 10
 """Levels of each parameter then."""
 
 
 @dataclass(frozen=True)
 class DesignChoice:
-    """A design of experiments and its region, as given on the command line."""
+    """A design of experiments and its region."""
 
-    kind: str
+    vary: Annotated[
+        tuple[str, ...],
+        Option(
+            "A parameter to vary; repeat for more. LEVELS belong to a factorial.",
+            metavar="NAME=LOW:HIGH[:LEVELS]",
+            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each",
+        ),
+    ] = ()
+    kind: Annotated[
+        str,
+        Option(
+            "factorial, fractional, composite, box-behnken or csv; with --runs points lhs, maximin, "
+            "sobol, halton or d-optimal.",
+            name="design",
+        ),
+    ] = "factorial"
     """Name of a `doe.designs.DesignKind` at a command line."""
-    bounds: Mapping[str, tuple[float, float]]
-    """Bounds by name, SI; empty where a file names the parameters."""
-    levels: Sequence[int] = ()
-    """Levels of a full factorial."""
-    runs: int = 64
-    """Points of a design that takes any number."""
-    seed: int = 1
-    """Seed of a random design."""
-    generators: str = ""
-    """Words of a fractional factorial."""
-    points: Path | None = None
-    """File of a design somebody else chose."""
-    logarithmic: tuple[str, ...] = ()
-    """Parameters whose points are spread evenly in their logarithm."""
-    where: tuple[str, ...] = ()
+    runs: Annotated[int, Option("Points of a design that takes any number.", min=2, max=1_000_000)] = 64
+    generators: Annotated[
+        str, Option('For a fractional design: a word for each parameter, e.g. "a b ab".', metavar="WORDS")
+    ] = ""
+    points: Annotated[Path | None, Option("File of a csv design; columns NAME (UNIT).", metavar="CSV")] = None
+    seed: Annotated[int, Option("Seed of a random design.", min=0)] = 1
+    log: Annotated[
+        tuple[str, ...],
+        Option("Vary this parameter evenly in its logarithm; repeat for more.", metavar="NAME"),
+    ] = ()
+    where: Annotated[
+        tuple[str, ...],
+        Option(
+            'Leave out points that violate it, e.g. "friction <= 2 * stiffness_factor" (SI); repeat.',
+            metavar="INEQUALITY",
+        ),
+    ] = ()
     """Constraints as in `doe.box.Constraint`."""
 
-    @classmethod
-    def of(cls, kind: str, vary: Sequence[str], **more: Any) -> "DesignChoice":
-        """The choice from the texts of `--design` and `--vary`; the other fields as they are.
-
-        Raises InputError if there is no such design, or a text cannot be read.
-        """
-        from doe.designs import DESIGNS, design_kind
-
-        texts.one_of("--design", kind, tuple(design.option for design in DESIGNS.values()))
-        needs = design_kind(kind).needs
-        if "points" in needs:
-            texts.none("--vary", vary, f"--design {kind}, whose file names the parameters")
-            return cls(kind, {}, **more)
-        if "levels" in needs:
-            bounds, counts = (
-                texts.levels("--vary", vary)
-                if vary
-                else (_DEFAULT_BOUNDS, [_DEFAULT_LEVELS] * len(_DEFAULT_BOUNDS))
-            )
-            return cls(kind, bounds, counts, **more)
-        return cls(kind, texts.spans("--vary", vary) if vary else _DEFAULT_BOUNDS, **more)
+    def _region(self, kind: "DesignKind") -> tuple[dict[str, tuple[float, float]], list[int]]:
+        """Bounds by name, SI, and the levels of a full factorial."""
+        if "levels" in kind.needs and self.vary:
+            return texts.levels("--vary", self.vary)
+        bounds = texts.spans("--vary", self.vary) if self.vary else _DEFAULT_BOUNDS
+        return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
 
     def design(self) -> "Design":
         """The points.
 
         A point that breaks a constraint is left out and counted; a design that chooses among candidates
-        has only those that meet them.
-
-        Raises InputError if options do not go together, or the design cannot be made of them.
+        has only those that meet them. Raises InputError if there is no such design, options do not go
+        together, or the design cannot be made of them.
         """
         from doe.designs import DESIGNS, design_kind
         from doe.designs.optimal import keep
 
+        texts.one_of("--design", self.kind, tuple(design.option for design in DESIGNS.values()))
         kind = design_kind(self.kind)
+        if "points" in kind.needs:
+            texts.none("--vary", self.vary, f"--design {self.kind}, whose file names the parameters")
         for option, given, need in (
             ("--generators", bool(self.generators), "generators"),
             ("--points", self.points is not None, "points"),
@@ -233,7 +169,7 @@ class DesignChoice:
                     f"{option} and --design {' or '.join(kinds)} need each other",
                     cure="give both, or neither",
                 )
-        if self.points is not None and self.logarithmic:
+        if self.points is not None and self.log:
             raise InputError(
                 texts.COMMAND_LINE, "--log has no effect on points from a file", cure="leave it out"
             )
@@ -243,48 +179,35 @@ class DesignChoice:
             chosen = read_design(self.points)
             constraints = self._constraints(chosen.box)
         else:
-            box = self._box()
+            bounds, levels = self._region(kind)
+            box = self._box(bounds)
             constraints = self._constraints(box)
-            chosen = self._chosen(kind, box, constraints)
-        try:
+            chosen = self._chosen(kind, box, levels, constraints)
+        with texts.refused("--where: ", cure="relax it, or take more runs"):
             return keep(chosen, *constraints) if constraints else chosen
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE, f"--where: {error}", cure="relax it, or take more runs"
-            ) from None
 
-    def _box(self) -> "Box":
+    def _box(self, bounds: Mapping[str, tuple[float, float]]) -> "Box":
         from doe import Box
         from kolsky.inverse.parameters import design_box
 
-        linear = design_box(self.bounds)
-        bounds = dict(zip(linear.names, zip(linear.lower, linear.upper, strict=True), strict=True))
-        try:
-            return Box.of(bounds, logarithmic=self.logarithmic)
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE, f"--log: {error}", cure="leave it out for a parameter that may be 0"
-            ) from None
+        linear = design_box(bounds)
+        ends = dict(zip(linear.names, zip(linear.lower, linear.upper, strict=True), strict=True))
+        with texts.refused("--log: ", cure="leave it out for a parameter that may be 0"):
+            return Box.of(ends, logarithmic=self.log)
 
     def _constraints(self, box: "Box") -> "list[Constraint]":
         from doe.box import Constraint
 
-        made = []
-        for text in self.where:
-            try:
-                made.append(Constraint(text, box.names))
-            except ValueError as error:
-                raise InputError(
-                    texts.COMMAND_LINE,
-                    f"--where {error}",
-                    cure="write an inequality of varied parameters in SI, e.g. "
-                    '"friction <= stiffness_factor"',
-                ) from None
-        return made
+        cure = 'write an inequality of varied parameters in SI, e.g. "friction <= stiffness_factor"'
+        with texts.refused("--where ", cure=cure):
+            return [Constraint(text, box.names) for text in self.where]
 
-    def _chosen(self, kind: "DesignKind", box: "Box", constraints: "list[Constraint]") -> "Design":
+    def _chosen(
+        self, kind: "DesignKind", box: "Box", levels: Sequence[int], constraints: "list[Constraint]"
+    ) -> "Design":
         candidates = None
-        try:
+        cure = "`kolsky sweep --help` shows what each design needs"
+        with texts.refused(f"--design {self.kind}: ", cure=cure):
             if "candidates" in kind.needs and constraints:
                 from doe.designs.optimal import grid
 
@@ -293,32 +216,33 @@ class DesignChoice:
                     candidates = candidates[constraint(candidates)]
             return kind.make(
                 box,
-                levels=self.levels,
+                levels=levels,
                 runs=self.runs,
                 rng=self.seed,
                 generators=self.generators,
                 candidates=candidates,
             )
-        except ValueError as error:
-            raise InputError(
-                texts.COMMAND_LINE,
-                f"--design {self.kind}: {error}",
-                cure="`kolsky sweep --help` shows what each design needs",
-            ) from None
 
 
 @dataclass(frozen=True)
 class Records:
-    """The ledger of a sweep as given on the command line."""
+    """The ledger of a sweep."""
 
-    ledger: str = ""
-    """The file, "none", or empty for the one among the results."""
-    retry: bool = False
-    """True to run again those runs that did not complete."""
-    shard: tuple[int, int] = (1, 1)
-    """Part of the design to run, and number of parts."""
-    merge: tuple[Path, ...] = ()
-    """Ledgers to take over."""
+    ledger: Annotated[
+        str,
+        Option(
+            "File that stores every run, so that none is repeated; or none.",
+            show_default="sweep.sqlite among the results",
+        ),
+    ] = ""
+    retry: Annotated[bool, Option("Repeat runs that failed before.")] = False
+    shard: Annotated[
+        tuple[int, int],
+        Option("Run the I-th of N parts of the design.", metavar="I/N", read=texts.shard, show_default="all"),
+    ] = (1, 1)
+    merge: Annotated[
+        tuple[Path, ...], Option("Also use the runs of another ledger; repeat for more.", metavar="LEDGER")
+    ] = ()
 
     @property
     def stem(self) -> str:
@@ -338,7 +262,7 @@ class Records:
         path = Path(self.ledger) if self.ledger else folder / f"{self.stem}.sqlite"
         for other in self.merge:
             if other.resolve() == path.resolve():
-                raise InputError(other, "is to be merged into itself", cure="leave out that --merge")
+                raise InputError(other, "cannot be merged into itself", cure="leave out that --merge")
         return path
 
     def part(self, design: "Design") -> "Design":
@@ -351,33 +275,27 @@ class Records:
         from doe import Design
         from doe.ledger import shard
 
-        try:
+        with texts.refused("--shard: ", cure="take fewer parts"):
             rows = shard(len(design), *self.shard)
-        except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--shard: {error}", cure="take fewer parts") from None
         return Design(design.points[rows], design.box, design.kind, design.settings)
 
-    @contextmanager
-    def usable(self) -> Iterator[None]:
-        """A ledger that cannot be used is bad input: one line, exit code 2."""
+    def usable(self) -> AbstractContextManager[None]:
+        """Make a ledger that cannot be used bad input."""
         from doe.ledger import LedgerError
 
-        try:
-            yield
-        except (LedgerError, OSError) as error:
-            cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
-            raise InputError(texts.COMMAND_LINE, f"--ledger: {error}", cure=cure) from error
+        cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
+        return texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
 
 
 @dataclass(frozen=True)
 class Workers:
     """Processes that work in parallel; see `kolsky.cli.options.with_settings`."""
 
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Number of parallel processes.", show_default="none")
-    ] = None
+    processes: Annotated[int | None, Option("Number of parallel processes.", min=1, show_default="none")] = (
+        None
+    )
     dask: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Dask scheduler to use: its address or scheduler file.")
+        str, Option("Dask scheduler to use: its address or scheduler file.", metavar="ADDRESS")
     ] = ""
 
     @contextmanager
@@ -413,7 +331,7 @@ SCHEDULER_PATIENCE = 5.0
 _SCHEDULER_START = "start one with `dask scheduler` and give its address or its scheduler file"
 
 
-def dask_client(named: str) -> Any:
+def dask_client(place: str) -> Any:
     """A client of the scheduler at an address or in a scheduler file, which the caller closes.
 
     Raises InputError if Dask is not installed, or no scheduler answers within `PATIENCE`.
@@ -423,16 +341,16 @@ def dask_client(named: str) -> Any:
     except ImportError:
         cure = "pip install 'kolsky[cluster]'"
         raise InputError(texts.COMMAND_LINE, "--dask needs the package distributed", cure=cure) from None
-    address = _address_in_file(Path(named)) if _is_scheduler_file(named) else named
+    address = _address_in_file(Path(place)) if _is_scheduler_file(place) else place
     try:
-        # A client of something that takes connections and says nothing would wait for ever.
+        # A client of a program that takes connections and never answers would wait for ever.
         kind = asyncio.run(asyncio.wait_for(_kind(address), SCHEDULER_PATIENCE))
         if kind != "Scheduler":
             raise ValueError(f"a {kind} is there")
         return Client(address, timeout=SCHEDULER_PATIENCE, set_as_default=False)
     except Exception as error:  # of the network, or whatever the answer of another program leads to
-        said = " ".join(str(error).split()) or f"nothing within {SCHEDULER_PATIENCE:g} s"
-        problem = f"--dask {named}: no scheduler answers ({said})"
+        reason = " ".join(str(error).split()) or f"nothing within {SCHEDULER_PATIENCE:g} s"
+        problem = f"--dask {place}: no scheduler answers ({reason})"
         raise InputError(texts.COMMAND_LINE, problem, cure=_SCHEDULER_START) from error
 
 

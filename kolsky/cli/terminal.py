@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dic.files import one_line
@@ -20,57 +21,72 @@ if TYPE_CHECKING:
     from doe.ledger import Pace
 
 
-_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+@dataclass(frozen=True)
+class _Printing:
+    """How a command prints, and when it began."""
+
+    as_json: bool = False
+    quiet: bool = False
+    started: float | None = None
 
 
-def is_quiet() -> bool:
-    """True within a command with `--quiet`."""
-    return _QUIET.get()
-
-
-@contextmanager
-def quietly(asked: bool) -> Iterator[None]:
-    """Let everything inside be quiet, if asked for."""
-    token = _QUIET.set(asked)
-    try:
-        yield
-    finally:
-        _QUIET.reset(token)
-
-
+_OUTSIDE = _Printing()
+_PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
 _EVERY = 60.0
 """Least time between two lines of a sweep that writes to no terminal [s]."""
 
 
+def is_quiet() -> bool:
+    """True within a command with `--quiet`."""
+    return _PRINTING.get().quiet
+
+
+def as_json() -> bool:
+    """True within a command with `--json`."""
+    return _PRINTING.get().as_json
+
+
+@contextmanager
+def printing(*, as_json: bool = False, quiet: bool = False) -> Iterator[None]:
+    """Print inside it as `--json` and `--quiet` ask; its wall time begins now."""
+    token = _PRINTING.set(_Printing(as_json, quiet, time.perf_counter()))
+    try:
+        yield
+    finally:
+        _PRINTING.reset(token)
+
+
+def print_json(answer: Any) -> None:
+    """Print one JSON object on stdout."""
+    print(json.dumps(answer, indent=2, allow_nan=False))
+
+
 def print_result(
     rows: Mapping[str, Any],
-    said: Any,
+    answer: Any,
     *,
-    rest: Mapping[str, Any],
-    answers: Iterable[str] = (),
+    files: Mapping[str, Any] | None = None,
+    lines: Iterable[str] = (),
     warnings: Iterable[str] = (),
 ) -> None:
-    """Print the answer on stdout, as lines or as one JSON object, and the warnings on stderr.
+    """Print the answer on stdout, as lines or with `--json` as one object, and the warnings on stderr.
 
-    ``rows``: the answer by name, for a table. ``said``: the answer as one object for JSON; None where a table
-    is wanted. ``rest``: where files are, how long it took; on stderr where JSON is printed. ``answers``:
-    lines before the table. ``warnings``: what to know before using the answer.
+    ``rows``: the answer by name, for a table. ``answer``: the same as one object for JSON. ``files``: where
+    the results are, printed with the wall time; on stderr where JSON is printed. ``lines``: text before the
+    table. ``warnings``: remarks for the user of the answer.
     """
-    if is_quiet():
-        rest = {}
-    if said is None:
-        print("\n".join(map(one_line, [*answers, *columns({**rows, **rest})])))
+    how = _PRINTING.get()
+    places = {} if how.quiet else dict(files or {})
+    if how.started is not None and not how.quiet:
+        places["wall time"] = f"{time.perf_counter() - how.started:.1f} s"
+    if how.as_json:
+        print_json(answer)
+        if places:
+            print("\n".join(map(one_line, columns(places))), file=sys.stderr)
     else:
-        print(json.dumps(said, indent=2, allow_nan=False))
-        if rest:
-            print("\n".join(map(one_line, columns(rest))), file=sys.stderr)
+        print("\n".join(map(one_line, [*lines, *columns({**rows, **places})])))
     for warning in warnings:
         print(one_line(f"warning: {warning}"), file=sys.stderr)
-
-
-def since(started: float) -> str:
-    """Seconds since `started`, a value of `time.perf_counter`, as printed."""
-    return f"{time.perf_counter() - started:.1f} s"
 
 
 @contextmanager
@@ -121,13 +137,13 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     if not sys.stderr.isatty():
         last = time.monotonic()
 
-        def say(pace: "Pace") -> None:
+        def print_pace(pace: "Pace") -> None:
             nonlocal last
             if time.monotonic() - last >= _EVERY:
                 last = time.monotonic()
                 print(f"{pace.done} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
 
-        yield say
+        yield print_pace
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn

@@ -1,17 +1,39 @@
 """Texts of the command line turned into typed settings; every refusal says what was expected."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError
-
-COMMAND_LINE = Path("command line")
+from kolsky.base.options import COMMAND_LINE
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
     return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
+
+
+@contextmanager
+def refused(
+    before: str = "",
+    *,
+    cure: str,
+    place: str | Path = COMMAND_LINE,
+    errors: tuple[type[Exception], ...] = (ValueError,),
+) -> Iterator[None]:
+    """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its line."""
+    try:
+        yield
+    except errors as error:
+        raise InputError(place, f"{before}{error}", cure=cure) from error
+
+
+def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
+    """Refuse the options that are given, by name, where they have no effect."""
+    names = [option for option, is_given in given.items() if is_given]
+    if names:
+        raise InputError(COMMAND_LINE, f"{', '.join(names)} {problem}", cure=cure)
 
 
 def listed(text: str) -> tuple[str, ...]:
@@ -19,11 +41,11 @@ def listed(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
-def figure_formats(text: str) -> tuple[str, ...]:
-    """ "pdf,svg" as formats of figures that are saved alone."""
+def figure_formats(option: str, text: str) -> tuple[str, ...]:
+    """ "pdf,svg" as formats of figures that are saved as files."""
     from kolsky.report import FIGURE_FORMATS
 
-    return tuple(one_of("--figures", name, FIGURE_FORMATS) for name in listed(text))
+    return tuple(one_of(option, name, FIGURE_FORMATS) for name in listed(text))
 
 
 def numbers(option: str, text: str) -> list[float]:
@@ -36,7 +58,7 @@ def numbers(option: str, text: str) -> list[float]:
 
 def whole_numbers(option: str, text: str) -> list[int]:
     """ "1-8,12" as whole numbers, ascending, each once."""
-    found: set[int] = set()
+    numbers_read: set[int] = set()
     for part in listed(text):
         first, dash, last = part.partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
@@ -44,8 +66,8 @@ def whole_numbers(option: str, text: str) -> list[int]:
         end = int(last) if dash else int(first)
         if not int(first) <= end <= 1_000_000:
             raise _refuse(option, text, "ranges that ascend, to at most a million")
-        found.update(range(int(first), end + 1))
-    return sorted(found)
+        numbers_read.update(range(int(first), end + 1))
+    return sorted(numbers_read)
 
 
 def plain_or_text(value: object) -> object:
@@ -58,12 +80,10 @@ def plain_or_text(value: object) -> object:
 
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
     """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
-    from kolsky.base.units import UnitError, quantity
+    from kolsky.base.units import quantity
 
-    try:
+    with refused(f"{option}: ", cure="write it as `--help` shows"):
         value = quantity(text, unit)
-    except UnitError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
     if positive and not value > 0.0:
         raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
     return value
@@ -72,12 +92,12 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
 def strains(option: str, text: str) -> tuple[float, ...]:
     """ "0.1,0.3" as nominal compressive strains."""
     try:
-        found = tuple(float(part) for part in text.split(",") if part.strip())
+        numbers_read = tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError:
-        found = ()
-    if not found or not all(0.0 < strain < 1.0 for strain in found):
+        numbers_read = ()
+    if not numbers_read or not all(0.0 < strain < 1.0 for strain in numbers_read):
         raise _refuse(option, text, "numbers between 0 and 1, e.g. 0.1,0.3")
-    return found
+    return numbers_read
 
 
 def mesh(option: str, text: str) -> tuple[int, int]:
@@ -93,49 +113,49 @@ def mesh(option: str, text: str) -> tuple[int, int]:
 
 def values(option: str, texts: Sequence[str]) -> dict[str, float]:
     """["stiffness_factor=1.1", "damping=25 us"] as values in SI, checked against the allowed ranges."""
-    found: dict[str, float] = {}
+    by_name: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals:
             raise _refuse(option, text, "NAME=VALUE, e.g. stiffness_factor=1.1")
-        if name in found:
+        if name in by_name:
             raise _refuse(option, text, f"{name} once")
-        found[name] = _value(option, text, name, value)
-    return found
+        by_name[name] = _value(option, text, name, value)
+    return by_name
 
 
 def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:
     """["poisson=0.4985", "damping"] as values in SI, and names to be held at the shot's own values."""
-    alone = [text for text in texts if "=" not in text]
-    for text in alone:
+    without_value = [text for text in texts if "=" not in text]
+    for text in without_value:
         _known(option, text, text)
-    found = values(option, [text for text in texts if "=" in text])
-    names = tuple(text.strip() for text in alone)
-    twice = [name for i, name in enumerate(names) if name in found or name in names[:i]]
+    by_name = values(option, [text for text in texts if "=" in text])
+    names = tuple(text.strip() for text in without_value)
+    twice = [name for i, name in enumerate(names) if name in by_name or name in names[:i]]
     if twice:
         raise _refuse(option, twice[0], f"{twice[0]} once")
-    return found, names
+    return by_name, names
 
 
 def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
     """["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
-    found: dict[str, tuple[float, float] | None] = {}
+    by_name: dict[str, tuple[float, float] | None] = {}
     for text in texts:
         name, equals, bounds = text.partition("=")
         ends = bounds.split(":")
         if equals and len(ends) != 2:
             raise _refuse(option, text, "NAME or NAME=LOW:HIGH, e.g. friction=0:2")
-        if name in found:
+        if name in by_name:
             raise _refuse(option, text, f"{name} once")
         if not equals:
             _known(option, text, name)
-            found[name] = None
+            by_name[name] = None
             continue
         low, high = (_value(option, text, name, end) for end in ends)
         if not low < high:
             raise _refuse(option, text, f"the lower bound of {name} before the upper one")
-        found[name] = (low, high)
-    return found
+        by_name[name] = (low, high)
+    return by_name
 
 
 def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
@@ -145,11 +165,11 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
     for text in texts:
-        rest, _, count = text.rpartition(":")
-        if rest.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
+        bounds_text, _, count = text.rpartition(":")
+        if bounds_text.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
             raise _refuse(option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10")
         counts.append(int(count))
-        for name, pair in spans(option, [rest]).items():
+        for name, pair in spans(option, [bounds_text]).items():
             if name in bounds:
                 raise _refuse(option, text, f"{name} once")
             bounds[name] = pair
@@ -165,15 +185,15 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
 
 def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """["friction=0:2"] as bounds by name."""
-    found: dict[str, tuple[float, float]] = {}
+    by_name: dict[str, tuple[float, float]] = {}
     for text in texts:
         for name, pair in ranges(option, [text]).items():
             if pair is None:
                 raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
-            if name in found:
+            if name in by_name:
                 raise _refuse(option, text, f"{name} once")
-            found[name] = pair
-    return found
+            by_name[name] = pair
+    return by_name
 
 
 def none(option: str, texts: Sequence[str], other: str) -> None:
@@ -200,19 +220,11 @@ def one_of(option: str, text: str, choices: Sequence[str]) -> str:
 
 
 def relaxation(option: str, text: str) -> tuple[RelaxationKind, int]:
-    """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce".
-
-    Raises
-    ------
-    InputError
-        If it is none of these.
-    """
+    """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce"."""
     from kolsky.inverse.parameters import parsed_kind
 
-    try:
+    with refused(f"{option}: ", cure="write it as `--help` shows"):
         return parsed_kind(text)
-    except ValueError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
 
 
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
@@ -243,35 +255,26 @@ def installed(option: str, package: str, extra: str) -> None:
         )
 
 
+_WITH_UNIT = "write it as `--help` shows, with a unit"
+
+
 def _known(option: str, whole: str, name: str) -> str:
     """The unit of a parameter that exists."""
     from kolsky.inverse.parameters import parameter
 
-    try:
+    with refused(f"{option} {whole!r}: ", cure=_WITH_UNIT):
         return parameter(name).unit
-    except ValueError as error:
-        raise InputError(
-            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-        ) from None
 
 
 def _value(option: str, whole: str, name: str, text: str) -> float:
-    from kolsky.base.units import UnitError, quantity
+    """A parameter's value in SI, inside its allowed range."""
+    from kolsky.base.units import quantity
     from kolsky.inverse.parameters import checked_value
 
     unit = _known(option, whole, name)
-    try:
-        number = float(text)
-    except ValueError:
+    with refused(f"{option} {whole!r}: ", cure=_WITH_UNIT):
         try:
+            number = float(text)
+        except ValueError:
             number = quantity(text, unit)
-        except UnitError as error:
-            raise InputError(
-                COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-            ) from None
-    try:
         return checked_value(name, number)
-    except ValueError as error:
-        raise InputError(
-            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-        ) from None

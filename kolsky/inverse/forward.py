@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +38,7 @@ from kolsky.inverse.parameters import (
     require_effect,
     what_relaxes,
 )
+from kolsky.inverse.settings import Numerics as Numerics
 from kolsky.shot.records import Shot, ShotBase
 
 
@@ -253,63 +253,8 @@ MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
 MESHES = 16
 """Most meshes that are kept, with what is computed from them: those of an identification."""
-LEAST_ACROSS = 10
-"""Fewest elements across the radius of a mesh that corrects for Poisson's ratio."""
 LEDGER_EVERY = 16
 """Surface times between two entries of the energy ledger of a run that only feeds a surrogate."""
-
-
-@dataclass(frozen=True)
-class Numerics:
-    """Numerical choices of a run; they are part of every result's provenance."""
-
-    mesh: tuple[int, int] = (24, 32)
-    """Elements across the radius and along the length."""
-    grading: float = 2.0
-    """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
-    safety: float = 0.9
-    """Share of the stability bound a step uses."""
-    precision: Literal["fp32", "fp64"] = "fp64"
-    """Arithmetic of the solver."""
-    device: str = "cpu"
-    """ "cpu" or a CUDA device."""
-    threads: int | None = None
-    """CPU threads; all cores if left out."""
-    past_data: Literal["continue", "stop"] = "continue"
-    """Whether a run ends where its material is strained past the quasi-static curve, see
-    `explicit.Model.past_data`."""
-    element: str = "one_point"
-    """The element: a name of `explicit.elements.ELEMENTS`."""
-    hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
-    """Hourglass control of the one-point element, see `explicit.Model.hourglass_form`."""
-    compressible: float | None = None
-    """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
-    `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
-
-    def with_mesh(self, mesh: tuple[int, int]) -> Numerics:
-        """The same choices on another mesh."""
-        return replace(self, mesh=mesh)
-
-    def with_other_element(self) -> Numerics:
-        """The same choices with the other element, by which the mesh's error is told."""
-        return replace(self, element="fbar" if self.element == "one_point" else "one_point")
-
-    def coarser(self) -> tuple[Numerics, Numerics]:
-        """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
-
-        Raises
-        ------
-        ValueError
-            If the mesh has too few elements across the radius.
-        """
-        if self.mesh[0] < LEAST_ACROSS + 2:
-            raise ValueError(
-                f"correcting for Poisson's ratio needs {LEAST_ACROSS + 2} elements or more across the "
-                f"radius, got {self.mesh[0]}: run it directly"
-            )
-        share = max(0.5, LEAST_ACROSS / self.mesh[0])
-        half = round(share * self.mesh[0]), round(share * self.mesh[1])
-        return self.with_mesh(half), self.with_mesh((round(0.75 * half[0]), round(0.75 * half[1])))
 
 
 @dataclass(frozen=True)

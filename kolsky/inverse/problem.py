@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +27,11 @@ from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, ForceHistory
-from kolsky.inverse.forward import Forward, Numerics, curve_replicates, material_law
+from kolsky.inverse.forward import Forward, curve_replicates, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
 from kolsky.inverse.parameters import PARAMETERS, any_slides
+from kolsky.inverse.settings import Settings as Settings
 from kolsky.shot.curve import conditioned_ratio
 from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot
@@ -141,41 +142,6 @@ def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
             f" are needed; the record spans {force.time[0]:.9g} to {force.time[-1]:.9g} s"
         )
     return max(float(inside[-1] - inside[0]) / BINS, float(np.diff(inside).max()))
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Free parameters, held parameters and numerical choices of an identification."""
-
-    free: Mapping[str, tuple[float, float] | None] | None = None
-    """Free parameters and the bounds of their design, None for the default bounds; all others are held.
-    Left out, the stiffness factor is free, and Poisson's ratio and damping where the shot can tell them,
-    see `kolsky.inverse.problem.choose`."""
-    held: Mapping[str, float] = field(default_factory=dict)
-    """Parameters held at another value than the shot's."""
-    hold: tuple[str, ...] = ()
-    """Parameters held at the shot's values that would be free by default."""
-    numerics: Numerics = field(default_factory=Numerics)
-    """The surrogate's mesh and the arithmetic."""
-    refined_mesh: tuple[int, int] = (64, 86)
-    """The mesh the answer is given on."""
-    replicates: int = 64
-    """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""
-    replicate_mesh: tuple[int, int] = (16, 22)
-    """The mesh of the replicates: a difference of two runs needs no fine one."""
-    bayes: bool = False
-    """Whether the posterior is sampled too (emcee, the extra [bayes])."""
-    pull: Literal["first", "conditioned"] = "first"
-    """Which quasi-static curve m refers to: that of the first pull, or of the conditioned material."""
-    seed: int = 1
-    """Seed of every random draw."""
-
-    def __post_init__(self) -> None:
-        if self.pull not in ("first", "conditioned"):
-            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
-        clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
-        if clash:
-            raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")
 
 
 DEFAULT = ("stiffness_factor", "poisson", "damping")

@@ -9,6 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, check_deformation
 from kolsky.readers.contents import Layout
 from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns
@@ -131,38 +132,6 @@ TABLE_HEADINGS = ("nominal strain (1)", "nominal stress (Pa)")
 """Headings of strain and stress in the tables of this package: curves, laws without friction."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a file of a homogeneous test, by name or number; a text that is empty was not said."""
-
-    convention: str = ""
-    """Sign of stress and strain, one of `CONVENTIONS`."""
-    stretch: str = ""
-    """Column of the stretch."""
-    strain: str = ""
-    """Or of the nominal strain or amount of shear."""
-    strain_unit: str | None = None
-    """Its unit; found in the file if None."""
-    stress: str = ""
-    """Column of the nominal stress."""
-    stress_unit: str | None = None
-    """Its unit; found in the file if None."""
-    header_line: int | None = None
-    """Line of the column names; found if None, 0 for none."""
-    displacement: str = ""
-    """Or columns of displacement and force, of a uniaxial test."""
-    force: str = ""
-    """The force's."""
-    length: float | None = None
-    """Undeformed length that the displacement is divided by [m]."""
-    area: float | None = None
-    """Undeformed cross-section that the force is divided by [m^2]."""
-    lateral: str = ""
-    """Column of the stretch of the free direction."""
-    lateral_strain: bool = False
-    """True if that is a nominal strain, positive where the specimen gets wider."""
-
-
 def read_homogeneous_test(
     path: str | Path, columns: Columns, *, mode: Mode = Mode.UNIAXIAL
 ) -> tuple[HomogeneousTest, str]:
@@ -199,9 +168,9 @@ def read_homogeneous_test(
         lateral = lateral + 1.0
     if by_force:
         assert columns.length is not None
-        assert columns.area is not None
+        assert columns.section is not None
         d = 1.0 + sign * values["deformation"] / columns.length
-        stress = sign * values["stress"] / columns.area
+        stress = sign * values["stress"] / columns.section
     else:
         # A stretch has no sign to be declared; strain and stress share theirs.
         d = values["deformation"] if columns.stretch else mode.at_rest + sign * values["deformation"]

@@ -207,7 +207,7 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
     ("wrong", "said"),
     [
         ({"geometry": 'chambers = 2\nwall = "0 mm"'}, "geometry.wall"),
-        ({"geometry": 'mesh = "a.vtu"\nwall = "2 mm"\nmesh_unit = "mm"'}, "has no effect beside a mesh"),
+        ({"geometry": 'mesh = "a.vtu"\nwall = "2 mm"\nmesh_unit = "mm"'}, "has no effect with a mesh"),
         ({"gravity": "[0.0, 9.81, 0.0]"}, "half = false"),
         ({"geometry": 'channel = ["30 mm", "2 mm"]'}, "channel's width"),
     ],

@@ -139,7 +139,7 @@ def test_new_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "shot.toml").write_text("mine")
     result = runner.invoke(app, ["new", str(tmp_path)])
     assert result.exit_code == 2
-    assert "exists already and is left as it is" in result.stderr
+    assert "exists already and was not changed" in result.stderr
     assert (tmp_path / "shot.toml").read_text() == "mine"
     result = runner.invoke(app, ["new", str(tmp_path / "shot.toml")])
     assert result.exit_code == 2

@@ -1,35 +1,36 @@
 """The door of commands: one file and one line of the registry give a command all that the others have."""
 
-import inspect
 import os
 import re
 import shutil
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli.commandline import COMMANDS, FORMER_NAMES, GROUPS, app, program
-from kolsky.cli.options import Device, SolverOptions, with_settings
+from kolsky.cli.options import changed
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = '''"""`kolsky weigh`: what a specimen weighs."""
 
 from kolsky.base.errors import InputError
-from kolsky.cli.options import AsJson, Mesh, ShotPath, SolverOptions
+from kolsky.cli.options import ShotPath
+from kolsky.inverse.settings import Numerics
 
 
-def weigh(
-    shot: ShotPath, *, mesh: Mesh = "8x11", solver: SolverOptions, as_json: AsJson = False
-) -> None:
+def weigh(shot: ShotPath, *, numerics: Numerics) -> None:
     """Weigh the specimen of a shot."""
-    if mesh == "0x0":
+    if numerics.mesh == (2, 2):
         raise InputError(shot, "weighs nothing", cure="take a heavier one")
-    print(f"{shot.name} on {mesh} by {solver.element} with {solver.precision}")
+    print(f"{shot.name} on {numerics.mesh} by {numerics.element} with {numerics.precision}")
 '''
 
 
@@ -79,8 +80,8 @@ def test_a_made_up_command_is_in_the_help_in_its_place(with_weigh: Path) -> None
 
 def test_a_made_up_command_has_the_shared_options_and_refusals(with_weigh: Path) -> None:
     done = run(with_weigh, "-m", "kolsky.cli", "weigh", "some/shot", "--element", "fbar", "--mesh", "4x5")
-    assert (done.returncode, done.stdout) == (0, "shot on 4x5 by fbar with fp64\n"), done.stderr
-    refused = run(with_weigh, "-m", "kolsky.cli", "weigh", "some/shot", "--mesh", "0x0")
+    assert (done.returncode, done.stdout) == (0, "shot on (4, 5) by fbar with fp64\n"), done.stderr
+    refused = run(with_weigh, "-m", "kolsky.cli", "weigh", "some/shot", "--mesh", "2x2")
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr == "some/shot: weighs nothing. Cure: take a heavier one\n"
 
@@ -138,26 +139,68 @@ def test_bad_input_ends_any_command_with_its_lines_and_exit_code_2() -> None:
     assert CliRunner().invoke(made, ["good"]).stdout == "done\n"
 
 
-def test_solver_options_stand_where_the_command_has_them() -> None:
-    seen = {}
+@dataclass(frozen=True)
+class Choices:
+    """Settings of each kind of option."""
 
-    def command(shot: str, *, solver: SolverOptions, device_too: Device = "x") -> None:
-        seen.update(shot=shot, solver=solver, device_too=device_too)
+    mesh: Annotated[tuple[int, int], Option("Cells.")] = (2, 3)
+    kind: Annotated[Literal["one", "two"], Option("one or two.")] = "one"
+    size: Annotated[float | None, Option("A length.", unit="m", positive=True)] = None
+    words: Annotated[tuple[str, ...], Option("Repeated.", name="word")] = ()
+    fine: Annotated[bool, Option("Not coarse.")] = False
+    exact: Annotated[bool, Option("Not exact.")] = True
+    depth: float = 3.0
 
-    made = with_settings(command)
-    made(shot="a", **{**vars(SolverOptions()), "precision": "fp32", "threads": 3})
-    assert seen["solver"] == SolverOptions(precision="fp32", threads=3)
-    assert seen["shot"] == "a"
-    names = list(made.__annotations__)
-    assert names == ["shot", *vars(SolverOptions()), "device_too", "quiet"]
+    def __post_init__(self) -> None:
+        if self.size == 1.0:
+            raise ValueError("a size of 1 m is too large")
 
 
-def test_a_command_has_its_own_defaults_of_shared_options() -> None:
-    fast = SolverOptions(precision="fp32")
+@dataclass(frozen=True)
+class Whole:
+    """A record in a record."""
 
-    def command(solver: SolverOptions = fast) -> None:
-        """Nothing to do."""
+    choices: Choices = field(default_factory=Choices)
+    count: Annotated[int, Option("How many.", min=1)] = 4
 
-    parameters = inspect.signature(with_settings(command)).parameters
-    assert parameters["precision"].default == "fp32"
-    assert parameters["element"].default == "one_point"
+
+def given(*words: str, whole: Whole | None = None) -> Any:
+    """The record that a command gets, or the error that ends it."""
+    records: list[Whole] = []
+    default = whole or Whole(count=5)
+
+    def command(*, whole: Whole = default) -> None:
+        """Take it."""
+        records.append(whole)
+
+    done = CliRunner().invoke(program({"command": command}), ["command", *words])
+    return records[0] if done.exit_code == 0 else done.output
+
+
+def test_a_record_is_made_of_its_options() -> None:
+    assert given() == Whole(count=5)
+    assert given("--mesh", "4x5", "--count", "2").choices.mesh == (4, 5)
+    words = ("--kind", "two", "--size", "3 mm", "--word", "a", "--word", "b", "--fine", "--no-exact")
+    made = given(*words).choices
+    assert made == Choices(kind="two", size=0.003, words=("a", "b"), fine=True, exact=False)
+    assert [name for name, is_changed in changed(made).items() if is_changed] == [
+        "--kind", "--size", "--word", "--fine", "--no-exact",
+    ]  # fmt: skip
+    assert not any(changed(Choices()).values())
+    other = given("--kind", "two", whole=Whole(Choices(depth=7.0)))
+    assert (other.choices.depth, other.count) == (7.0, 4)  # of the command's own defaults
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--mesh", "4"), "--mesh '4' cannot be read"),
+        (("--kind", "six"), "it must be one or two"),
+        (("--size", "3 s"), "--size"),
+        (("--size", "0 m"), "must be > 0 m"),
+        (("--size", "1 m"), "a size of 1 m is too large"),
+        (("--depth", "1"), "No such option"),
+    ],
+)
+def test_what_no_option_can_be_is_refused(words: tuple[str, ...], message: str) -> None:
+    assert message in given(*words)

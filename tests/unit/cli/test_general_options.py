@@ -1,6 +1,5 @@
 """Options of every command: `--quiet`, `--json`, and what they print."""
 
-import inspect
 import json
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from typer.testing import CliRunner
 
 from kolsky.cli import app
 from kolsky.cli.commandline import COMMANDS
-from kolsky.cli.terminal import is_quiet, print_result, progress_bars, quietly, sweep_progress
+from kolsky.cli.terminal import is_quiet, print_result, printing, progress_bars, sweep_progress
 
 runner = CliRunner()
 
@@ -29,28 +28,27 @@ def test_every_command_has_json_and_quiet(name: str) -> None:
     made = commands(typer.main.get_command(app))
     options = {text for parameter in made[name].params for text in parameter.opts}  # type: ignore[attr-defined]
     assert {"--json", "--quiet", "-q"} <= options
-    assert "as_json" in inspect.signature(COMMANDS[name]).parameters
 
 
 def test_quiet_leaves_the_answer_and_its_warnings(capsys: pytest.CaptureFixture[str]) -> None:
-    for asked, rest in ((False, "wall time"), (True, "")):
-        with quietly(asked):
-            print_result({"m": "1.12"}, None, rest={"wall time": "3 s"}, warnings=["it is late"])
+    for quiet in (False, True):
+        with printing(quiet=quiet):
+            print_result({"m": "1.12"}, {}, files={"page": "a.html"}, warnings=["it is late"])
         shown = capsys.readouterr()
         assert "1.12" in shown.out
-        assert ("wall time" in shown.out) is bool(rest)
+        assert ("wall time" in shown.out) is ("a.html" in shown.out) is not quiet
         assert shown.err == "warning: it is late\n"
-        with quietly(asked):
-            print_result({"m": "1.12"}, {"m": 1.12}, rest={"wall time": "3 s"})
+        with printing(as_json=True, quiet=quiet):
+            print_result({"m": "1.12"}, {"m": 1.12}, files={"page": "a.html"})
         shown = capsys.readouterr()
         assert json.loads(shown.out) == {"m": 1.12}
-        assert ("wall time" in shown.err) is bool(rest)
+        assert ("wall time" in shown.err) is ("a.html" in shown.err) is not quiet
     assert not is_quiet()  # nothing is left of it
 
 
 def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-    with quietly(True), progress_bars() as progress, sweep_progress() as pace:
+    with printing(quiet=True), progress_bars() as progress, sweep_progress() as pace:
         progress("design", 1, 2)
         pace(None)  # type: ignore[arg-type]
     assert capsys.readouterr().err == ""

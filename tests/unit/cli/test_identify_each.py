@@ -18,14 +18,13 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError, InputErrors
 from kolsky.cli import identify as module
 from kolsky.cli.commandline import app
-from kolsky.cli.identify import Printout, SingleShotJob, identify_each, refuse_shared, run_jobs
-from kolsky.cli.identify_shots import JointOptions
-from kolsky.cli.options import SolverOptions
+from kolsky.cli.identify import Printout, SingleShotJob, identify_each, run_jobs
 from kolsky.cli.sweep import Workers
-from kolsky.cli.terminal import is_quiet
+from kolsky.cli.terminal import is_quiet, printing
+from kolsky.inverse.settings import Numerics, Settings
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
-ALIKE = SingleShotJob(Path("none"), SolverOptions(), (6, 8), {})
+ALIKE = SingleShotJob(Path("none"), Settings())
 
 
 def made_up(task: SingleShotJob, *, processes: int) -> Printout:
@@ -33,7 +32,7 @@ def made_up(task: SingleShotJob, *, processes: int) -> Printout:
     name = task.shot.name
     if name == "bad":
         raise InputErrors([InputError(task.shot, "is odd", cure="mend it") for _ in range(2)])
-    how = f"{task.out} {task.solver.threads} {processes} {is_quiet()}"
+    how = f"{task.out} {task.settings.numerics.threads} {processes} {is_quiet()}"
     return Printout(name, ("m = 1",), {}, {"how": how}, ("mind this",), task.shot / "report.html")
 
 
@@ -50,8 +49,8 @@ def paths(*names: str) -> list[Path]:
 def test_shots_are_answered_in_their_order_and_a_bad_one_stops_no_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with pytest.raises(InputErrors, match="is odd") as raised:
-        identify_each(paths("b", "bad", "a"), ALIKE, Workers(), as_json=True)
+    with pytest.raises(InputErrors, match="is odd") as raised, printing(as_json=True):
+        identify_each(paths("b", "bad", "a"), ALIKE, Workers())
     assert len(raised.value.problems) == 2
     printed = capsys.readouterr()
     first, second, third = json.loads(printed.out)["shots"]
@@ -71,22 +70,22 @@ def test_the_workers_of_a_cluster_take_the_shots(
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as some:
-        ask = partial(identify_each, workers=Workers(dask=some.scheduler_address), as_json=False)
-        ask(paths("b", "a"), SingleShotJob(Path(), SolverOptions(), (6, 8), {}, out=tmp_path))
+        ask = partial(identify_each, workers=Workers(dask=some.scheduler_address))
+        ask(paths("b", "a"), SingleShotJob(Path(), Settings(), out=tmp_path))
         said = capsys.readouterr().out.splitlines()
         assert [line.split()[0] for line in said[:2]] == ["b:", "a:"]
-        assert said[2].split() == ["shots", "answered", "2", "of", "2"]
+        assert said[2].split() == ["shots", "identified", "2", "of", "2"]
         with pytest.raises(InputErrors):
             ask(paths("bad", "a"), ALIKE)
-        assert "shots answered  1 of 2" in capsys.readouterr().out
+        assert "shots identified  1 of 2" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("stubbed")
 def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
-    tasks = [SingleShotJob(Path(name), SolverOptions(threads=3), (6, 8), {}) for name in "ab"]
+    tasks = [SingleShotJob(Path(name), Settings(numerics=Numerics(threads=3))) for name in "ab"]
     done: list[int] = []
     found = run_jobs(partial(ThreadPoolExecutor, 2), tasks, done.append)
-    assert [one.said["how"] for one in found if isinstance(one, Printout)] == ["None 3 1 True"] * 2
+    assert [one.content["how"] for one in found if isinstance(one, Printout)] == ["None 3 1 True"] * 2
     assert done == [0, 1, 2]
 
 
@@ -116,9 +115,9 @@ def test_threads_of_a_worker(
         module, "_run_or_error", lambda task, processes: seen.append(task) or made_up(task, processes=2)
     )
     monkeypatch.setattr("kolsky.cli.sweep.dask_client", lambda named: Client())
-    alike = SingleShotJob(Path(), SolverOptions(threads=given), (6, 8), {})
-    identify_each(paths("a"), alike, Workers(processes, dask), as_json=False)
-    assert [task.solver.threads for task in seen] == [threads]
+    alike = SingleShotJob(Path(), Settings(numerics=Numerics(threads=given)))
+    identify_each(paths("a"), alike, Workers(processes, dask))
+    assert [task.settings.numerics.threads for task in seen] == [threads]
 
 
 def killed() -> Exception:
@@ -141,7 +140,7 @@ def test_a_lost_worker_is_said_with_what_is_done(why: Callable[[], Exception]) -
                 kept.set()
             return future
 
-    with pytest.raises(InputError, match=r"with [01] of 2 shots answered \(.*(kill|died)"):
+    with pytest.raises(InputError, match=r"with [01] of 2 shots identified \(.*(kill|died)"):
         run_jobs(Dies, [ALIKE, ALIKE], lambda done: None)
 
 
@@ -156,23 +155,7 @@ def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
             module._result_folders(shots, out)
 
 
-def test_what_does_not_go_together_is_refused() -> None:
-    refuse_shared(Workers())
-    JointOptions().refuse()
-    for given in (Workers(1), Workers(dask="here")):
-        with pytest.raises(InputError, match="is for shots that are identified one by one"):
-            refuse_shared(given)
-    for joint, option in (
-        (JointOptions(slow_tests=Path("a")), "slow-tests"),
-        (JointOptions(curve_nodes=4), "curve-nodes"),
-        (JointOptions(gain_each="1 %"), "gain-each"),
-        (JointOptions(no_scatter=True), "no-scatter"),
-    ):
-        with pytest.raises(InputError, match=f"--{option} is for several shots together"):
-            joint.refuse()
-
-
-def test_the_command_line_refuses_it(tmp_path: Path) -> None:
+def test_workers_of_a_single_identification_are_refused(tmp_path: Path) -> None:
     for words in (["--dask", "x"], ["--processes", "2"]):
         for shots in (["a"], ["a", "b"]):
             result = CliRunner().invoke(app, ["identify", *shots, *words])

@@ -1,45 +1,45 @@
-"""`kolsky identify SHOT...`: what is asked for, and what is refused before any work."""
+"""`kolsky identify SHOT...`: options reach the settings, and what cannot be is refused before any work."""
 
 import pytest
+from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
-from kolsky.cli.identify_shots import JointOptions, refuse_single_shot_options
-from kolsky.inverse.forward import Numerics
+from kolsky.cli import app
+from kolsky.cli.identify_shots import JointOptions
+from kolsky.inverse.settings import Numerics, Settings
 
-
-def options(**given: object) -> JointOptions:
-    return JointOptions(**given)  # type: ignore[arg-type]
-
-
-def settings(asked: JointOptions):  # type: ignore[no-untyped-def]
-    return asked.settings(
-        free=None,
-        held={},
-        hold=("damping",),
-        numerics=Numerics(mesh=(12, 16)),
-        refined=(24, 32),
-        replicates=3,
-        seed=2,
-    )
+ONE = Settings(
+    hold=("damping",), numerics=Numerics(mesh=(12, 16)), refined_mesh=(24, 32), replicates=3, seed=2
+)
 
 
 def test_the_options_reach_the_settings() -> None:
-    made = settings(options(curve_nodes=6, curve_roughness=0.2, gain_each="0.5 %", no_scatter=True))
+    made = JointOptions(curve_nodes=6, curve_roughness=0.2, gain_each=0.005, scatter=False).settings(ONE)
     assert (made.curve_nodes, made.curve_roughness, made.scatter) == (6, 0.2, False)
-    assert made.gain_each == pytest.approx(0.005)
+    assert made.gain_each == 0.005
     assert (made.hold, made.refined_mesh, made.replicates, made.seed) == (("damping",), (24, 32), 3, 2)
-    assert not options().asked
-    assert options(curve_nodes=4).asked
+    assert not JointOptions().is_needed
+    assert JointOptions(curve_nodes=4).is_needed
 
 
 def test_values_that_cannot_be_name_the_command_line() -> None:
     with pytest.raises(InputError, match="curve_nodes must be 0 or 4 to 24, got 3"):
-        settings(options(curve_nodes=3))
-    with pytest.raises(InputError, match="--gain-each"):
-        settings(options(gain_each="much"))
+        JointOptions(curve_nodes=3).settings(ONE)
 
 
-def test_what_means_something_for_one_shot_alone_is_refused() -> None:
-    refuse_single_shot_options({"bayes": False, "diagnose": False})
-    with pytest.raises(InputError, match="--diagnose is for one shot by itself"):
-        refuse_single_shot_options({"bayes": False, "diagnose": True})
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("a", "b", "--diagnose"), "--diagnose is for one shot by itself"),
+        (("a", "b", "--gain-each", "much"), "--gain-each"),
+        (("a", "b", "--each", "--no-scatter"), "--no-scatter is for several shots together"),
+        (("a", "--each", "--slow-tests", "x", "--curve-nodes", "4"), "--slow-tests, --curve-nodes is for"),
+        (("a", "--free", "poisson", "--hold", "poisson"), "named by both --free and --hold"),
+        (("a", "--element", "other"), "it must be one_point or fbar"),
+        (("a", "--device", "cuda:77"), "kolsky doctor"),
+    ],
+)
+def test_options_outside_their_mode_are_refused(words: tuple[str, ...], message: str) -> None:
+    done = CliRunner().invoke(app, ["identify", *words])
+    assert done.exit_code == 2
+    assert message in done.stderr

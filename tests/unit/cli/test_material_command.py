@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.material_fit import agreed_size, read_tests, size_of
+from kolsky.cli.material_fit import read_tests, size_of, with_size
+from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
-from kolsky.material.fits.homogeneous_test import Columns
 
 LAW = MooneyRivlin(4e3, 2e3)
 STRETCH = np.linspace(0.55, 0.97, 15)
@@ -113,7 +113,7 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (
             ["{f}"],
             {"stress": "Force"},
-            "column 'Force' is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
+            "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
         ),
         (
             ["{f}"],
@@ -122,7 +122,7 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         ),
         (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' has the unit '%'"),
         (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
-        (["tension:{f}"], {}, "is no mode; it must be uniaxial, equibiaxial, planar, simple-shear"),
+        (["tension:{f}"], {}, "it must be uniaxial, equibiaxial, planar, simple-shear"),
         (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
         (["{f}x"], {}, "there is no such file"),
     ],
@@ -196,18 +196,20 @@ def test_tables_of_the_package_need_no_columns(tmp_path):
     (test,), _ = read_tests([str(path)], Columns("compression-positive"))
     np.testing.assert_allclose(test.deformation[::2], [0.95, 0.85, 0.75, 0.65])
     np.testing.assert_allclose(test.stress[::2], [-3e3, -9e3, -15e3, -21e3])
-    with pytest.raises(InputError, match="does not say which columns"):
+    with pytest.raises(InputError, match="the columns of the test are not named"):
         read_tests([str(write(tmp_path / "other.csv"))], Columns("compression-positive"))
 
 
 def test_a_held_cylinder_has_one_size():
-    size = size_of("9.5 mm x 6.5 mm")
+    size = size_of("--specimen", "9.5 mm x 6.5 mm")
     area = np.pi * 4.75e-3**2
-    assert agreed_size(size, None, None, {}) == pytest.approx((6.5e-3, area), rel=1e-12)
-    assert agreed_size(size, 6.5e-3, 70.88e-6, {})[1] == pytest.approx(area, rel=1e-12)
+    for columns in (Columns(), Columns(length=6.5e-3, area=70.88e-6), Columns(diameter=9.5e-3)):
+        sized = with_size(columns, size)
+        assert (sized.length, sized.section) == pytest.approx((6.5e-3, area), rel=1e-12)
     with pytest.raises(InputError, match=r"--length gives 0\.0065065\d* m, --specimen 0\.0065 m"):
-        agreed_size(size, 6.5e-3 * 1.00101, None, {})
+        with_size(Columns(length=6.5e-3 * 1.00101), size)
     with pytest.raises(InputError, match="--area or --diameter gives"):
-        agreed_size(size, None, 1.0011 * area, {})
-    with pytest.raises(InputError, match="--figures, --mean does not go with --specimen"):
-        agreed_size(size, None, None, {"--figures": True, "--mean": True, "--lateral": False})
+        with_size(Columns(area=1.0011 * area), size)
+    words = ("--specimen", "9.5 mm x 6.5 mm", "--mean", "9", "--poisson", "0.49", "--free-bounds")
+    refused = run("a.csv", *words)
+    assert "--mean, --free-bounds does not go with --specimen" in refused.stderr

@@ -55,41 +55,32 @@ def test_what_is_no_constraint_is_refused(text: str, words: str) -> None:
 
 
 def test_points_that_break_a_constraint_are_left_out_and_counted() -> None:
-    bounds = {"friction": (0.0, 2.0), "stiffness_factor": (0.5, 1.5)}
-    design = DesignChoice("factorial", bounds, (3, 3), where=("friction <= 1",)).design()
+    vary = ("friction=0:2:3", "stiffness_factor=0.5:1.5:3")
+    design = DesignChoice(vary, where=("friction <= 1",)).design()
     assert len(design) == 6
     assert design.settings["refused"] == 3
 
 
 def test_a_d_optimal_design_chooses_among_what_is_allowed() -> None:
-    bounds = {"friction": (0.0, 2.0), "stiffness_factor": (0.5, 1.5)}
-    design = DesignChoice("d-optimal", bounds, runs=8, where=("friction <= 1.2",)).design()
+    vary = ("friction=0:2", "stiffness_factor=0.5:1.5")
+    design = DesignChoice(vary, "d-optimal", runs=8, where=("friction <= 1.2",)).design()
     assert len(design) == 8  # none is lost, as it would be if they were left out afterwards
     assert design.points[:, 0].max() == pytest.approx(1.0)  # the last of five levels of 0 to 2 below 1.2
 
 
 def test_logarithmic_levels_have_equal_ratios() -> None:
-    design = DesignChoice("factorial", {"damping": (1e-6, 1e-4)}, (3,), logarithmic=("damping",)).design()
+    design = DesignChoice(("damping=1e-6:1e-4:3",), log=("damping",)).design()
     np.testing.assert_allclose(design.points[:, 0], [1e-6, 1e-5, 1e-4], rtol=1e-12)  # round-off
 
 
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        (
-            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), logarithmic=("friction",)),
-            "needs a lower bound > 0",
-        ),
-        (
-            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), logarithmic=("damping",)),
-            "names",
-        ),
-        (
-            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), where=("friction > 3",)),
-            "no point of the 3",
-        ),
-        (DesignChoice("csv", {}, points=Path("x.csv"), logarithmic=("friction",)), "no effect on points"),
-        (DesignChoice("lhs", {"friction": (0.0, 2.0)}, generators="a b"), "need each other"),
+        (DesignChoice(("friction=0:2:3",), log=("friction",)), "needs a lower bound > 0"),
+        (DesignChoice(("friction=0:2:3",), log=("damping",)), "names"),
+        (DesignChoice(("friction=0:2:3",), where=("friction > 3",)), "no point of the 3"),
+        (DesignChoice((), "csv", points=Path("x.csv"), log=("friction",)), "no effect on points"),
+        (DesignChoice(("friction=0:2",), "lhs", generators="a b"), "need each other"),
     ],
 )
 def test_choices_that_cannot_be(choice: DesignChoice, words: str) -> None:

@@ -50,8 +50,8 @@ def test_a_name_that_is_too_long(command: str) -> None:
         (errno.ENOSPC, "make room"),
         (errno.EDQUOT, "make room"),
         (errno.ENAMETOOLONG, "give a shorter"),
-        (errno.EACCES, "see that you may"),
-        (errno.EIO, "look at the file"),
+        (errno.EACCES, "give yourself read"),
+        (errno.EIO, "check the file"),
     ],
 )
 def test_each_refusal_has_its_cure(number: int, words: str) -> None:

@@ -28,10 +28,10 @@ def test_a_positive_quantity_excludes_zero() -> None:
 
 
 def test_a_frame_rate_is_the_inverse_of_the_time_between_pictures() -> None:
-    assert _frame_interval("125 kHz") == pytest.approx(8e-6, rel=1e-14)
-    assert _window("50 us:1.2 ms") == pytest.approx((5e-5, 1.2e-3), rel=1e-14)
+    assert _frame_interval("--frame-rate", "125 kHz") == pytest.approx(8e-6, rel=1e-14)
+    assert _window("--window", "50 us:1.2 ms") == pytest.approx((5e-5, 1.2e-3), rel=1e-14)
     with pytest.raises(InputError, match="must be > 0"):
-        _frame_interval("0 kHz")
+        _frame_interval("--frame-rate", "0 kHz")
 
 
 def test_strains_lie_between_zero_and_one_without_the_ends() -> None:
@@ -61,7 +61,7 @@ def test_shards_are_counted_from_one_to_their_number() -> None:
 
 
 def test_parts_of_a_design_are_all_of_it_once() -> None:
-    design = DesignChoice("factorial", {"friction": (0.0, 2.0)}, (7,)).design()
+    design = DesignChoice(("friction=0:2:7",)).design()
     parts = [Records(shard=(i, 3)).part(design).points[:, 0] for i in (1, 2, 3)]
     assert sorted(np.concatenate(parts)) == pytest.approx(np.linspace(0.0, 2.0, 7))
     assert Records(shard=(2, 3)).stem == "sweep-2of3"
@@ -118,7 +118,7 @@ def test_a_name_cannot_steer_the_terminal(capsys: pytest.CaptureFixture[str]) ->
     from kolsky.cli.terminal import print_result
 
     evil = "shot\x1b[2J\x1b]0;owned\x07\u202etxt"
-    print_result({"shot": evil}, None, rest={"file": evil}, answers=[f"m of {evil}"], warnings=[f"{evil}!"])
+    print_result({"shot": evil}, {}, files={"file": evil}, lines=[f"m of {evil}"], warnings=[f"{evil}!"])
     shown = "".join(capsys.readouterr())
     assert "owned" in shown
     assert not set(shown) & set("\x1b\x07\u202e")

@@ -98,7 +98,7 @@ def test_a_test_that_is_not_at_rest_is_said() -> None:
         (["--slow", "--element", "fbar"], "--element has no effect"),
         (["--slow", "--vtu"], "--vtu has no effect"),
         (["--slow", "--strain", "120 %"], "< 100 %"),
-        (["--error", "1 %"], "belong to --slow"),
+        (["--error", "1 %"], "--error needs --slow"),
     ],
 )
 def test_options_that_do_not_go_together(options: list[str], words: str) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from explicit.materials import LAWS
 from kolsky.base.apparatus import Specimen
+from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import (
-    Columns,
     HomogeneousTest,
     means_by_mode,
     read_homogeneous_test,

@@ -191,7 +191,7 @@ def test_unknown_bounds_are_refused() -> None:
 def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     """What `kolsky identify --method paper` adds to the answer that it has written already."""
     from kolsky.cli.identify import paper_answer
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.settings import Settings
 
     made = MadeShot({COARSE: 1.10, FINE: 1.05})
     monkeypatch.setattr(method.sweeping, "sweep", made.sweep)

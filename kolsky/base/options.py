@@ -1,0 +1,46 @@
+"""A setting as an option of the command line, without any library of command lines."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+COMMAND_LINE = Path("command line")
+"""Place of an `InputError` about an option."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """Help and reading of an option, in the annotation of a field or of a command's parameter.
+
+    The type decides how a text is read, see `kolsky.cli.options.with_settings`.
+    """
+
+    help: str
+    """Text of `--help`."""
+    name: str = ""
+    """Name of the option without its dashes; that of the field if empty."""
+    short: str = ""
+    """More names with their dashes, e.g. "-p/--parameter"."""
+    metavar: str | None = None
+    """What is to be written; the type if None."""
+    min: float | None = None
+    """Least number."""
+    max: float | None = None
+    """Largest number."""
+    show_default: str | None = None
+    """Default as shown; the field's if None, none if empty."""
+    unit: str = ""
+    """SI unit of a quantity; the text may use another one."""
+    positive: bool = False
+    """Whether the quantity must be above zero."""
+    read: Callable[[str, str], Any] | None = None
+    """Reads an option's text, given the option and the text; raises InputError."""
+    on: Callable[[], Any] | None = None
+    """Value of a switch that is given; True if None."""
+
+
+HeaderLine = Annotated[
+    int | None, Option("Line of the column names; 0: none.", min=0, show_default="found in the file")
+]
+"""Line of a table's column names, counted from 1."""

@@ -1,0 +1,151 @@
+"""Settings of an identification and of its runs: free parameters, numerical choices, options of a command.
+
+The module loads no solver: the command line makes its options of these fields.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+from kolsky.base.errors import InputError
+from kolsky.base.options import COMMAND_LINE, Option
+from kolsky.inverse.parameters import PARAMETERS
+
+LEAST_ACROSS = 10
+"""Fewest elements across the radius of a mesh that corrects for Poisson's ratio."""
+
+FreeParameters = Mapping[str, tuple[float, float] | None]
+"""Parameters and the bounds of their search; None for the default bounds."""
+
+
+def _usable_device(option: str, text: str) -> str:
+    """The device, if this machine has it."""
+    from explicit.device import select_device
+
+    try:
+        select_device(text)
+    except ValueError as error:
+        raise InputError(
+            COMMAND_LINE,
+            f"{option}: {error}",
+            cure="give cpu, cuda or cuda:N; `kolsky doctor` lists the devices",
+        ) from None
+    return text
+
+
+def _compressible() -> float:
+    from explicit.incompressible import COMPRESSIBLE
+
+    return COMPRESSIBLE
+
+
+Mesh = Annotated[tuple[int, int], Option("Elements across the radius x along the length.", metavar="NRxNY")]
+Device = Annotated[str, Option('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device)]
+Threads = Annotated[int | None, Option("CPU threads.", min=1, show_default="all cores")]
+Seed = Annotated[int, Option("Seed of every random draw.", min=0)]
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Numerical choices of a run; they are part of every result's provenance."""
+
+    mesh: Mesh = (24, 32)
+    grading: float = 2.0
+    """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
+    safety: float = 0.9
+    """Share of the stability bound a step uses."""
+    precision: Annotated[Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.")] = "fp64"
+    device: Device = "cpu"
+    threads: Threads = None
+    past_data: Annotated[
+        Literal["continue", "stop"],
+        Option(
+            "Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
+            metavar="CHOICE",
+        ),
+    ] = "continue"
+    element: Annotated[
+        Literal["one_point", "fbar"],
+        Option("one_point, or fbar: fully integrated, three times as expensive."),
+    ] = "one_point"
+    hourglass_form: Annotated[
+        Literal["stiffness", "viscous"],
+        Option("Hourglass control of one_point: stiffness or viscous.", name="hourglass"),
+    ] = "stiffness"
+    compressible: Annotated[
+        float | None,
+        Option(
+            "Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
+            name="nearly-incompressible",
+            on=_compressible,
+        ),
+    ] = None
+    """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
+    `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
+
+    def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
+        """The same choices on another mesh."""
+        return replace(self, mesh=mesh)
+
+    def with_other_element(self) -> "Numerics":
+        """The same choices with the other element, for the estimate of the mesh error."""
+        return replace(self, element="fbar" if self.element == "one_point" else "one_point")
+
+    def coarser(self) -> "tuple[Numerics, Numerics]":
+        """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
+
+        Raises
+        ------
+        ValueError
+            If the mesh has too few elements across the radius.
+        """
+        if self.mesh[0] < LEAST_ACROSS + 2:
+            raise ValueError(
+                f"correcting for Poisson's ratio needs {LEAST_ACROSS + 2} elements or more across the "
+                f"radius, got {self.mesh[0]}: run it directly"
+            )
+        share = max(0.5, LEAST_ACROSS / self.mesh[0])
+        half = round(share * self.mesh[0]), round(share * self.mesh[1])
+        return self.with_mesh(half), self.with_mesh((round(0.75 * half[0]), round(0.75 * half[1])))
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Free parameters, held parameters and numerical choices of an identification."""
+
+    free: Annotated[
+        FreeParameters | None,
+        Option(
+            f"Free parameter and the bounds of its search; repeat for more. {', '.join(PARAMETERS)}.",
+            metavar="NAME[=LOW:HIGH]",
+            show_default="stiffness_factor, and poisson and damping if the data constrain them",
+        ),
+    ] = None
+    """Free parameters; all others are held. The default is `kolsky.inverse.problem.choose`'s."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Parameters held at another value than the shot's."""
+    hold: tuple[str, ...] = ()
+    """Parameters held at the shot's values that would be free by default."""
+    numerics: Numerics = field(default_factory=Numerics)
+    """The surrogate's mesh and the arithmetic."""
+    refined_mesh: Annotated[
+        tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY")
+    ] = (64, 86)
+    replicates: Annotated[
+        int, Option("Random draws of the flyer's and the curve's noise, each; 0: none.", min=0)
+    ] = 64
+    replicate_mesh: tuple[int, int] = (16, 22)
+    """The mesh of the replicates: a difference of two runs needs no fine one."""
+    bayes: Annotated[bool, Option("Sample the posterior too; needs emcee.")] = False
+    pull: Annotated[
+        Literal["first", "conditioned"],
+        Option("Loading of the quasi-static curve that m refers to: first or conditioned."),
+    ] = "first"
+    seed: Seed = 1
+
+    def __post_init__(self) -> None:
+        if self.pull not in ("first", "conditioned"):
+            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
+        clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
+        if clash:
+            raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")
