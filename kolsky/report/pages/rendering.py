@@ -154,8 +154,8 @@ def script(name: str) -> Markup:
 
 def digest(text: str) -> Markup:
     """The source of a Content-Security-Policy that allows this very text and no other."""
-    page = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
-    return Markup(f"'sha256-{page}'")
+    value = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
+    return Markup(f"'sha256-{value}'")
 
 
 _P = ParamSpec("_P")
