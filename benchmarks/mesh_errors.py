@@ -20,7 +20,7 @@ from benchmarks.coverage import Study, _truth_file
 from benchmarks.coverage_problem import FloatArray, drawn, experiment
 from kolsky.base.process import process_pool
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import InverseProblem, Settings
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.work import Work
@@ -53,10 +53,10 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
         refined_mesh=study.refined_mesh,
         seed=study.seed + number,
     )
-    found = search_shot(prepare_shot(shot), settings, Work())
-    true = np.array([float(getattr(truth, name)) for name in found.stages.box.names])
-    change = mesh_change(found.stages, found.fine)
-    order = [found.stages.box.names.index(name) for name in NAMES]
+    found = search_shot(InverseProblem.of(shot, settings), Work())
+    true = np.array([float(getattr(truth, name)) for name in found.problem.box.names])
+    change = mesh_change(found.runner, found.fine)
+    order = [found.problem.box.names.index(name) for name in NAMES]
     return {
         "number": number,
         "ratio": change.ratio,

@@ -21,6 +21,8 @@ LARGEST_STRAIN = 20.0
 """Nominal strain beyond which a column is no strain of an elastomer."""
 SMALLEST_CURVE = 5
 """Points away from rest that a curve needs."""
+PAST_CURVE = 0.01
+"""Share of the specimen past the curve from which on it is said [-]."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
