@@ -39,7 +39,7 @@ class Point:
 class CauseModel:
     """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
 
-    ``runner``: runs points of the identification's problem. ``x``: where the run on the refined mesh was made, shape
+    ``runner``: of the identification. ``x``: where the run on the refined mesh was made, shape
     [d]. ``refined``: that run, a batch of one. ``first``: an input that is free beside the parameters, its
     coordinate the last entry of every x; None for none. Raises ValueError if the run there does not complete
     on the surrogate's mesh.

@@ -88,7 +88,7 @@ class CauseSearch:
     What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
     is a misfit.
 
-    ``runner``, ``model``, ``expected``: runs points of the identification's problem, data vectors from them, what a
+    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, what a
     right model leaves. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
     inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
     out.

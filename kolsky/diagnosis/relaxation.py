@@ -280,7 +280,7 @@ def shot_branch_test(
 ) -> BranchTest | None:
     """Hold what an elastic identification leaves against branches of some relaxation times.
 
-    ``runner``: runs points of the identification's problem; a run a time is added on the surrogate's mesh. ``x``: the
+    ``runner``: a run a time is added on the surrogate's mesh. ``x``: the
     optimum, shape [d]. ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there,
     shape [k, d]. ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the
     shot declares what relaxes, or a run does not complete.

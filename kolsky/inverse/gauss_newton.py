@@ -196,7 +196,7 @@ def descend(
 ) -> tuple[RefinedRun, FloatArray]:
     """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
 
-    ``runner``: runs points of the identification's problem; all runs join their table. ``objective``: which outline
+    ``runner``: all runs join its table. ``objective``: which outline
     points count, and the prior. ``slope``: the coarser mesh's, shape [k, d]: they are kept where a run beside
     the point does not complete. ``last``: the run from which to go on.
     """

@@ -306,7 +306,7 @@ class InverseProblem:
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
         """From a shot as loaded.
 
-        Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound outside its range.
+        Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound out of range.
         """
         prepared = prepare_shot(with_pull(shot, settings.pull))
         return cls.freeing(prepared, choose(settings, prepared.forward.shot))

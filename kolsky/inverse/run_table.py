@@ -241,7 +241,7 @@ class Runs:
 
     @property
     def lost(self) -> str:
-        """The runs that did not complete, in words: their number and the first one's ending; empty if none."""
+        """Lost runs in words: their number and the first one's ending; empty if all did."""
         n, lost = len(self.points), len(self.points) - len(self.rows)
         return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
 
@@ -287,7 +287,7 @@ class RunTable:
     ) -> None:
         """Append a batch.
 
-        ``values``: the points at which the mesh was run, shape [n, d]; those of `runs` are the refined mesh's.
+        ``values``: where the mesh was run, shape [n, d]; the points of `runs` are the refined mesh's.
         """
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}

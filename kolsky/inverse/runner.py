@@ -114,8 +114,8 @@ class Runner:
     ) -> Response:
         """Run points as part of a stage, beside the table.
 
-        ``points``: they may lie outside the box, shape [n, d]. ``forward``: another one than `Runner.forward`,
-        with the paths and laws that ``motion`` and ``material`` number.
+        ``points``: they may lie outside the box, shape [n, d]. ``forward``: in place of the path's own, with
+        the paths and laws that ``motion`` and ``material`` number.
         """
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
@@ -137,7 +137,7 @@ class Runner:
         all_nodes: bool = False,
         recorded: bool = True,
     ) -> Runs:
-        """Run points of shape [n, d], which may lie outside the box; they join the table if they are recorded."""
+        """Run points of shape [n, d], which may lie outside the box; recorded, they join the table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
