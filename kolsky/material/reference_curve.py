@@ -304,22 +304,19 @@ def read_uniaxial_test(
     return test, digest
 
 
-def write_curve(path: Path, made: ReferenceCurve) -> None:
-    """Write a table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
+def curve_columns(made: ReferenceCurve) -> dict[str, list[float]]:
+    """A table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
     band = made.band
     modes = {
         f"{MODE} {number}: {name} (Pa)": row.tolist()
         for number, (name, row) in enumerate(zip(band.names, band.modes, strict=True), start=1)
     }
-    write_table(
-        path,
-        {
-            "nominal strain (1)": band.strain.tolist(),
-            "nominal stress (Pa)": band.stress.tolist(),
-            "independent sigma (Pa)": band.noise.tolist(),
-            **modes,
-        },
-    )
+    return {
+        "nominal strain (1)": band.strain.tolist(),
+        "nominal stress (Pa)": band.stress.tolist(),
+        "independent sigma (Pa)": band.noise.tolist(),
+        **modes,
+    }
 
 
 def write_modulus(path: Path, made: ReferenceCurve) -> None:

@@ -109,7 +109,7 @@ OUTLINE = Record(
             Integers("1", "outcomes", at="left_out_outcome"),
             Integers("1", "outcomes", at="left_out_count"),
             at=".",
-            key=PointOutcome,
+            as_key=PointOutcome,
         ),
     },
 )

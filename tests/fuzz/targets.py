@@ -217,7 +217,7 @@ def tables() -> list[Target]:
 
 def pictures() -> list[Target]:
     """Picture files."""
-    from test_dic_images_damaged import WRITERS
+    from test_dic_images import WRITERS
 
     from dic.images import open_pictures
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from benchmarks.coverage import Found, Study, _free, run
-from benchmarks.coverage_counts import NOMINAL, summary
-from benchmarks.coverage_problem import (
+from populations.coverage import Found, Study, _free, run
+from populations.coverage_counts import NOMINAL, summary, table
+from populations.coverage_problem import (
     FORCE_SIGMA,
     GROUP,
     NOISE,
@@ -22,7 +22,6 @@ from benchmarks.coverage_problem import (
     template,
     velocity,
 )
-from benchmarks.coverage_table import table
 
 M = "stiffness_factor"
 

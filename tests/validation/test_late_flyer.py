@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.answers import late_flyer
 from kolsky.diagnosis.fit_quality import leading_lag
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Verdict
 from kolsky.shot.load import load_shot
+from populations.answers import late_flyer
 
 OPEN = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 LATE = 20e-6

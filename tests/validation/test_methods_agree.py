@@ -21,7 +21,7 @@ def distances(found: Identification, name: str) -> dict[str, float]:
 @pytest.mark.slow
 def test_stiffness_alone_by_every_method() -> None:
     found = identify(load_shot(OPEN_01), Settings(free={"stiffness_factor": None}))
-    # To two of the 0.0017 that the mesh of the program that made it is worth (`benchmarks.open_courses`).
+    # To two of the 0.0017 that the mesh of the program that made it is worth (`populations.open_courses`).
     assert found.estimates["stiffness_factor"].value == pytest.approx(TRUTH["m"], abs=2.0 * 1.7e-3)
     by_method = distances(found, "stiffness_factor")
     assert {SIMPLEX, PROFILE} <= set(by_method)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import other_program
-from benchmarks.coverage import Study, _truth_file
-from benchmarks.coverage_problem import HEIGHTS, drawn, stroke
-from benchmarks.truth_meshes import STEPS
+from populations import other_program
+from populations.coverage import Study, truth_file
+from populations.coverage_problem import HEIGHTS, drawn, stroke
+from populations.truth_meshes import STEPS
 
 SETUP, TRUTH = drawn(11, 3)
 STUDY = Study(free=tuple(STEPS), seed=3)
@@ -52,7 +52,7 @@ def test_a_truth_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(other_program, "SCRIPT", script)
     for _ in range(2):
         other_program.make_truth(STUDY, tmp_path / "answers", 11, sys.executable)
-    place = _truth_file(STUDY, tmp_path / "answers", 11)
+    place = truth_file(STUDY, tmp_path / "answers", 11)
     with np.load(place) as stored:
         np.testing.assert_array_equal(stored["force"], SETUP.samples)
         np.testing.assert_array_equal(stored["Z"], [TRUTH.damping, 24.0])

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.coverage_problem import SLIDING, drawn, experiment, simulate
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Verdict
 from kolsky.shot.load import load_shot
+from populations.coverage_problem import SLIDING, drawn, experiment, simulate
 
 OPEN = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 

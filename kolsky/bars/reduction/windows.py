@@ -216,7 +216,7 @@ VISIBLE = 0.05
 SCATTER = 0.4, 0.05
 """Scatter of a first rise against the incident one's that noise does not explain, in times that a wave needs
 across the bar, and as a share of the incident pulse's rise: dispersion, ringing, the specimen's part in the
-foot. From the first population of `benchmarks/bar_signals.py`, judged on the second."""
+foot. From the first population of `populations/bar_signals.py`, judged on the second."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from typing import Any
 
 from dic.calibration.views import Calibration
 from kolsky.report.figures import CALIBRATION
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results import numbers as plain_text
 
@@ -18,7 +18,7 @@ def render(name: str, found: Calibration) -> str:
         subject="calibration",
         figures=draw_figures(CALIBRATION.values(), found),
         rows=list(summary(found).items()),
-        warnings=[f"{warning}." for warning in warnings(found)],
+        warnings=sentences(warnings(found)),
         pairs=[_row(pair) for pair in found.pairs],
     )
 
@@ -83,9 +83,8 @@ def warnings(found: Calibration) -> list[str]:
     said += [f"pair {pair.name}: {pair.reason}; export it again" for pair in found.unusable]
     if found.clustering > 2.0:
         said.append(
-            "residuals within a picture are correlated "
-            f"(factor {found.clustering:.1f} on variances): the target "
-            "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
+            f"residuals within a picture are correlated (factor {found.clustering:.1f} on variances): the "
+            "target may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
         )
     return [*said, *found.advice]
 

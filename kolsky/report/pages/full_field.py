@@ -10,7 +10,7 @@ from kolsky.pictures.rig import refinement_words
 from kolsky.pictures.summary import words
 from kolsky.report.figures import FULL_FIELDS
 from kolsky.report.pages import surfaces
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.report.picture_views import FullFieldView
 
 AXES = {
@@ -35,7 +35,7 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         subject="full-field measurement",
         figures=draw_figures(FULL_FIELDS.values(), shown),
         rows=list(printed(result).items()),
-        warnings=[f"{warning}." for warning in warnings(result)],
+        warnings=sentences(warnings(result)),
         outcomes=surfaces.rows_of_points(result.outcomes(), result.surface.outcome.size),
         frames=surfaces.rows_of_frames(result.bad_frames()),
         settings=[

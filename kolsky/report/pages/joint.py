@@ -19,7 +19,7 @@ def render(found: JointResult) -> str:
         heading=f"{len(found.shots)} shots",
         subject="joint identification",
         warnings=sentences(found.warnings),
-        figures=draw_figures([kind for kind in JOINT.values() if kind.applies(found)], found),
+        figures=draw_figures(JOINT.values(), found),
         facts=_facts(found),
         parameters=[_parameter(found, name) for name in found.estimates],
         shots=[_shot(found, k) for k in range(len(found.shots))],

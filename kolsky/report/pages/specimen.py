@@ -110,7 +110,6 @@ def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
         said = one.intervals
         rows[one.name] = (
             f"{one.constants.law}, {' + '.join(one.fitted)}; χ² / degrees of freedom "
-            f"{one.found.chi2 / said.degrees:.3g}, {one.found.simulations} simulations, "
-            f"{one.found.ended}"
+            f"{one.found.chi2 / said.degrees:.3g}, {one.found.simulations} simulations, {one.found.ended}"
         )
     return rows

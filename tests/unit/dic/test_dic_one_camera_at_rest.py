@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_dic_reconstruct import RIG, followed
+from test_dic_triangulate import RIG, followed
 
 from dic.bodies import axial_displacement
 from dic.bodies.axial_displacement import Translations, translations

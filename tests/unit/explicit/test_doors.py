@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import pytest
 import test_contact_laws as contact_battery
-import test_material_kernels as kernel_battery
+import test_material_laws as kernel_battery
 import test_material_laws as law_battery
-from test_material_runs import apart, impact
+from test_material_laws import apart, impact
 
 from explicit import Response, Samples
 from explicit.contact import CONTACT_LAWS
