@@ -416,7 +416,7 @@ class Record(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Shown(Item):
+class JsonOnly(Item):
     """A property that JSON and tables have and HDF5 has not."""
 
     derived: bool = field(default=True, kw_only=True)

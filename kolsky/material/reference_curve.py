@@ -29,7 +29,8 @@ from kolsky.material.uniaxial import (
     remarks_of,
     resample,
 )
-from kolsky.readers.measured_tables import read_columns
+from kolsky.readers.contents import Layout
+from kolsky.readers.measured_tables import WantedColumn, read_columns
 
 Pull = Literal["first", "conditioned"]
 
@@ -281,9 +282,11 @@ def read_uniaxial_test(
     path = Path(path)
     values, digest = read_columns(
         path,
-        {what: (column, COLUMNS[what]) for what, column in columns.items()},
-        units=dict(units or {}),
-        header_line=header_line,
+        {
+            what: WantedColumn(column, COLUMNS[what], (units or {}).get(column))
+            for what, column in columns.items()
+        },
+        Layout(header_line=header_line),
     )
     compression = branch == "compression"
     sign = 1.0 if compression == (convention == "compression-positive") else -1.0

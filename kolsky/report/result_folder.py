@@ -357,7 +357,6 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
@@ -367,8 +366,7 @@ def write_full_field_results(
         write_full_field(partial / "dic.h5", result)
         write_full_field_history(partial / "history.csv", result)
         write_page(partial / "dic.html", shown, measurement.inputs)
-        if formats:
-            save_figures(partial / "figures", shown, formats=tuple(formats))
+        save_figures_alone(partial, shown, formats)
         if csv:
             write_full_field_frames(partial / "csv", result)
         if vtu:

@@ -21,11 +21,11 @@ from kolsky.base.hdf5_records import (
     Integers,
     Item,
     Json,
+    JsonOnly,
     Named,
     Part,
     Parts,
     Record,
-    Shown,
     Text,
     by_parameter,
     numbers,
@@ -88,8 +88,8 @@ FIT = Record(
         "limit": Floats("1"),
         "slow_limit": Floats("1"),
         "expected": Floats(RECORD_UNIT, derived=True),
-        "over_noise": Shown(),
-        "over_peak": Shown(),
+        "over_noise": JsonOnly(),
+        "over_peak": JsonOnly(),
         "excess": Floats("1", derived=True),
         "slow_excess": Floats("1", derived=True),
         "explained": Flags("1", derived=True),
@@ -106,7 +106,7 @@ CLOCK = Record(
         "explains": Flags("1"),
         "file": Text(),
         "key": Text(),
-        "significance": Shown(),
+        "significance": JsonOnly(),
     },
 )
 CAUSE = Record(
@@ -131,8 +131,8 @@ CAUSE = Record(
         "declared_sigma": Floats(RECORD_UNIT, optional=True),
         "solved": numbers("SI"),
         "solved_sigmas": numbers("SI"),
-        "change": Shown(),
-        "within": Shown(),
+        "change": JsonOnly(),
+        "within": JsonOnly(),
     },
 )
 
@@ -207,7 +207,7 @@ def _term(name: str) -> Item:
     return Floats("N" if name in ("phi_force", "sigma_phi_force") else "1")
 
 
-TERMS = Record(Terms, COLLECTION, {**{f.name: _term(f.name) for f in fields(Terms)}, "chi2": Shown()})
+TERMS = Record(Terms, COLLECTION, {**{f.name: _term(f.name) for f in fields(Terms)}, "chi2": JsonOnly()})
 OUTLINE = Record(
     CentreLine,
     None,

@@ -104,7 +104,7 @@ def _observed(
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
         columns = {name: some[:, i] for i, name in enumerate(box.names)}
-        values = {**(held or {}), **columns}
+        values: dict[str, FloatArray | float] = {**(held or {}), **columns}
         cure = "; take a smaller box"
         response = completed_runs(prepared.forward, values, numerics or Numerics(), cure=cure)
         parts.append(predict(response, prepared.observations))

@@ -388,7 +388,7 @@ class Single:
 
 @dataclass(frozen=True)
 class Result:
-    """What does not come from `fbar_runs`, whose functions the page calls itself."""
+    """What the page does not call itself."""
 
     single: dict[str, Single]
     """By element."""

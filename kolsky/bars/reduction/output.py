@@ -10,7 +10,14 @@ import numpy as np
 
 from dic.files import text_cell
 from kolsky.bars.audit import table_of
-from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, Reduction, WavesResult
+from kolsky.bars.records import (
+    BarSignal,
+    FlyerResult,
+    History,
+    ReducedTest,
+    Reduction,
+    WavesResult,
+)
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import replacing
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing

@@ -84,16 +84,15 @@ def bend(view: ActuatorView, panels: Panels) -> str:
         if one.healed is not None:
             line = "--" if one.path is None else "+"
             ax.plot(bar, np.degrees(one.healed.angle), line, color=colour, lw=1.0, label=f"{name}, healed")
-    ax.set_xlabel("pressure (bar)")
-    ax.set_ylabel("bending angle (°)")
+    ax.set(xlabel="pressure (bar)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
     healed = any(one.healed is not None for one in view.directions)
-    said = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
+    text = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
     if any(one.path is not None for one in view.directions):
-        said += (
+        text += (
             " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
         )
-    return said + (" Dashed: with the constants of the healed material." if healed else "")
+    return text + (" Dashed: with the constants of the healed material." if healed else "")
 
 
 @figure(
@@ -115,8 +114,7 @@ def markers(view: ActuatorView, panels: Panels) -> str:
                 label_point(ax, f"{BAR * one.pressure:.3g} bar", end, (4, 0), fontsize="small")
         ax.set_aspect("equal")
         ax.set_title(label_text(name, 24), fontsize="medium")
-        ax.set_xlabel("$x$ (mm)")
-        ax.set_ylabel("$z$ (mm)")
+        ax.set(xlabel="$x$ (mm)", ylabel="$z$ (mm)")
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
 
 
@@ -125,8 +123,7 @@ def motion(view: ActuatorView, panels: Panels) -> str:
     ax = panels["motion"]
     for colour, one in zip(COLOURS, view.motions, strict=False):
         ax.plot(one.time, np.degrees(one.angle), "-", color=colour, lw=1.0, label=label_text(one.name, 20))
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel("bending angle (°)")
+    ax.set(xlabel="time (s)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
     one = view.motions[0]
     return (

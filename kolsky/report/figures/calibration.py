@@ -17,15 +17,15 @@ COLOURS = (SHAPE, MODEL)
 """Of camera 0 and camera 1."""
 
 
-def _length(found: Calibration) -> float:
+def _length(result: Calibration) -> float:
     """A round length near twice the rms residual [px]."""
-    size = 2.0 * max(found.rms, 1e-12)
+    size = 2.0 * max(result.rms, 1e-12)
     power = 10.0 ** np.floor(np.log10(size))
     return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(step * power - size)))
 
 
-def _height(found: Calibration) -> float:
-    columns, rows = found.rig.cameras[0].sensor or (1, 1)
+def _height(result: Calibration) -> float:
+    columns, rows = result.rig.cameras[0].sensor or (1, 1)
     return 16.0 + COLUMN * 0.88 * rows / columns
 
 
@@ -35,9 +35,9 @@ def calibration_residuals(result: Calibration, panels: Panels) -> str:
     for camera, colour in enumerate(COLOURS):
         ax = panels[f"camera {camera}"]
         views = [pair.views[camera] for pair in result.pairs if pair.outcome.used]
-        seen = [view for view in views if view is not None]
-        places = np.concatenate([view.pixels[view.used] for view in seen])
-        vectors = np.concatenate([view.residual[view.used] for view in seen])
+        valid = [view for view in views if view is not None]
+        places = np.concatenate([view.pixels[view.used] for view in valid])
+        vectors = np.concatenate([view.residual[view.used] for view in valid])
         columns, rows = result.rig.cameras[camera].sensor or tuple(places.max(axis=0))
         arrows = ax.quiver(
             *places.T, *vectors.T, color=colour, angles="xy", units="width", width=0.0013, alpha=0.8,

@@ -61,8 +61,7 @@ def force(result: Identification, panels: Panels) -> str:
     low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label="noise, k = 2")
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel(r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
+    low.set(xlabel="Time $t$ (ms)", ylabel=r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
     low.legend(loc="lower left", ncols=2)
     if time.size > 1:
         half = 0.5 * (time[1] - time[0])
@@ -97,19 +96,20 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
 @figure(COLUMN, 62.0, [["map"]], applies=lambda result: result.comparison.centre_line.time.size > 0)
 def shape_residual(result: Identification, panels: Panels) -> str:
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
-    ax.set_xlabel("Time $t$ (ms)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Time $t$ (ms)", ylabel="Height $y$ (mm)")
     left_over = UM * (c.Z_model - line.Z)
-    seen = c.inside & np.isfinite(left_over)
-    limit = float(np.percentile(np.abs(left_over[seen]), 99.0)) if seen.any() else 1.0
-    corners: Any = cells(MS * line.time, line.frame, MM * line.y)[seen]
+    inside = c.inside & np.isfinite(left_over)
+    limit = float(np.percentile(np.abs(left_over[inside]), 99.0)) if inside.any() else 1.0
+    corners: Any = cells(MS * line.time, line.frame, MM * line.y)[inside]
     # Edges in the colour of the face: without them viewers show white seams between the cells.
-    mapped = PolyCollection(corners, array=left_over[seen], cmap="RdBu_r", edgecolors="face", linewidths=0.1)
+    mapped = PolyCollection(
+        corners, array=left_over[inside], cmap="RdBu_r", edgecolors="face", linewidths=0.1
+    )
     mapped.set_clim(-limit, limit)
     ax.add_collection(mapped)
-    if not seen.any():
+    if not inside.any():
         note_empty(ax, "no simulated outline")
-    if (~c.inside).any() and seen.any():
+    if (~c.inside).any() and inside.any():
         ax.plot(MS * line.time[~c.inside], MM * line.y[~c.inside], "x", color=MEASURED, ms=1.6, mew=0.4)
     for end in (np.min, np.max):
         ax.plot(MS * response.surface_times, MM * end(response.surface_y[0], axis=1), color=MEASURED, lw=0.7)
@@ -150,8 +150,8 @@ def profiles(result: Identification, panels: Panels) -> str:
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
     left_over = UM * (c.Z_model - line.Z)
-    shown = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
-    limits = (shown.min() - 0.3, shown.max() + 0.3) if shown.size else (0.0, 1.0)
+    radii = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
+    limits = (radii.min() - 0.3, radii.max() + 0.3) if radii.size else (0.0, 1.0)
     reach = 1.15 * largest((np.abs(left_over) + 2.0 * UM * line.sigma)[np.isin(line.frame, frames)])
     for column in range(OUTLINES):
         top, low = panels[f"outline {column}"], panels[f"residual {column}"]
@@ -208,8 +208,7 @@ def force_residual(result: Identification, panels: Panels) -> str:
     history.axhline(0.0, color=GREY, lw=0.5)
     history.vlines(MS * c.force_time, 0.0, weighted, color=MODEL, lw=0.5)
     history.plot(MS * c.force_time, weighted, "o", color=MODEL, ms=1.5, mew=0.0)
-    history.set_xlabel("Time $t$ (ms)")
-    history.set_ylabel(r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
+    history.set(xlabel="Time $t$ (ms)", ylabel=r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
 
     reach = max(4.0, 1.05 * largest(weighted))
     history.set_ylim(-reach, reach)
@@ -269,8 +268,7 @@ def energy(result: Identification, panels: Panels) -> str:
         top.legend(loc="upper left", reverse=True)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, 100.0 * ledger.residual[0] / scale, color=MEASURED, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel("Residual (%)")
+    low.set(xlabel="Time $t$ (ms)", ylabel="Residual (%)")
     if time.size:
         low.set_xlim(time[0], time[-1])
     low.margins(y=0.2)
@@ -329,9 +327,9 @@ def meshes(result: Identification, panels: Panels) -> str:
         raise ValueError("the last node of each row of the mesh is not on the side; was it renumbered?")
 
     reached = np.flatnonzero(np.isfinite(grid).all(axis=(1, 2, 3)))
-    shown = reached[np.round(np.linspace(0, reached.size - 1, MESHES)).astype(int)]
+    chosen = reached[np.round(np.linspace(0, reached.size - 1, MESHES)).astype(int)]
     width, height = _panel_size(result)
-    for column, k in enumerate(shown):
+    for column, k in enumerate(chosen):
         ax = panels[f"mesh {column}"]
         rows = [MM * grid[k, j] for j in _thinned(n_axial)] + [MM * grid[k, :, i] for i in _thinned(n_radial)]
         ax.add_collection(LineCollection(rows, colors=MODEL, linewidths=0.3))

@@ -44,8 +44,7 @@ def joint_curve(result: JointResult, panels: Panels) -> str:
     by_data = c.prior_share < 0.5
     for rows, colour in ((by_data, MODEL), (~by_data, GREY)):
         ax.plot((sign * c.strain)[rows], nodes[rows], "o", ms=3.2, color=colour, clip_on=False)
-    ax.set_xlabel("Nominal strain" + (", compressive" if sign < 0.0 else ""))
-    ax.set_ylabel("Nominal stress (kPa)")
+    ax.set(xlabel="Nominal strain" + (", compressive" if sign < 0.0 else ""), ylabel="Nominal stress (kPa)")
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="upper left")

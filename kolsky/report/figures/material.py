@@ -234,29 +234,29 @@ def relaxation_moduli(result: SlowDynamics, panels: Panels) -> str:
     return rate_moduli.draw(TimeScales(result.moduli, result.fitted), panels)
 
 
-def holds(found: SlowDynamics) -> list[HistoryTest]:
+def holds(result: SlowDynamics) -> list[HistoryTest]:
     """Return the histories of strain."""
-    return [test for test in found.tests if isinstance(test, HistoryTest)]
+    return [test for test in result.tests if isinstance(test, HistoryTest)]
 
 
-def oscillations(found: SlowDynamics) -> list[DynamicTest]:
+def oscillations(result: SlowDynamics) -> list[DynamicTest]:
     """Return the oscillations, sweeps at their reference temperature."""
-    return [test for test in found.tests if isinstance(test, DynamicTest)]
+    return [test for test in result.tests if isinstance(test, DynamicTest)]
 
 
 @figure(COLUMN, 60.0, [["stress"]], applies=lambda result: len(holds(result)) > 0)
 def relaxation_holds(result: SlowDynamics, panels: Panels) -> str:
     ax = panels["stress"]
     for k, test in enumerate(holds(result)):
-        known = np.isfinite(test.sigma) & (test.time > 0.0)
+        finite = np.isfinite(test.sigma) & (test.time > 0.0)
         colour = TEST_COLOURS[k % len(TEST_COLOURS)]
         ax.errorbar(
-            test.time[known], KPA * test.stress[known], yerr=2.0 * KPA * test.sigma[known],
+            test.time[finite], KPA * test.stress[finite], yerr=2.0 * KPA * test.sigma[finite],
             fmt=MARKERS[k % len(MARKERS)], ms=2.4, lw=0.6, color=colour,
             label=label_text(test.label, 24),
         )  # fmt: skip
         predicted = test.predict(result.law, [result.fit.model])[0]
-        ax.plot(test.time[known], KPA * predicted[known], color=colour, lw=0.9)
+        ax.plot(test.time[finite], KPA * predicted[finite], color=colour, lw=0.9)
     ax.set_xscale("log")
     ax.set(xlabel="Time (s)", ylabel="Nominal stress (kPa)")
     ax.legend(loc="best")

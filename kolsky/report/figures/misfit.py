@@ -185,21 +185,20 @@ def contour(result: Identification, panels: Panels) -> str:
 def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
     design = result.design
     first, second = (result.estimates[name] for name in design.names)
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     chi2 = weighted_chi2(result)
-    here = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
-    coarse = here & (np.array(design.stage) != "check")
-    done = coarse & np.isfinite(chi2)
-    if done.any():
+    in_box = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
+    coarse = in_box & (np.array(design.stage) != "check")
+    completed = coarse & np.isfinite(chi2)
+    if completed.any():
         level = np.log10(chi2 / np.nanmin(np.where(coarse, chi2, np.nan)))
         # Two refinements can repeat a point, which would be a triangle without area.
-        _, single = np.unique(design.points[done], axis=0, return_index=True)
-        _contours(ax, design.points[done][single], level[done][single], box)
-    ax.plot(*design.points[done].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
-    lost = coarse & ~np.isfinite(chi2)
-    if lost.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
-        ax.plot(*design.points[lost].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
+        _, single = np.unique(design.points[completed], axis=0, return_index=True)
+        _contours(ax, design.points[completed][single], level[completed][single], box)
+    ax.plot(*design.points[completed].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
+    failed = coarse & ~np.isfinite(chi2)
+    if failed.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
+        ax.plot(*design.points[failed].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
     for route in result.routes:
         at = [route.on_mesh(name) for name in design.names]
         colour = ROUTES.get(route.name, BAND)
@@ -301,8 +300,7 @@ def ridge(result: Identification, panels: Panels) -> str:
     ax.plot(first.on_mesh, second.on_mesh, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
     ax.set_xlim(ridge.x[0], ridge.x[-1])
     ax.set_ylim(ridge.y[0], ridge.y[-1])
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     few_ticks(ax, 5)
     colour_bar(drawn, ax, "Distance from the best fit (σ)", pad=0.02)
     legend_above(ax, ncols=3)

@@ -49,8 +49,8 @@ def draw_map(
     top = largest(values)
     colours, least = ("RdBu_r", -top) if bottom is None else ("cividis", bottom)
     style: dict[str, Any] = {"cmap": colours, "vmin": least, "vmax": top, "rasterized": True}
-    shown = np.ma.masked_invalid(values.T)
-    drawn = ax.pcolormesh(MS * grid.frames, MM * grid.heights, shown, shading="nearest", **style)
+    cells = np.ma.masked_invalid(values.T)
+    drawn = ax.pcolormesh(MS * grid.frames, MM * grid.heights, cells, shading="nearest", **style)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
     colour_bar(drawn, ax, label, aspect=25, pad=0.02, ticks=MaxNLocator(4))
@@ -68,10 +68,10 @@ PER_MM_MS, PER_MS = 1e-6, 1e-3
     letters=True,
 )
 def plan_information(plan: Plan, panels: Panels) -> str:
-    found = plan.information
-    grid = found.sensitivity.grid
-    force, outline = found.densities()
-    alone, _ = found.densities(alone=True)
+    information = plan.information
+    grid = information.sensitivity.grid
+    force, outline = information.densities()
+    single, _ = information.densities(alone=True)
     for j, name in enumerate(plan.names):
         symbol = name_of(name).tex
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
@@ -86,7 +86,7 @@ def plan_information(plan: Plan, panels: Panels) -> str:
         time = MS * grid.times
         low.plot(time, PER_MS * force[j], color=FORCE)
         if len(plan.names) > 1:
-            low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8)
+            low.plot(time, PER_MS * single[j], color=GREY, ls="--", lw=0.8)
         low.set(xlabel="Time (ms)", xlim=top.get_xlim())
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
@@ -138,8 +138,8 @@ def plan_slopes(plan: Plan, panels: Panels) -> str:
         step = SLOPE_CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
         change = step * slopes.force_slope[j]
-        left = SLOPE_CHANGE / slopes.reach * slopes.force_left[j]
-        top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
+        slack = SLOPE_CHANGE / slopes.reach * slopes.force_left[j]
+        top.fill_between(time, change - slack, change + slack, color=BAND, alpha=0.35, lw=0.0)
         top.axhline(0.0, color=GREY, lw=0.5)
         top.plot(time, change, color=FORCE)
         top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
@@ -165,13 +165,13 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
     by_end = np.array([e.deviations for e in plan.by_end]) / scale
     speeds = np.array([rate.factor for rate in plan.rates])
     together = np.array([rate.expected.deviations for rate in plan.rates]) / scale
-    alone = np.array([rate.expected.alone for rate in plan.rates]) / scale
+    single = np.array([rate.expected.alone for rate in plan.rates]) / scale
     for j, name in enumerate(plan.names):
         colour, marker, symbol = SERIES[j % len(SERIES)], MARKERS[j % len(MARKERS)], f"${name_of(name).tex}$"
         panels["end"].plot(MS * plan.end_times, 100.0 * _finite(by_end[:, j]), color=colour, label=symbol)
         line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
-        panels["rate"].plot(speeds, 100.0 * _finite(alone[:, j]), ls=":", mfc="white", lw=0.7, **line)
+        panels["rate"].plot(speeds, 100.0 * _finite(single[:, j]), ls=":", mfc="white", lw=0.7, **line)
     for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
         first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
         r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
@@ -282,9 +282,9 @@ def _times(factor: float) -> Callable[[Any], Any]:
     return lambda value: factor * np.asarray(value)
 
 
-def _mark(ax: Axes, found: Prediction, *, named: bool) -> None:
+def _mark(ax: Axes, result: Prediction, *, named: bool) -> None:
     for name, words in MARKS.items():
-        at = getattr(found.events, name)
+        at = getattr(result.events, name)
         if not np.isfinite(at):
             continue
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
@@ -293,9 +293,9 @@ def _mark(ax: Axes, found: Prediction, *, named: bool) -> None:
             label_point(ax, words, (MS * at, 1.0), (0, 3), fontsize="small", **top)
 
 
-def _limits(ax: Axes, found: Prediction, signal: np.ndarray) -> None:
+def _limits(ax: Axes, result: Prediction, signal: np.ndarray) -> None:
     """Leave the blow of bar and flyer out of the axes: limits from the flight, with room."""
-    events, times = found.events, found.bars.times
+    events, times = result.events, result.bars.times
     if not np.isfinite(events.separation):
         return
     last = events.second_impact if np.isfinite(events.second_impact) else times[-1]
@@ -315,25 +315,25 @@ def _mean_force(signal: np.ndarray, step: float) -> np.ndarray:
 @figure(PAGE, 62.0, [list(PREDICTION_SHOWN)], letters=True)
 def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
     scan, aim = result
-    first, *rest = scan.varied
-    others = np.unique(scan.points[:, 1]) if rest else [None]
+    first, *second = scan.varied
+    others = np.unique(scan.points[:, 1]) if second else [None]
     for name in PREDICTION_SHOWN:
         ax, values = panels[name], scan.column(name)
         for k, other in enumerate(others):
             rows = slice(None) if other is None else scan.points[:, 1] == other
             x, y = scan.points[rows, 0], values[rows]
             colour = str(0.7 * k / max(len(others) - 1, 1))
-            label = None if other is None else f"{other:.4g} {rest[0].unit}"
+            label = None if other is None else f"{other:.4g} {second[0].unit}"
             order = np.argsort(x, kind="stable")
-            ax.plot(x[order], y[order], marker="o", ms=2.5, lw=0.8 if len(rest) < 2 else 0.0, color=colour)
+            ax.plot(x[order], y[order], marker="o", ms=2.5, lw=0.8 if len(second) < 2 else 0.0, color=colour)
             ax.lines[-1].set_label(label or "_")
         if aim is not None:
             ax.plot(aim.at[first.key], getattr(aim.numbers, name), marker="x", color=MODEL, ms=6, ls="")
             if name in aim.wanted:
                 ax.axhline(aim.wanted[name], color=MODEL, lw=0.6, ls=":")
         ax.set(xlabel=f"{first.key} ({first.unit or '1'})", ylabel=SCAN_LABELS[name])
-    if rest:
-        panels[PREDICTION_SHOWN[0]].legend(title=rest[0].key, fontsize="small")
+    if second:
+        panels[PREDICTION_SHOWN[0]].legend(title=second[0].key, fontsize="small")
     varied = " and ".join(one.key for one in scan.varied)
     aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
     return f"What {varied} do to the test, by the specimen's static curve{aimed}."

@@ -41,8 +41,7 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
     wide, near = panels["wide"], panels["near"]
     for ax in (wide, near):
         ax.set_xscale("log")
-        ax.set_xlabel("Strain rate (1/s)")
-        ax.set_ylabel("Stiffness factor $m$ (–)")
+        ax.set(xlabel="Strain rate (1/s)", ylabel="Stiffness factor $m$ (–)")
     wide.axhline(1.0, color=GREY, lw=0.5)
     rates = sorted({s.quasi_static.rate for s in group.shots if s.quasi_static.rate is not None})
     for number, rate in enumerate(rates):
@@ -219,8 +218,7 @@ def rate_stiffness(group: GroupRates, panels: Panels) -> str:
     for panel, (quantity, label) in PANELS.items():
         ax = panels[panel]
         ax.set_xscale("log")
-        ax.set_xlabel("Strain rate (1/s)")
-        ax.set_ylabel(label)
+        ax.set(xlabel="Strain rate (1/s)", ylabel=label)
         for k, at in enumerate(group.stiffness):
             if quantity not in at.quantities:
                 continue
@@ -284,9 +282,9 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     if not e.shapes:
         note_empty(shape, "no outline was measured")
     for strain in e.strains:
-        here = [s for s in e.shapes if s.strain == strain]
-        if here:
-            last = max(here, key=lambda s: s.y[-1])
+        outlines = [s for s in e.shapes if s.strain == strain]
+        if outlines:
+            last = max(outlines, key=lambda s: s.y[-1])
             end = (MM * last.y[-1], MM * last.Z[-1])
             label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
     assert group.equal_strain is not None  # checked by `applies`
@@ -329,8 +327,7 @@ def rate_moduli(result: TimeScales, panels: Panels) -> str:
             lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=test.label,
         )  # fmt: skip
     ax.set_xscale("log")
-    ax.set_xlabel("Mean age of the strain (s)")
-    ax.set_ylabel("Modulus $E_a$ (kPa)")
+    ax.set(xlabel="Mean age of the strain (s)", ylabel="Modulus $E_a$ (kPa)")
     ax.legend(loc="best")
     ax.margins(x=0.05, y=0.15)
     fitted = "" if result.fitted is None else " Line and band: the fitted model with ±2u."

@@ -100,12 +100,12 @@ def flyer_path(result: ShotRecordings, panels: Panels) -> str:
     ax.plot(time, MM * motion.position, color=MODEL, label="fitted")
     ax.set_ylabel("Displacement (mm)")
     ax.legend(loc="upper left")
-    factor, what = (1.0, "Residual (m/s)") if motion.is_velocity else (UM, "Residual (µm)")
+    factor, label = (1.0, "Residual (m/s)") if motion.is_velocity else (UM, "Residual (µm)")
     low.fill_between(
         frames, -2.0 * factor * motion.sigma, 2.0 * factor * motion.sigma, color=GREY, alpha=0.25, lw=0.0
     )
     low.plot(frames, factor * motion.residual, "o", ms=1.2, mew=0.0, color=MEASURED)
-    low.set(xlabel="Time $t$ (ms)", ylabel=what)
+    low.set(xlabel="Time $t$ (ms)", ylabel=label)
     low.margins(x=0.01)
     if result.motion.is_velocity:
         return (
@@ -121,9 +121,9 @@ def flyer_path(result: ShotRecordings, panels: Panels) -> str:
 CAMERAS = ("left", "right")
 
 
-def _pair_height(seen: ShotRecordings) -> float:
+def _pair_height(result: ShotRecordings) -> float:
     """Height of the figure [mm]: pictures as wide as their panels, histories below."""
-    rows, columns = _has_pair(seen).pictures[0].shape
+    rows, columns = _has_pair(result).pictures[0].shape
     return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
 
 
@@ -172,10 +172,10 @@ def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Pairs of valid points that are neighbours in the grid, shape [n, 2]."""
     place = {tuple(cell): k for k, cell in enumerate(body.cell.tolist()) if valid[k]}
     ends = [
-        (k, place[other])
+        (k, place[neighbour])
         for (column, row), k in place.items()
-        for other in ((column + 1, row), (column, row + 1))
-        if other in place
+        for neighbour in ((column + 1, row), (column, row + 1))
+        if neighbour in place
     ]
     return np.array(ends, dtype=np.int64).reshape(-1, 2)
 
@@ -198,9 +198,9 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     quality.legend(loc="best")
 
 
-def _has_pair(seen: ShotRecordings) -> PicturePair:
-    assert isinstance(seen.pair, PicturePair)  # checked by `applies`
-    return seen.pair
+def _has_pair(result: ShotRecordings) -> PicturePair:
+    assert isinstance(result.pair, PicturePair)  # checked by `applies`
+    return result.pair
 
 
 THREE_TIMES = (SHAPE, FORCE, MODEL)
@@ -225,8 +225,8 @@ def three_frames(shot: Shot) -> list[int]:
 
 def _caption_of_force(shot: Shot | PicturedShot) -> str:
     """Return what the caption says of the force."""
-    said = "(a) Force at every sample, compression positive"
-    return said + (
+    text = "(a) Force at every sample, compression positive"
+    return text + (
         "; grey: the baseline, which gives its zero and noise" if isinstance(shot.force, ForceChannel) else ""
     )
 
@@ -243,9 +243,9 @@ def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
 
 def on_one_clock(panels: Panels, *times: FloatArray) -> None:
     """Give force and motion one axis of time, so that a wrong clock is seen."""
-    both = MS * np.concatenate(times)
+    time = MS * np.concatenate(times)
     for panel in (panels["force"], panels["motion"]):
-        panel.set_xlim(both.min(), both.max())
+        panel.set_xlim(time.min(), time.max())
 
 
 @figure(
@@ -268,20 +268,20 @@ def checked_shot(shot: Shot, panels: Panels) -> str:
         low.set_ylabel("Front face (m/s)")
     _draw_outline(shot, panels)
     on_one_clock(panels, shot.force.time, shot.flyer.time)
-    said = _caption_of_force(shot)
+    text = _caption_of_force(shot)
     moves = (
         "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
     )
-    said += (
+    text += (
         f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
         "Blue: the window that is simulated and compared."
     )
     if three_frames(shot):
-        said += (
+        text += (
             " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
             "the first must follow."
         )
-    return said
+    return text
 
 
 def _draw_outline(shot: Shot, panels: Panels) -> None:
@@ -296,8 +296,7 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
         at = line.frame == frame
         when = f"{MS * float(line.time[at][0]):.3f} ms"
         ax.plot(MM * line.Z[at], MM * line.y[at], "o", ms=2.2, mew=0.0, color=colour, label=when)
-    ax.set_xlabel("Distance from the axis $Z$ (mm)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Distance from the axis $Z$ (mm)", ylabel="Height $y$ (mm)")
     ax.set_xlim(left=0.0)
     ax.margins(y=0.06)
     ax.legend(loc="center left")
@@ -312,21 +311,21 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
 )
 def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     draw_force(shot, panels)
-    low, found = panels["motion"], shot.pictures.changes
-    low.axvspan(MS * found.time[0], MS * found.rest_end, color=GREY, alpha=0.3, lw=0.0)
-    for camera, (values, colour) in enumerate(zip(found.change, (SHAPE, FORCE), strict=True)):
+    low, changes = panels["motion"], shot.pictures.changes
+    low.axvspan(MS * changes.time[0], MS * changes.rest_end, color=GREY, alpha=0.3, lw=0.0)
+    for camera, (values, colour) in enumerate(zip(changes.change, (SHAPE, FORCE), strict=True)):
         low.plot(
-            MS * found.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
+            MS * changes.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
         )
     low.set_ylabel("Change (%)")
     low.legend(loc="upper left", markerscale=2.0)
-    on_one_clock(panels, shot.force.time, found.time)
-    for name, (time, picture) in zip(FORCE_PLACES, found.shown, strict=False):
+    on_one_clock(panels, shot.force.time, changes.time)
+    for name, (time, picture) in zip(FORCE_PLACES, changes.shown, strict=False):
         ax = panels[name]
         ax.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
         ax.set_title(f"{MS * time:.3f} ms".replace("-", "−"), loc="right", pad=2.5)
         ax.set_xlabel("$x$ (px)")
-    for name in FORCE_PLACES[len(found.shown) :]:
+    for name in FORCE_PLACES[len(changes.shown) :]:
         note_empty(panels[name], "no picture")
     panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")
     return (

@@ -47,8 +47,8 @@ def forces(view: SpecimenView, panels: Panels) -> str:
         above, below = panels[name], panels[f"{name} residual"]
         label_panel(above, letter)
         drawn = False
-        for colour, found in zip(COLOURS, view.fits, strict=False):
-            for one in found.tests:
+        for colour, fit in zip(COLOURS, view.fits, strict=False):
+            for one in fit.tests:
                 if one.test.name != name:
                     continue
                 samples = one.test.samples
@@ -63,7 +63,7 @@ def forces(view: SpecimenView, panels: Panels) -> str:
                     role = "" if one.fitted else ", predicted"
                     above.plot(
                         x, f, "-" if end == 0 else "--", color=colour, lw=1.0,
-                        label=label_text(f"{found.name}{role}", 28) if end == 0 else None,
+                        label=label_text(f"{fit.name}{role}", 28) if end == 0 else None,
                     )  # fmt: skip
                     above.fill_between(
                         x, f - one.band[:, end], f + one.band[:, end], color=colour, alpha=0.25, lw=0
@@ -77,8 +77,7 @@ def forces(view: SpecimenView, panels: Panels) -> str:
             one.test.samples.sigma_force for f in view.fits for one in f.tests if one.test.name == name
         )
         below.axhspan(-2.0 * sigma, 2.0 * sigma, color=GREY, alpha=0.2, lw=0)
-        below.set_xlabel("displacement (mm)")
-        below.set_ylabel("fit less data (N)")
+        below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
         "from the "
@@ -94,16 +93,16 @@ def forces(view: SpecimenView, panels: Panels) -> str:
     letters=True,
 )
 def correlations(view: SpecimenView, panels: Panels) -> str:
-    for number, found in enumerate(view.fits[:3]):
-        ax = panels[found.name]
-        values = np.nan_to_num(found.intervals.correlation)
+    for number, fit in enumerate(view.fits[:3]):
+        ax = panels[fit.name]
+        values = np.nan_to_num(fit.intervals.correlation)
         image = ax.pcolormesh(values, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
-        names = [constant_symbol(name) for name in found.constants.free]
+        names = [constant_symbol(name) for name in fit.constants.free]
         ticks = np.arange(len(names)) + 0.5
         ax.set_xticks(ticks, names)
         ax.set_yticks(ticks, names)
         ax.invert_yaxis()
-        ax.set_title(label_text(found.name, 24), fontsize="medium")
+        ax.set_title(label_text(fit.name, 24), fontsize="medium")
         for (i, j), value in np.ndenumerate(values):
             dark = abs(value) > 0.6
             ax.text(
@@ -137,10 +136,9 @@ def strains(view: SpecimenView, panels: Panels) -> str:
                 )  # fmt: skip
             ax.set_yscale("log")
             ax.set_ylim(LEAST_SHARE, 1.5)
-            seen = np.flatnonzero(share.whole.max(axis=0))
-            ax.set_xlim(BINS[max(seen[0] - 1, 0)], BINS[min(seen[-1] + 2, len(BINS) - 1)])
-            ax.set_xlabel("strain (–)")
-            ax.set_ylabel("share of the volume")
+            bins = np.flatnonzero(share.whole.max(axis=0))
+            ax.set_xlim(BINS[max(bins[0] - 1, 0)], BINS[min(bins[-1] + 2, len(BINS) - 1)])
+            ax.set(xlabel="strain (–)", ylabel="share of the volume")
             words = "whole specimen" if name == "whole" else "mid-region"
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
@@ -160,11 +158,11 @@ def mesh(view: SpecimenView, panels: Panels) -> str:
         top = mesh.points[:, 2].max()
         corners = mesh.cells[:, 4:8]  # VTK: the face of larger z
         upper = corners[np.abs(mesh.points[corners, 2] - top).max(axis=1) < 1e-9]
-        reference, moved = mesh.points[upper][..., :2], (mesh.points + u)[upper][..., :2]
-        edges = [np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 0]], axis=-1) for c in (reference, moved)]
+        reference, deformed = mesh.points[upper][..., :2], (mesh.points + u)[upper][..., :2]
+        edges = [np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 0]], axis=-1) for c in (reference, deformed)]
         stretch = np.linalg.norm(edges[1] @ np.linalg.inv(edges[0]), ord=2, axis=(1, 2))
         faces = PolyCollection(
-            list(MM * moved), array=stretch, cmap="viridis", edgecolor="white", linewidth=0.1
+            list(MM * deformed), array=stretch, cmap="viridis", edgecolor="white", linewidth=0.1
         )
         ax.add_collection(faces)
         ax.autoscale_view()
@@ -183,16 +181,16 @@ MN = 1e3
 
 @figure(PAGE, 62.0, [["force", "misfit"]], letters=True)
 def sheet_histories(view: SheetView, panels: Panels) -> str:
-    found = view.fit
-    data, pad = found.problem.data, MM * np.abs(found.problem.data.pad)
+    fit = view.fit
+    data, pad = fit.problem.data, MM * np.abs(fit.problem.data.pad)
     ax = panels["force"]
     ax.plot(pad, MN * np.abs(data.force), "o", color=MEASURED, mfc="none", ms=3, label="measured")
-    ax.plot(pad, MN * np.abs(found.cost.state.force), "-", color=MODEL, label="simulated")
+    ax.plot(pad, MN * np.abs(fit.cost.state.force), "-", color=MODEL, label="simulated")
     ax.set_ylabel("pad force (mN)")
     ax.legend(frameon=False)
     ax = panels["misfit"]
-    ax.plot(pad, 100.0 * found.misfit, "o-", color=SHAPE, ms=3, label="misfit")
-    ax.plot(pad, 100.0 * found.noise, "--", color=GREY, label="noise alone")
+    ax.plot(pad, 100.0 * fit.misfit, "o-", color=SHAPE, ms=3, label="misfit")
+    ax.plot(pad, 100.0 * fit.noise, "--", color=GREY, label="noise alone")
     ax.set_ylabel("displacement misfit (%)")
     ax.set_ylim(bottom=0.0)
     ax.legend(frameon=False)
@@ -214,25 +212,25 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
     letters=True,
 )
 def sheet_steps(view: SheetView, panels: Panels) -> str:
-    found, free = view.fit, view.fit.constants.free
-    pad = MM * np.abs(found.problem.data.pad)
-    by_u, by_f = found.relative_by_displacement(1e-6), found.relative_by_force(1e-3)
+    fit, free = view.fit, view.fit.constants.free
+    pad = MM * np.abs(fit.problem.data.pad)
+    by_u, by_f = fit.relative_by_displacement(1e-6), fit.relative_by_force(1e-3)
     for j, name in enumerate(free):
         ax = panels[name]
-        scale = 1e-3 if found.constants.free_specs[j].unit == "Pa" else 1.0
+        scale = 1e-3 if fit.constants.free_specs[j].unit == "Pa" else 1.0
         unit = " (kPa)" if scale != 1.0 else ""
-        alone = [np.nan if isinstance(step, str) else scale * step.values[j] for step in view.steps]
-        if alone:
-            ax.plot(pad, alone, "o", color=MEASURED, mfc="none", ms=3, label="step alone")
-        ax.axhline(scale * found.values[j], color=MODEL, label="all steps")
+        single = [np.nan if isinstance(step, str) else scale * step.values[j] for step in view.steps]
+        if single:
+            ax.plot(pad, single, "o", color=MEASURED, mfc="none", ms=3, label="step alone")
+        ax.axhline(scale * fit.values[j], color=MODEL, label="all steps")
         ax.set_ylabel(f"{constant_symbol(name)}{unit}")
         ax.legend(frameon=False)
-        other = panels[f"{name} noise"]
-        if found.at_bound[j]:
-            note_empty(other, "at its bound")
+        below = panels[f"{name} noise"]
+        if fit.at_bound[j]:
+            note_empty(below, "at its bound")
         else:
-            _draw_noise(other, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
-        for one in (ax, other):
+            _draw_noise(below, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
+        for one in (ax, below):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
     return (
@@ -263,8 +261,8 @@ def _field(
     _coloured(ax, view, label, value, shading="gouraud")
     if vectors is not None:
         size = np.linalg.norm(vectors, axis=1)
-        seen = np.flatnonzero(size > 0.02 * size.max())
-        chosen = seen[:: max(1, len(seen) // 150)]
+        long = np.flatnonzero(size > 0.02 * size.max())
+        chosen = long[:: max(1, len(long) // 150)]
         ax.quiver(*points[chosen, :2].T, *vectors[chosen, :2].T, color="white", width=0.003)
     if near is not None:
         (x0, y0), (x1, y1) = points[near].min(axis=0), points[near].max(axis=0)
@@ -293,14 +291,14 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     apart = np.where(inside[:, None], u - data.displacements[-1], 0.0)
     _field(panels["misfit"], view, MM * np.linalg.norm(apart, axis=1), apart, "misfit (mm)", inside)
     weakest = int(np.argmax(np.linalg.norm(view.sensitivity, axis=(1, 2))))
-    own = view.sensitivity[weakest] * 1e-9
+    field = view.sensitivity[weakest] * 1e-9
     name = constant_symbol(found.constants.free[weakest])
-    _field(panels["sensitivity"], view, np.linalg.norm(own, axis=1), own, f"{name} (1/mm$^3$)", inside)
+    _field(panels["sensitivity"], view, np.linalg.norm(field, axis=1), field, f"{name} (1/mm$^3$)", inside)
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
     fit = view.fit
-    names = [name for name, held in zip(fit.constants.free, fit.at_bound, strict=True) if not held]
+    names = [name for name, bound in zip(fit.constants.free, fit.at_bound, strict=True) if not bound]
     if view.before.singular:
         parts = [
             f"{weight:+.2f} {name}" for weight, name in zip(view.before.directions[-1], names, strict=True)

@@ -88,10 +88,10 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     colour_bar(drawn, ax, rf"$\log_{{10}}\,{TEX_SYMBOLS[name]}$ ({UNITS[name]})", pad=0.02)
     i, j = result.box.names.index(first), result.box.names.index(second)
     at = result.table.points
-    done = np.isfinite(measured)
-    ax.plot(fx * at[done, i], fy * at[done, j], "o", ms=2.0, mfc="white", mec=MEASURED, mew=0.4)
-    if not done.all():
-        ax.plot(fx * at[~done, i], fy * at[~done, j], "x", ms=3.0, mew=0.7, color=MEASURED)
+    completed = np.isfinite(measured)
+    ax.plot(fx * at[completed, i], fy * at[completed, j], "o", ms=2.0, mfc="white", mec=MEASURED, mew=0.4)
+    if not completed.all():
+        ax.plot(fx * at[~completed, i], fy * at[~completed, j], "x", ms=3.0, mew=0.7, color=MEASURED)
     if result.best is not None:
         ax.plot(
             fx * at[result.best, i], fy * at[result.best, j], "*", ms=7, mfc="white", mec=MEASURED, mew=0.5
@@ -102,8 +102,7 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     ):
         set_scale("log" if logarithmic else "linear")
         set_limits(float(ends[0]), float(ends[-1]))
-    ax.set_xlabel(axis_label(first))
-    ax.set_ylabel(axis_label(second))
+    ax.set(xlabel=axis_label(first), ylabel=axis_label(second))
 
 
 @figure(
@@ -114,8 +113,8 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     sharey=False,
 )
 def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
-    shown = _interpolated(result)
-    for name, output in shown.items():
+    outputs = _interpolated(result)
+    for name, output in outputs.items():
         for i, parameter in enumerate(result.box.names):
             ax, effect, factor = panels[f"{name} {i}"], output.effects[parameter], name_of(parameter).factor
             ax.plot(factor * result.table.points[:, i], output.values, "o", color=MEASURED, ms=1.2, mew=0.0)
@@ -128,7 +127,7 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
                 ax.set_ylabel(f"${TEX_SYMBOLS[name]}$ ({UNITS[name]})")
             else:
                 ax.tick_params(labelleft=False)
-            if name == list(shown)[-1]:
+            if name == list(outputs)[-1]:
                 ax.set_xlabel(axis_label(parameter))
             else:
                 ax.tick_params(labelbottom=False)
@@ -225,8 +224,8 @@ def trend_poisson(result: Trends, panels: Panels) -> str:
     cost.plot(distance, runs.steps / runs.steps[0], "s--", color=GREY, mfc="white", label="cost")
     ax.set_xscale("log")
     ax.invert_xaxis()
-    shown = np.array([0.49, 0.495, 0.498, 0.499, 0.4995, 0.4999])
-    ax.set_xticks(0.5 - shown, [f"{nu:g}" for nu in shown])
+    ticks = np.array([0.49, 0.495, 0.498, 0.499, 0.4995, 0.4999])
+    ax.set_xticks(0.5 - ticks, [f"{nu:g}" for nu in ticks])
     ax.minorticks_off()
     ax.tick_params(right=False)
     cost.tick_params(axis="y", colors="#555555")
@@ -324,8 +323,8 @@ SOURCE_HEIGHT = 5.2
 
 def _ordered_sources(result: Budget) -> list[Source]:
     """Return the sources whose uncertainty is known, the largest first."""
-    known = [source for source in result.sources if np.isfinite(source.u)]
-    return sorted(known, key=lambda source: -source.u)[:MOST_SOURCES]
+    sources = [source for source in result.sources if np.isfinite(source.u)]
+    return sorted(sources, key=lambda source: -source.u)[:MOST_SOURCES]
 
 
 @figure(

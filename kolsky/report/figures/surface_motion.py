@@ -38,8 +38,8 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
     half = 0.5 * float(np.median(np.diff(time)))
     ax = panels["picture"]
     rows = view.kymograph.shape[0]
-    seen = view.kymograph[np.isfinite(view.kymograph)]
-    low, high = np.percentile(seen, [0.5, 99.5]) if seen.size else (0.0, 1.0)
+    greys = view.kymograph[np.isfinite(view.kymograph)]
+    low, high = np.percentile(greys, [0.5, 99.5]) if greys.size else (0.0, 1.0)
     style: dict[str, Any] = {"cmap": "gray", "vmin": low, "vmax": max(high, low + 1.0)}
     extent = (time[0] - half, time[-1] + half, rows - 0.5, -0.5)
     ax.imshow(view.kymograph, aspect="auto", interpolation="none", extent=extent, **style)
@@ -137,12 +137,12 @@ def flight(view: SurfaceView, panels: Panels) -> str:
     ax.plot(ms, rate, color=SHAPE, label="strain rate")
     ax.set_ylabel("Nominal strain rate (1/s)")
     ax.set_ylim(0.0, 1.25 * float(rate.max()))
-    other = ax.twinx()
-    other.plot(ms, path.position(t) / result.length, "--", color=MODEL, label="strain")
-    other.set_ylabel("Nominal strain (1)")
-    other.set_ylim(0.0, 1.0)
-    other.tick_params(axis="x", labelbottom=False)
-    lines = [*ax.get_lines(), *other.get_lines()]
+    strain = ax.twinx()
+    strain.plot(ms, path.position(t) / result.length, "--", color=MODEL, label="strain")
+    strain.set_ylabel("Nominal strain (1)")
+    strain.set_ylim(0.0, 1.0)
+    strain.tick_params(axis="x", labelbottom=False)
+    lines = [*ax.get_lines(), *strain.get_lines()]
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=2)
 
     ax = panels["angle"]
@@ -161,8 +161,7 @@ def flight(view: SurfaceView, panels: Panels) -> str:
         low, high = (1e3 * (tilt[:, k] + side * COVERAGE * spread[:, k]) for side in (-1.0, 1.0))
         ax.fill_between(ms[known], low, high, color=colour, alpha=0.2, lw=0.0)
         ax.plot(ms[known], 1e3 * tilt[:, k], style, color=colour, label=name)
-    ax.set_ylabel("Rotation (mrad)")
-    ax.set_xlabel("Time (ms)")
+    ax.set(xlabel="Time (ms)", ylabel="Rotation (mrad)")
     ax.margins(y=0.25)  # room for the legend
     ax.legend(loc="lower left", ncols=2)
     for name, ax in panels.items():

@@ -83,10 +83,10 @@ def marker(view: SurfaceView) -> float:
 def _last_places(view: SurfaceView, frame: int) -> FloatArray:
     """Return the last places in camera 0 of the points that are lost in a frame [px], shape [n, 2]."""
     body = view.result.specimen
-    lost = np.flatnonzero(~body.surface.valid[frame])
-    seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, lost]).all(axis=2))
+    points = np.flatnonzero(~body.surface.valid[frame])
+    seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, points]).all(axis=2))
     last = frame - np.argmax(seen[::-1], axis=0)
-    return np.asarray(body.pixels[0][last, lost][seen.any(axis=0)])
+    return np.asarray(body.pixels[0][last, points][seen.any(axis=0)])
 
 
 @figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures), letters=True)
@@ -111,8 +111,8 @@ def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
         points = show_points(
             ax, places, sigma[frame, valid], low, max(high, 1.01 * low), s=size**2, cmap="plasma"
         )
-        lost = _last_places(view, frame)
-        ax.plot(*lost.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
+        last = _last_places(view, frame)
+        ax.plot(*last.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
     below: dict[str, Any] = {"location": "bottom", "shrink": 0.5, "aspect": 45, "pad": 0.02, "extend": "both"}
     axes = [ax for _, ax in drawn]
     colour_bar(points, axes, "Standard deviation of a match (px)", ticks=MaxNLocator(6), **below)
@@ -192,9 +192,9 @@ def lost_points(view: SurfaceView, panels: Panels) -> str:
     between = 0.5 * (time[1:] + time[:-1])
     edges = np.concatenate([[time[0] - half], between, [time[-1] + half]])
     bottom, usable = np.zeros(time.size), result.outcome == FrameOutcome.VALID
-    found = body.outcomes()
+    outcomes = body.outcomes()
     for outcome, colour in OUTCOME_COLOURS.items():
-        if outcome not in found:
+        if outcome not in outcomes:
             continue
         top = bottom + np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
         words = outcome.name.lower().replace("_", " ")
@@ -220,7 +220,7 @@ MILLI_PIXELS = 1e3
 
 def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     """Cameras whose speckles are known: number and speckles."""
-    return [(camera, found) for camera, found in enumerate(view.speckles) if found is not None]
+    return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 
 def _height_of_overlay(view: SurfaceView) -> float:
@@ -237,15 +237,15 @@ def _height_of_overlay(view: SurfaceView) -> float:
     letters=True,
 )
 def speckles(view: SurfaceView, panels: Panels) -> str:
-    shown, drawn = _cameras(view), None
+    cameras, drawn = _cameras(view), None
     worst = [
         MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
-        for _, s in shown
+        for _, s in cameras
     ]
-    known = np.concatenate([values[np.isfinite(values)] for values in worst])
-    low, high = np.percentile(known, [1.0, 99.0]) if known.size else (0.0, 1.0)
+    finite = np.concatenate([values[np.isfinite(values)] for values in worst])
+    low, high = np.percentile(finite, [1.0, 99.0]) if finite.size else (0.0, 1.0)
     axes: list[Any] = []
-    for (camera, found), values in zip(shown, worst, strict=True):
+    for (camera, found), values in zip(cameras, worst, strict=True):
         ax = panels[f"camera {camera}"]
         show_picture(ax, found.picture)
         drawn = ax.imshow(
@@ -261,22 +261,22 @@ def speckles(view: SurfaceView, panels: Panels) -> str:
         full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
         below: dict[str, Any] = {"location": "bottom", "aspect": 40, "pad": 0.02, "extend": "both"}
         colour_bar(full, axes, "Predicted standard deviation of a match (mpx)", **below)
-    quality = shown[0][1].quality
-    wanted = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
+    quality = cameras[0][1].quality
+    target = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
     return (
         "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
         f"a subset of {quality.subset} px centred there, the larger of x and y. "
         + (
-            f"Outlined: the subset is too small for {wanted}."
-            if any(found.quality.too_small.any() for _, found in shown)
-            else f"It is under {wanted} everywhere."
+            f"Outlined: the subset is too small for {target}."
+            if any(found.quality.too_small.any() for _, found in cameras)
+            else f"It is under {target} everywhere."
         )
     )
 
 
-def _height_of_floor(shown: Speckles) -> float:
+def _height_of_floor(result: Speckles) -> float:
     """Height of a row of three panels with the colour bar below [mm]."""
-    rows, columns = shown.picture.shape
+    rows, columns = result.picture.shape
     return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
 
 
@@ -285,9 +285,9 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     quality = result.quality
     picture, floor, share = (panels[name] for name in ("picture", "floor", "share"))
     show_picture(picture, result.picture)
-    known = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
+    finite = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
     worst = MILLI_PIXELS * quality.floor.max(axis=2)
-    ends = np.percentile(known.max(axis=1), [1.0, 99.0]) if known.size else (0.0, 1.0)
+    ends = np.percentile(finite.max(axis=1), [1.0, 99.0]) if finite.size else (0.0, 1.0)
     floor.set_facecolor(GREY)
     drawn = floor.imshow(
         worst, cmap="plasma", vmin=ends[0], vmax=max(ends[1], 1.01 * ends[0]), interpolation="nearest"
@@ -297,16 +297,15 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     floor.tick_params(labelleft=False)
     colour_bar(drawn, floor, "Predicted floor (mpx)", location="bottom", aspect=25, pad=0.02, extend="both")
 
-    parts = np.arange(1, len(known) + 1) / max(len(known), 1)
+    parts = np.arange(1, len(finite) + 1) / max(len(finite), 1)
     for k, (name, colour, style) in enumerate((("$x$", MEASURED, "-"), ("$y$", MODEL, "--"))):
-        share.step(np.sort(known[:, k]), parts, style, color=colour, where="post", label=name)
+        share.step(np.sort(finite[:, k]), parts, style, color=colour, where="post", label=name)
     if quality.wanted is not None:
         share.axvline(MILLI_PIXELS * quality.wanted, color=BAND, ls=":", label="asked for")
     share.set_xlim(0.0, 1.15 * max(float(ends[1]), MILLI_PIXELS * (quality.wanted or 0.0)))
     share.set_ylim(0.0, 1.0)
     share.yaxis.set_major_formatter(PercentFormatter(1.0))
-    share.set_xlabel("Floor (mpx)")
-    share.set_ylabel("Share of the subsets")
+    share.set(xlabel="Floor (mpx)", ylabel="Share of the subsets")
     share.legend(loc="upper left")
     quality = result.quality
     text = (
@@ -345,26 +344,26 @@ def full_field(view: FullFieldView, panels: Panels) -> str:
     result = view.result
     room = result.facts.get("subset", 21)
     at = result.pixels[0, view.frame]
-    seen = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
+    valid = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
     for name, label in SHOWN_FIELDS.items():
         ax = panels[name]
         if view.picture is not None:
             show_picture(ax, view.picture)
         ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
         values = _field(view, name)
-        shown = seen & np.isfinite(values)
-        if not shown.any():
+        chosen = valid & np.isfinite(values)
+        if not chosen.any():
             note_empty(ax, "no point has a value")
             continue
-        (x0, y0), (x1, y1) = at[shown].min(axis=0) - room, at[shown].max(axis=0) + room
+        (x0, y0), (x1, y1) = at[chosen].min(axis=0) - room, at[chosen].max(axis=0) + room
         ax.set_xlim(x0, x1)
         ax.set_ylim(y1, y0)
-        low, high = np.percentile(values[shown], [1.0, 99.0])
+        low, high = np.percentile(values[chosen], [1.0, 99.0])
         if high - low < 1e-9 * max(abs(high), 1.0):
             low, high = low - 0.5, high + 0.5
         size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
         style: dict[str, Any] = {"s": max(0.5 * size, 0.8) ** 2, "cmap": "viridis", "rasterized": True}
-        points = show_points(ax, at[shown], values[shown], low, high, **style)
+        points = show_points(ax, at[chosen], values[chosen], low, high, **style)
         words = f"displacement ({_field_unit(view)[1]})" if name == "motion" else label
         colour_bar(points, ax, words, fraction=0.05, pad=0.02)
     facts = view.result.facts
@@ -402,8 +401,7 @@ def histories(view: FullFieldView, panels: Panels) -> str:
     mean, ax = 100.0 * result.mean_strain, panels["mean"]
     for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
         ax.plot(t, mean[:, k], ".-", color=colour, label=f"$E_{{{name}}}$", markersize=3)
-    ax.set_ylabel("mean strain (%)")
-    ax.set_xlabel(label)
+    ax.set(xlabel=label, ylabel="mean strain (%)")
     ax.legend(frameon=False)
     if result.extensions:
         ax = panels["extensometers"]
@@ -414,15 +412,13 @@ def histories(view: FullFieldView, panels: Panels) -> str:
                 t, factor * one.elongation, 2.0 * factor * one.sigma, fmt=".-", color=colour, markersize=3,
                 label=label_text(one.name, 24), elinewidth=0.8,
             )  # fmt: skip
-        ax.set_ylabel(f"elongation ({unit})")
-        ax.set_xlabel(label)
+        ax.set(xlabel=label, ylabel=f"elongation ({unit})")
         ax.legend(frameon=False)
     if result.cylinder is not None:
         ax = panels["radius"]
         ax.errorbar(t, MM * result.cylinder.radius, 2.0 * MM * result.cylinder.sigma, fmt=".", color=MEASURED)
         ax.ticklabel_format(axis="y", useOffset=False)
-        ax.set_ylabel("radius (mm)")
-        ax.set_xlabel(label)
+        ax.set(xlabel=label, ylabel="radius (mm)")
     if not result.timed:
         for ax in panels.values():
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -72,7 +72,7 @@ def waves(result: WavesResult, panels: Panels) -> str:
     _strain(panels["strain"], panels["rate"], result)
     _curve(panels["curve"], result)
     balanced = result.reduction.balanced
-    held = (
+    balance = (
         f"the forces are balanced from {US * balanced[0]:.4g} to {US * balanced[1]:.4g} µs (shaded)"
         if balanced
         else "the forces are never balanced"
@@ -80,9 +80,9 @@ def waves(result: WavesResult, panels: Panels) -> str:
     return (
         f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at "
         f"the gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front "
-        f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal "
-        "strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave "
-        "analysis, the band belongs to three waves."
+        f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {balance}. (c) "
+        "Nominal strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and "
+        "three-wave analysis, the band belongs to three waves."
     )
 
 
@@ -270,8 +270,8 @@ def _flyer_signals(ax: Axes, result: FlyerResult) -> None:
     time = result.reduction.time
     for signal, colour in zip(result.signals[::-1], (SHAPE, MODEL), strict=False):
         ax.plot(MS * signal.time, signal.value, color=colour, lw=0.6, label=signal.name)
-    found = [(name, at) for name, at, _, _ in result.events if at is not None]
-    for number, (name, at) in enumerate(found):
+    events = [(name, at) for name, at, _, _ in result.events if at is not None]
+    for number, (name, at) in enumerate(events):
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
         place = (MS * at, 0.98 - 0.07 * (number % 3))
         label_point(ax, name, place, (2, 0), xycoords=("data", "axes fraction"), va="top", color=GREY)

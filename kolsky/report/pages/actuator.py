@@ -161,13 +161,13 @@ def _table(caption: str, rows: list[tuple[dict[str, str], bool]]) -> dict[str, A
 
 def printed(view: ActuatorView) -> dict[str, str]:
     """The numbers of a result as the terminal shows them."""
-    found = {}
+    words = {}
     for table in tables(view):
         for row in table["rows"]:
             cells = row["cells"]
             heads = table["head"][2:]
             key = f"{cells[0]}, {cells[1]}" + (" bar" if table["head"][1].endswith("(bar)") else "")
-            key = key if key not in found else f"{key}, {table['caption'].split(':')[0].lower()}"
+            key = key if key not in words else f"{key}, {table['caption'].split(':')[0].lower()}"
             pairs = zip(heads, cells[2:], strict=True)
-            found[key] = "; ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in pairs)
-    return found
+            words[key] = "; ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in pairs)
+    return words

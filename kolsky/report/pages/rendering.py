@@ -138,13 +138,13 @@ def render_page(
     `environment` if left out. ``context``: all other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
-    found = (using or environment()).get_template(template)
+    page = (using or environment()).get_template(template)
     policy = {
         "styles": digest(css),
         "scripts": digest(context["script"]) if "script" in context else "'none'",
     }
     heading = shortened(heading, HEADING)
-    return found.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
+    return page.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
 
 
 def script(name: str) -> Markup:
@@ -154,8 +154,8 @@ def script(name: str) -> Markup:
 
 def digest(text: str) -> Markup:
     """The source of a Content-Security-Policy that allows this very text and no other."""
-    found = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
-    return Markup(f"'sha256-{found}'")
+    page = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
+    return Markup(f"'sha256-{page}'")
 
 
 _P = ParamSpec("_P")

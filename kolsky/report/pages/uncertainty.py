@@ -114,20 +114,20 @@ def changes(result: Identification) -> list[str]:
 
     ``result``: in display units, see `kolsky.results.display`.
     """
-    said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
-    return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]
+    lines = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
+    return [*lines, *_others_known(result), *_curve(result), *_undeclared(result)]
 
 
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
     """Return the standard uncertainties in the interval by cause, the largest first."""
-    found = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
+    sigmas = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
     computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
-    found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
+    sigmas |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
     for declared in result.systematic:
         if estimate.name in declared.shifts:
             words = _words(declared.key)
-            found[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
-    return dict(sorted(found.items(), key=lambda part: -part[1]))
+            sigmas[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
+    return dict(sorted(sigmas.items(), key=lambda part: -part[1]))
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm, rayleigh
 from speckle_pictures import render, speckle_pattern
-from test_dic_triangulate import RIG, followed
+from test_dic_triangulate import TRACKED_RIG as RIG
+from test_dic_triangulate import followed
 
 from dic.basics import MAD, MEDIAN_LENGTH
 from dic.bodies.axial_displacement import AxialDisplacement, ObservedPoints, _of_mean

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_dic_triangulate import RIG, followed
+from test_dic_triangulate import TRACKED_RIG as RIG
+from test_dic_triangulate import followed
 
 from dic.bodies import axial_displacement as subject
 from dic.bodies.axial_displacement import AxialDisplacement, axial_displacement

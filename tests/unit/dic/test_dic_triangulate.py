@@ -351,7 +351,7 @@ def tilted(angle: float, side: float) -> Camera:
     return Camera(5000.0, 5000.0, 64.0, 64.0, rotation=rotation, translation=np.array([side, 0.0, 0.3]))
 
 
-RECONSTRUCT_RIG = StereoRig((tilted(-0.1, 0.0), tilted(0.1, 0.0)))
+TRACKED_RIG = StereoRig((tilted(-0.1, 0.0), tilted(0.1, 0.0)))
 
 
 def followed(camera: Camera, X: np.ndarray, sigma: float = 0.01) -> Track:
@@ -359,7 +359,7 @@ def followed(camera: Camera, X: np.ndarray, sigma: float = 0.01) -> Track:
     pixels = camera.project(X)
     shape = pixels.shape[:2]
     start = np.round(
-        RECONSTRUCT_RIG.cameras[0].project(X[0])
+        TRACKED_RIG.cameras[0].project(X[0])
     )  # both cameras: places in camera 0's material picture
     warp = np.zeros((*shape, 12))
     warp[..., :2] = pixels - start
@@ -381,11 +381,11 @@ def X() -> np.ndarray:
 
 
 def test_points_of_two_tracks_come_back(X: np.ndarray) -> None:
-    tracks = [followed(camera, X) for camera in RECONSTRUCT_RIG.cameras]
-    found = reconstruct(RECONSTRUCT_RIG, *tracks)
+    tracks = [followed(camera, X) for camera in TRACKED_RIG.cameras]
+    found = reconstruct(TRACKED_RIG, *tracks)
     np.testing.assert_allclose(found.position, X, atol=1e-11)  # undistort to 1e-12 of 0.3 m, over sin(12°)
     assert np.all(found.outcome == PointOutcome.VALID)
-    for k, camera in enumerate(RECONSTRUCT_RIG.cameras):
+    for k, camera in enumerate(TRACKED_RIG.cameras):
         np.testing.assert_allclose(found.pixels[k], camera.project(X), atol=1e-12)  # round-off
     # Depth of two cameras at ±5.7°: sigma Z0/(f √2 sin 5.7°), at the small field's edge to 1 %.
     sigma = np.sqrt(found.covariance[..., 2, 2])
@@ -393,12 +393,12 @@ def test_points_of_two_tracks_come_back(X: np.ndarray) -> None:
 
 
 def test_lost_points_keep_the_first_camera_s_outcome(X: np.ndarray) -> None:
-    first, second = (followed(camera, X) for camera in RECONSTRUCT_RIG.cameras)
+    first, second = (followed(camera, X) for camera in TRACKED_RIG.cameras)
     first.outcome[1, 2] = PointOutcome.LOW_CONTRAST
     second.outcome[1, 2:4] = PointOutcome.NOT_CONVERGED
     first.warp[1, 2], first.covariance[1, 2] = np.nan, np.nan
     second.warp[1, 3] = 1e6
-    found = reconstruct(RECONSTRUCT_RIG, first, second)
+    found = reconstruct(TRACKED_RIG, first, second)
     expected = np.zeros((N_FRAMES, N_POINTS), dtype=int)
     expected[1, 2], expected[1, 3] = PointOutcome.LOW_CONTRAST, PointOutcome.NOT_CONVERGED
     np.testing.assert_array_equal(found.outcome, expected)
@@ -411,11 +411,11 @@ def test_lost_points_keep_the_first_camera_s_outcome(X: np.ndarray) -> None:
 
 
 def test_rays_that_do_not_meet_are_a_mismatch(X: np.ndarray) -> None:
-    first, second = (followed(camera, X) for camera in RECONSTRUCT_RIG.cameras)
+    first, second = (followed(camera, X) for camera in TRACKED_RIG.cameras)
     second.warp[2, 1, 1] += 0.6
     second.warp[2, 3, 1] += 0.4
     second.warp[3, 4, 0] += 2000.0  # along the line: the rays meet behind the cameras
-    found = reconstruct(RECONSTRUCT_RIG, first, second)
+    found = reconstruct(TRACKED_RIG, first, second)
     assert np.argwhere(found.outcome == PointOutcome.STEREO_MISMATCH).tolist() == [[2, 1], [3, 4]]
     assert np.all(np.isnan(found.position[2, 1]))
     assert found.epipolar[2, 1] == pytest.approx(0.6, abs=0.01)  # kept, for diagnosis; lines lean by < 0.1
@@ -423,29 +423,29 @@ def test_rays_that_do_not_meet_are_a_mismatch(X: np.ndarray) -> None:
 
 
 def test_noise_widens_the_gate(X: np.ndarray) -> None:
-    first, second = (followed(camera, X, sigma=0.2) for camera in RECONSTRUCT_RIG.cameras)
+    first, second = (followed(camera, X, sigma=0.2) for camera in TRACKED_RIG.cameras)
     second.warp[2, :, 1] += 1.2
     # Its predicted sigma is 0.2 √2 px: 1.2 px is 4.2 of them.
-    assert np.all(reconstruct(RECONSTRUCT_RIG, first, second).outcome == PointOutcome.VALID)
-    narrow = reconstruct(RECONSTRUCT_RIG, first, second, gate_sigmas=4.0).outcome
+    assert np.all(reconstruct(TRACKED_RIG, first, second).outcome == PointOutcome.VALID)
+    narrow = reconstruct(TRACKED_RIG, first, second, gate_sigmas=4.0).outcome
     assert np.all(narrow[2] == PointOutcome.STEREO_MISMATCH)
     assert np.all(np.delete(narrow, 2, axis=0) == PointOutcome.VALID)
 
 
 def test_tracks_that_do_not_fit_are_refused(X: np.ndarray) -> None:
-    first, second = (followed(camera, X) for camera in RECONSTRUCT_RIG.cameras)
+    first, second = (followed(camera, X) for camera in TRACKED_RIG.cameras)
     with pytest.raises(ValueError, match=r"\(4, 6\) and \(3, 6\)"):
-        reconstruct(RECONSTRUCT_RIG, first, followed(RECONSTRUCT_RIG.cameras[1], X[:3]))
+        reconstruct(TRACKED_RIG, first, followed(TRACKED_RIG.cameras[1], X[:3]))
     with pytest.raises(ValueError, match="must be positive, got 0"):
-        reconstruct(RECONSTRUCT_RIG, first, second, gate=0.0)
+        reconstruct(TRACKED_RIG, first, second, gate=0.0)
     warp = second.warp.copy()
     warp[1, 5] = np.nan
     with pytest.raises(ValueError, match="camera 1, frame 1, point 5 is VALID but"):
-        reconstruct(RECONSTRUCT_RIG, first, replace(second, warp=warp))
+        reconstruct(TRACKED_RIG, first, replace(second, warp=warp))
     covariance = second.covariance.copy()
     covariance[1, 5] = np.nan
     with pytest.raises(ValueError, match=r"covariance1 of point .* no negative eigenvalue"):
-        reconstruct(RECONSTRUCT_RIG, first, replace(second, covariance=covariance))
+        reconstruct(TRACKED_RIG, first, replace(second, covariance=covariance))
 
 
 def test_a_place_that_both_tracks_share_moves_along_the_surface() -> None:
@@ -486,15 +486,15 @@ def test_a_place_that_both_tracks_share_moves_along_the_surface() -> None:
 
 
 def test_narrower_gates_end_what_a_reconstruction_with_them_ends(X: np.ndarray) -> None:
-    tracks = [followed(camera, X) for camera in RECONSTRUCT_RIG.cameras]
+    tracks = [followed(camera, X) for camera in TRACKED_RIG.cameras]
     rng = np.random.default_rng(4)
     for track in tracks:
         track.warp[..., 1] += rng.normal(0.0, 0.15, track.outcome.shape)
         track.covariance[1] *= 100.0  # a frame whose noise allows more
     tracks[0].outcome[0, 2] = int(PointOutcome.LOW_CORRELATION)
     options = {"gate": 0.12, "gate_sigmas": 3.0}
-    expected = reconstruct(RECONSTRUCT_RIG, *tracks, **options)
-    found = reconstruct(RECONSTRUCT_RIG, *tracks, gate=0.5, gate_sigmas=5.0)
+    expected = reconstruct(TRACKED_RIG, *tracks, **options)
+    found = reconstruct(TRACKED_RIG, *tracks, gate=0.5, gate_sigmas=5.0)
     before = np.sum(found.outcome == PointOutcome.VALID)
     narrow_gates(found, **options)
     for name in ("position", "covariance", "epipolar", "epipolar_sigma", "outcome"):
@@ -507,14 +507,14 @@ def test_narrower_gates_end_what_a_reconstruction_with_them_ends(X: np.ndarray) 
 
 
 def test_frames_shared_out_over_threads_are_those_of_one(X: np.ndarray, monkeypatch: pytest.MonkeyPatch):
-    first, second = (followed(camera, X) for camera in RECONSTRUCT_RIG.cameras)
+    first, second = (followed(camera, X) for camera in TRACKED_RIG.cameras)
     first.outcome[1, 2] = PointOutcome.LOW_CONTRAST
-    whole = reconstruct(RECONSTRUCT_RIG, first, second)
+    whole = reconstruct(TRACKED_RIG, first, second)
     monkeypatch.setattr(subject, "AT_ONCE", N_POINTS)  # a frame at a time
     monkeypatch.setattr(subject, "cores", lambda: 3)
-    parts = reconstruct(RECONSTRUCT_RIG, first, second)
+    parts = reconstruct(TRACKED_RIG, first, second)
     for name in ("position", "covariance", "epipolar", "pixels", "outcome", "epipolar_sigma"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
     second.warp[2, 1] = np.nan  # VALID without a place: refused from any thread
     with pytest.raises(ValueError, match="camera 1, frame 2, point 1"):
-        reconstruct(RECONSTRUCT_RIG, first, second)
+        reconstruct(TRACKED_RIG, first, second)

@@ -580,12 +580,12 @@ def test_mooney_and_rivlins_law_is_ogdens_with_two_exponents(element: str) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "law", [Ogden2(20e3, 1.8, 5e3, -2.5), MooneyRivlin(9e3, 3e3, 400.0)], ids=lambda x: x.NAME
+    "material", [Ogden2(20e3, 1.8, 5e3, -2.5), MooneyRivlin(9e3, 3e3, 400.0)], ids=lambda x: x.NAME
 )
-def test_energy_is_kept(law: AnyLaw) -> None:
+def test_energy_is_kept(material: AnyLaw) -> None:
     samples = Samples.of(poisson=0.495)
-    coarse, fine = (impact((law,), samples, safety=share) for share in (0.9, 0.225))
-    marlow = impact((neo_hookean(law.shear_modulus),), samples, safety=0.225)
+    coarse, fine = (impact((material,), samples, safety=share) for share in (0.9, 0.225))
+    marlow = impact((neo_hookean(material.shear_modulus),), samples, safety=0.225)
     assert coarse.completed.all()
     # What is missing is the error in time, of second order in the step, and as large as of Marlow's law.
     assert fine.energy.imbalance()[0] < 0.1 * coarse.energy.imbalance()[0]
