@@ -16,9 +16,8 @@ from kolsky.cli.texts import ranges
 from kolsky.inverse.coarse_search import adaptive_design, second_design
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
-from kolsky.inverse.parameters import design_box
-from kolsky.inverse.problem import Settings, prepare_shot
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.problem import InverseProblem, Settings
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 
@@ -32,18 +31,19 @@ def main() -> None:
     parser.add_argument("--free", nargs="+", default=["stiffness_factor"])
     given = parser.parse_args()
     settings = Settings(free=ranges("--free", given.free))
-    box, prepared = design_box(settings.free), prepare_shot(load_shot(given.shot))
+    problem = InverseProblem.of(load_shot(given.shot), settings)
+    box, prepared = problem.box, problem.prepared
     objective = Objective(
         prepared.observations, np.ones(len(prepared.observations.centre_line.Z), dtype=bool)
     )
     for name, way in WAYS.items():
-        stages, started = StagedRuns(prepared, settings, box, Work()), perf_counter()
+        runner, started = Runner.of(problem, Work()), perf_counter()
         try:
-            found = way(stages, stages.simulate("design", stages.design(box), settings.numerics))
+            found = way(runner, runner.simulate("design", runner.design(box), settings.numerics))
         except ValueError as error:
             print(f"{name:20s} {error}")
             continue
-        seconds, runs = perf_counter() - started, len(stages.table.points)
+        seconds, runs = perf_counter() - started, len(runner.table.points)
         values = dict(zip(box.names, found.x[:, None], strict=True))
         there = predict(prepared.forward.run(values, settings.numerics), prepared.observations)
         deviance = objective.deviance(objective.vectors(there))[0]

@@ -19,9 +19,8 @@ from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
 from kolsky.cli.texts import ranges
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import design_box
-from kolsky.inverse.problem import Settings, prepare_shot
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.problem import InverseProblem, Settings
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 
@@ -62,11 +61,12 @@ def main() -> None:
     parser.add_argument("--free", nargs="+", default=["stiffness_factor"])
     given = parser.parse_args()
     settings = Settings(free=ranges("--free", given.free))
-    box, prepared = design_box(settings.free), prepare_shot(load_shot(given.shot))
-    stages = StagedRuns(prepared, settings, box, Work())
-    tests = stages.simulate("held out", sobol(box, HELD_OUT, rng=3), settings.numerics)
+    problem = InverseProblem.of(load_shot(given.shot), settings)
+    box, prepared = problem.box, problem.prepared
+    runner = Runner.of(problem, Work())
+    tests = runner.simulate("held out", sobol(box, HELD_OUT, rng=3), settings.numerics)
     designs = [
-        stages.simulate("design", latin_hypercube(box, n * box.dimension, rng=5), settings.numerics)
+        runner.simulate("design", latin_hypercube(box, n * box.dimension, rng=5), settings.numerics)
         for n in (12, 24, 48)
     ]
     inside = np.concatenate([runs.prediction.inside for runs in (tests, *designs)]).all(axis=0)

@@ -23,11 +23,10 @@ from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.fit_quality import explains, fit_quality, near_right, residual_sources
 from kolsky.diagnosis.judgement import judged
 from kolsky.inverse.estimates import with_own_method
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import InverseProblem, Settings
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.work import Progress, Work
-from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
 from kolsky.uncertainty.answer import budgeted_answer, error_sources
@@ -64,26 +63,23 @@ def identify(
         If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
         message says how, when and where the first one failed.
     """
-    settings = settings or Settings()
-    prepared = prepare_shot(with_pull(shot, settings.pull))
-    found = search_shot(prepared, settings, Work(progress))
-    stages, fine = found.stages, found.fine
-    objective, slopes, seen = fine.objective, fine.jacobian, fine.check.response
+    search = search_shot(InverseProblem.of(shot, settings or Settings()), Work(progress))
+    runner, optimum = search.runner, search.fine
+    objective, slopes, response = optimum.objective, optimum.jacobian, optimum.check.response
 
-    known = analyse(stages, LinearisedOptimum.of(fine), fine.check.prediction, bayes=settings.bayes)
-    sources = error_sources(found, known.directions)
-    changes, vector = residual_sources(sources), objective.vectors(fine.check.prediction)[0]
-    fit = fit_quality(objective, vector, slopes, names=stages.box.names, changes=changes)
+    analysis = analyse(runner, LinearisedOptimum.of(optimum), optimum.check.prediction)
+    sources = error_sources(search, analysis.directions)
+    changes, vector = residual_sources(sources), objective.vectors(optimum.check.prediction)[0]
+    fit = fit_quality(objective, vector, slopes, names=runner.problem.box.names, changes=changes)
 
-    held = None if found.held is None else found.held.refined
-    other = None if held is None or explains(fit) else OtherStart(held.x, held.response)
-    causes = find_causes(stages, fine.x, seen.select([0]), other=other, explained=near_right(fit))
-    again = Reruns.of(stages, fine.x)
-    clocks = clock_lags(prepared.forward.shot, seen, objective, slopes, changes, again=again)
+    extra = None if search.held is None or explains(fit) else search.held.refined
+    second = None if extra is None else OtherStart(extra.x, extra.response)
+    causes = find_causes(runner, optimum.x, response.select([0]), other=second, explained=near_right(fit))
+    reruns = Reruns.of(runner, optimum.x)
+    clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes, again=reruns)
 
-    answer = with_own_method(known.added_to(budgeted_answer(prepared, found, sources)))
-    answer = replace(answer, fit=fit, clocks=clocks, causes=causes.findings)
-    return judged(answer, prepared, found, known, sources, causes)
+    answer = replace(budgeted_answer(search, sources), fit=fit, clocks=clocks, causes=causes.findings)
+    return judged(with_own_method(analysis.added_to(answer)), search, analysis, sources, causes)
 
 
 LEADING = 2

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.work import Work
@@ -45,10 +45,10 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
     shot = experiment(number, setup, truth, seen, study.interface, Silent(np.random.PCG64(0)))
     threads = 1 if study.device == "cpu" else None
     asked = settings(study, threads, free=dict.fromkeys(NAMES), seed=study.seed + number)
-    found = search_shot(prepare_shot(shot), asked, Work())
-    true = np.array([float(getattr(truth, name)) for name in found.stages.box.names])
-    change = mesh_change(found.stages, found.fine)
-    order = [found.stages.box.names.index(name) for name in NAMES]
+    found = search_shot(InverseProblem.of(shot, asked), Work())
+    true = np.array([float(getattr(truth, name)) for name in found.problem.box.names])
+    change = mesh_change(found.runner, found.fine)
+    order = [found.problem.box.names.index(name) for name in NAMES]
     return {
         "number": number,
         "ratio": change.ratio,

@@ -23,7 +23,8 @@ from kolsky.shot.inputs import INPUTS, Cause, Change
 from kolsky.shot.records import ForceChannel, Shot
 
 if TYPE_CHECKING:
-    from kolsky.inverse.staged_runs import StagedRuns
+    from kolsky.inverse.problem import InverseProblem
+    from kolsky.inverse.runner import Runner
 
 
 SPREAD_NODES = 7
@@ -95,43 +96,43 @@ def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)
 
 
-def can_be_tried(c: Cause, stages: StagedRuns) -> bool:
+def can_be_tried(c: Cause, problem: InverseProblem) -> bool:
     """True if a cause can be tried on this shot: measured, held, and with an effect."""
-    shot, settings = stages.prepared.forward.shot, stages.settings
-    if c.parameter in stages.box.names:
+    shot, settings = problem.shot, problem.settings
+    if c.parameter in problem.box.names:
         return False
     if c.needs == "outline":
-        return stages.observations.has_shape
+        return problem.observations.has_shape
     if c.needs == "force channel":
         return isinstance(shot.force, ForceChannel)
     if c.needs == "faces that stick":
-        slides = any_slides([*stages.box.names, *settings.held])
+        slides = any_slides([*problem.box.names, *settings.held])
         return not slides and shot.interface.faces != SLIDING_LAW
     return True
 
 
-def start_of(c: Cause, stages: StagedRuns) -> float:
+def start_of(c: Cause, problem: InverseProblem) -> float:
     """Coordinate of what is declared; NaN where that is no value of it."""
-    return nan if c.exact != c.exact else c.coordinate(held_value(c, stages))
+    return nan if c.exact != c.exact else c.coordinate(held_value(c, problem))
 
 
-def held_value(c: Cause, stages: StagedRuns) -> float:
+def held_value(c: Cause, problem: InverseProblem) -> float:
     """What is declared, in the value's unit."""
     if not c.parameter:
         return c.exact
-    shot, held = stages.prepared.forward.shot, stages.settings.held
+    shot, held = problem.shot, problem.settings.held
     return held.get(c.parameter, PARAMETERS[c.parameter].held(shot))
 
 
-def declared_sigma(c: Cause, stages: StagedRuns) -> float:
+def declared_sigma(c: Cause, runner: Runner) -> float:
     """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
-    declared = stages.prepared.forward.shot.uncertainty.get(c.declared, 0.0)
-    return hypot(declared, c.allowance, stages.prepared.path.sigma_onset if c.onset else 0.0)
+    declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
+    return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 
 
-def declared_span(c: Cause, stages: StagedRuns) -> tuple[float, float] | None:
+def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
     """Coordinates, the smaller first, within k = 2 of what is declared; None where nothing is."""
-    middle, half = held_value(c, stages), COVERAGE * declared_sigma(c, stages)
+    middle, half = held_value(c, runner.problem), COVERAGE * declared_sigma(c, runner)
     if not (half > 0.0 and isfinite(half) and isfinite(middle)):
         return None
     ends = sorted(c.value(u) for u in (c.lowest, c.highest))

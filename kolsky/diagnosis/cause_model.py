@@ -14,7 +14,7 @@ from kolsky.diagnosis.cause_inputs import changed_vector, radii
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.shot.inputs import UNCHANGED, Cause, Change
 
@@ -39,7 +39,7 @@ class Point:
 class CauseModel:
     """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
 
-    ``stages``: the identification's simulations. ``x``: where the run on the refined mesh was made, shape
+    ``runner``: of the identification. ``x``: where the run on the refined mesh was made, shape
     [d]. ``refined``: that run, a batch of one. ``first``: an input that is free beside the parameters, its
     coordinate the last entry of every x; None for none. Raises ValueError if the run there does not complete
     on the surrogate's mesh.
@@ -47,18 +47,18 @@ class CauseModel:
 
     def __init__(
         self,
-        stages: StagedRuns,
+        runner: Runner,
         x: FloatArray,
         refined: Response,
         first: Cause | None = None,
     ) -> None:
-        self.stages, self.x, self.refined, self.first = stages, x, refined, first
-        box = stages.box
+        self.runner, self.x, self.refined, self.first = runner, x, refined, first
+        box = runner.problem.box
         self.lower, self.upper = np.array(box.lower), np.array(box.upper)
         if first is not None:
             self.lower = np.append(self.lower, first.lowest)
             self.upper = np.append(self.upper, first.highest)
-        self.observations = _thinned(stages.observations)
+        self.observations, self.offset = _thinned(runner.problem.observations, runner.front.noise.offset)
         self.runs = 0
         self._recent: dict[tuple[object, object], Response | None] = {}
         reference = self.respond([Point(x)])[0]
@@ -86,22 +86,19 @@ class CauseModel:
                     seen[key] = radii(change, response, self.observations)
                 made = changed_vector(change, response, self.observations, known=seen[key])
                 found[i] = made + self.shift(change)
-        offset = self.observations.front_offset
-        return found if offset is None else found - offset
+        return found if self.offset is None else found - self.offset
 
     def whole(self, point: Point) -> Point:
         """The point with the free input among its changes."""
-        d = self.stages.box.dimension
+        d = self.runner.problem.box.dimension
         if self.first is None or len(point.x) == d:
             return point
         return Point(point.x[:d], self.first.changed(float(point.x[d])).then(point.changed))
 
     def refined_run(self, point: Point) -> Response | None:
         """A run on the refined mesh; None if it does not complete."""
-        settings = self.stages.settings
-        (response,) = run_side_by_side(
-            [self._launch([self.whole(point)], settings.numerics.with_mesh(settings.refined_mesh))]
-        )
+        launch = self._launch([self.whole(point)], self.runner.problem.refined)
+        (response,) = run_side_by_side([launch])
         return response if response.outcomes[0].ok else None
 
     def shift(self, change: Change) -> FloatArray:
@@ -122,7 +119,7 @@ class CauseModel:
         that differ by what is made of a run alone share it, and what was run lately is not run again.
         """
         points = [self.whole(point) for point in points]
-        keys = [_key(self.stages, point) for point in points]
+        keys = [_key(self.runner, point) for point in points]
         found = {key: self._recent[key] for key in keys if key in self._recent}
         fresh = self._fresh(points)
         found |= self._named(fresh, run_side_by_side([self._launch(group) for group in fresh]))
@@ -133,7 +130,7 @@ class CauseModel:
         """The points whose runs are not known, each run once, in the groups of one launch."""
         fresh: dict[object, dict[object, Point]] = {}
         for point in points:
-            launch, run = key = _key(self.stages, point)
+            launch, run = key = _key(self.runner, point)
             if key not in self._recent:
                 fresh.setdefault(launch, {})[run] = point
         return [list(group.values()) for group in fresh.values()]
@@ -147,20 +144,17 @@ class CauseModel:
             self.runs += len(group)
             for row, point in enumerate(group):
                 done = response.select([row]) if response.outcomes[row].ok else None
-                found[_key(self.stages, point)] = done
+                found[_key(self.runner, point)] = done
         return found
 
     def _launch(self, points: Sequence[Point], numerics: Numerics | None = None) -> Launch:
-        prepared, settings, names = self.stages.prepared, self.stages.settings, self.stages.box.names
+        problem, path = self.runner.problem, self.runner.front.path
         factors = {point.changed.motion: None for point in points}
-        paths = tuple(prepared.path if f == 1.0 else prepared.path.scaled(f) for f in factors)
-        forward = replace(_forward(prepared.forward, points[0].changed.specimen), paths=paths)
-        numerics = numerics or settings.numerics
-        at = self.stages.solver_values(np.array([p.x for p in points]), numerics.mesh)
-        rows = [
-            {**settings.held, **dict(zip(names, x, strict=True)), **p.changed.values}
-            for p, x in zip(points, at, strict=True)
-        ]
+        paths = tuple(path if f == 1.0 else path.scaled(f) for f in factors)
+        forward = replace(_forward(self.runner.forward, points[0].changed.specimen), paths=paths)
+        numerics = numerics or problem.numerics
+        at = self.runner.solver_values(np.array([p.x for p in points]), numerics.mesh)
+        rows = [{**problem.point(x), **p.changed.values} for p, x in zip(points, at, strict=True)]
         named = {name for row in rows for name in row}
         values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
         motion = [list(factors).index(point.changed.motion) for point in points]
@@ -174,7 +168,7 @@ class CauseModel:
         """Steps for differences by the free parameters, inside the design, shape [d]."""
         steps = [
             0.01 * (0.5 - x[i]) if name == "poisson" else SHARES.get(name, 0.01 * abs(x[i]) or 1e-3)
-            for i, name in enumerate(self.stages.box.names)
+            for i, name in enumerate(self.runner.problem.box.names)
         ]
         if self.first is not None and len(x) > len(steps):
             steps.append(self.first.step)
@@ -182,16 +176,15 @@ class CauseModel:
         return np.where(x + up > self.upper[: len(x)], -up, up)
 
 
-def _thinned(o: Observations) -> Observations:
-    """The observations with fewer outline points, evenly chosen."""
+def _thinned(o: Observations, offset: FloatArray | None) -> tuple[Observations, FloatArray | None]:
+    """The observations, and a change of their bins and points, with fewer outline points, evenly chosen."""
     n = len(o.centre_line.Z)
     if n <= MOST_POINTS:
-        return o
+        return o, offset
     kept: IntArray = np.linspace(0, n - 1, MOST_POINTS).round().astype(np.int64)
-    offset, bins = o.front_offset, o.n_force
     if offset is not None:
-        offset = np.concatenate([offset[:bins], offset[bins:][kept]])
-    return replace(o, centre_line=o.centre_line.select(kept), front_noise=None, front_offset=offset)
+        offset = np.concatenate([offset[: o.n_force], offset[o.n_force :][kept]])
+    return replace(o, centre_line=o.centre_line.select(kept)), offset
 
 
 def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:
@@ -209,9 +202,9 @@ def _declared(forward: Forward, name: str) -> float:
     return PARAMETERS[name].held(forward.shot)
 
 
-def _key(stages: StagedRuns, point: Point) -> tuple[object, object]:
+def _key(runner: Runner, point: Point) -> tuple[object, object]:
     """What tells a run from all others: what all runs of its launch have in common, and what they do not."""
-    named = [*stages.settings.held, *stages.box.names, *point.changed.values]
+    named = [*runner.problem.settings.held, *runner.problem.box.names, *point.changed.values]
     launch = (tuple(sorted(point.changed.specimen.items())), any_slides(named))
     run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
     return launch, run
@@ -234,7 +227,7 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
     is carried to the data.
     """
     o, n = model.observations, model.observations.n_force
-    meshes = model.stages.settings
+    meshes = model.runner.problem.settings
     ratio = meshes.refined_mesh[0] / meshes.numerics.mesh[0]
     moved = np.nan_to_num(model.shift(UNCHANGED))
     rough = moved / (ratio**SECOND_ORDER - 1.0)
@@ -257,13 +250,11 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
 
 def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     """Changes of the data vector by one standard deviation of each pattern of the path, shape [k, q]."""
-    stages, path = model.stages, model.stages.prepared.path
+    runner, path = model.runner, model.runner.front.path
     jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
     paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
-    forward = replace(stages.prepared.forward, paths=paths)
-    (at,) = stages.solver_values(model.x[None], numerics.mesh)
-    values = {**stages.settings.held, **dict(zip(stages.box.names, at, strict=True))}
-    response = forward.run(values, numerics, motion=np.arange(len(paths)))
+    forward = replace(runner.forward, paths=paths)
+    response = forward.run(runner.at(model.x, numerics.mesh), numerics, motion=np.arange(len(paths)))
     model.runs += len(paths)
     vectors = np.array(
         [

@@ -24,7 +24,7 @@ from kolsky.diagnosis.cause_fit import (
 from kolsky.diagnosis.cause_inputs import declared_span, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.result import COVERAGE
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import VALLEY, local_minima, oscillation_table
 from kolsky.shot.inputs import UNCHANGED, Cause
 
@@ -88,7 +88,7 @@ class CauseSearch:
     What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
     is a misfit.
 
-    ``stages``, ``model``, ``expected``: the identification's simulations, data vectors from them, what a
+    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, what a
     right model leaves. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
     inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
     out.
@@ -96,7 +96,7 @@ class CauseSearch:
 
     def __init__(
         self,
-        stages: StagedRuns,
+        runner: Runner,
         model: CauseModel,
         expected: ExpectedResidual,
         use: BoolArray,
@@ -104,10 +104,11 @@ class CauseSearch:
         *,
         start: FloatArray | None = None,
     ) -> None:
-        self.stages, self.model, self.expected, self.use = stages, model, expected, use
+        self.runner, self.model, self.expected, self.use = runner, model, expected, use
+        self.problem = problem = runner.problem
         self.x = x = model.x if start is None else start
         slopes = model.slopes(x, UNCHANGED)
-        steps = {c.key: (c, start_of(c, stages)) for c in candidates if np.isfinite(start_of(c, stages))}
+        steps = {c.key: (c, start_of(c, problem)) for c in candidates if np.isfinite(start_of(c, problem))}
         beside = [Point(x, c.changed(_inside(c, u + c.step))) for c, u in steps.values()]
         vectors = model.vectors([Point(x), *slopes, *beside])
         self.vector = vectors[0]
@@ -119,7 +120,7 @@ class CauseSearch:
                 change = np.nan_to_num(vector - self.vector)[use]
                 self.columns[c.key] = change / (_inside(c, u + c.step) - u)
         self.declared = [
-            c for c in candidates if c.key in self.columns and declared_span(c, stages) is not None
+            c for c in candidates if c.key in self.columns and declared_span(c, runner) is not None
         ]
         here = self.residual(self.vector)
         self.null = solve_linear(here, self.slope, expected, self.allowed())
@@ -155,10 +156,10 @@ class CauseSearch:
         """What may be off within its declared uncertainty, without the input that is tried."""
         columns, lower, upper = [], [], []
         for c in self.declared:
-            span = declared_span(c, self.stages)
+            span = declared_span(c, self.runner)
             if span is None or (tried is not None and c.key == tried.key):
                 continue
-            unit, start = (span[1] - span[0]) / (2.0 * COVERAGE), start_of(c, self.stages)
+            unit, start = (span[1] - span[0]) / (2.0 * COVERAGE), start_of(c, self.problem)
             columns.append(unit * self.columns[c.key])
             lower.append((span[0] - start) / unit)
             upper.append((span[1] - start) / unit)
@@ -172,7 +173,7 @@ class CauseSearch:
 
     def alone(self, c: Cause) -> Trial:
         """A declared input by one linear step with all others as they are declared."""
-        u, own = start_of(c, self.stages), self.columns[c.key]
+        u, own = start_of(c, self.problem), self.columns[c.key]
         fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
         misfits = self.expected.misfits(fit.residual)
         x = self.clipped(self.x + fit.step[:-1])
@@ -200,7 +201,7 @@ class CauseSearch:
         """Every candidate by one linear step from the answer; none where it has no value there."""
         found, here = [], self.residual(self.vector)
         for c in candidates:
-            u = start_of(c, self.stages)
+            u = start_of(c, self.problem)
             if not np.isfinite(u):
                 found.append(self._none(c, "no number describes it: other values are tried where needed"))
                 continue
@@ -379,7 +380,7 @@ NO_CHANGE = Cause(
 
 def valley_is_free(search: CauseSearch) -> bool:
     """True if Poisson's ratio is free, so that a change may need another valley."""
-    return VALLEY in search.stages.box.names
+    return VALLEY in search.problem.box.names
 
 
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
@@ -411,7 +412,7 @@ def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
 
 def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
     """At most `FLOORS` floors about each start, the lowest first, the other parameters by a linear step."""
-    i = search.stages.box.names.index(VALLEY)
+    i = search.problem.box.names.index(VALLEY)
     rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
     vectors = search.model.vectors([Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows])
     others = np.arange(len(search.x)) != i
@@ -435,9 +436,9 @@ def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
 
 def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
     """A point with Poisson's ratio, its entry i, at equal steps of the oscillations' number about it."""
-    names, low, high = search.stages.box.names, search.model.lower[i], search.model.upper[i]
+    names, low, high = search.problem.box.names, search.model.lower[i], search.model.upper[i]
     factor = float(x[names.index("stiffness_factor")]) if "stiffness_factor" in names else 1.0
-    values, number = oscillation_table(search.stages, factor, (low, high))
+    values, number = oscillation_table(search.problem.prepared, factor, (low, high))
     steps = np.arange(-round(REACH / PHASE), round(REACH / PHASE) + 1)
     wanted = np.interp(x[i], values, number) + PHASE * steps
     inside = wanted[(wanted >= number[0]) & (wanted <= number[-1])]

@@ -25,7 +25,7 @@ from kolsky.diagnosis.cause_search import (
 )
 from kolsky.diagnosis.fit_quality import UNEXPLAINED
 from kolsky.inverse.result import CauseFinding
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
 
 LEVEL = 0.01
@@ -113,7 +113,7 @@ def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
 
 def _within(search: CauseSearch, t: Trial) -> bool:
     """True if the value lies within k = 2 of what is declared."""
-    span = declared_span(t.candidate, search.stages)
+    span = declared_span(t.candidate, search.runner)
     return span is not None and span[0] <= t.u <= span[1]
 
 
@@ -130,11 +130,11 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
     """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
-    c, declared = t.candidate, search.stages.prepared.forward.shot.uncertainty
-    scale = declared_sigma(c, search.stages)
+    c, declared = t.candidate, search.problem.shot.uncertainty
+    scale = declared_sigma(c, search.runner)
     if not declared.get(c.declared, 0.0) > 0.0:
         scale = max(scale, c.typical)
-    start = held_value(t.candidate, search.stages)
+    start = held_value(t.candidate, search.problem)
     return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
 
 
@@ -151,11 +151,13 @@ def _chance(search: CauseSearch, t: Trial) -> float:
     if t.lost or t.fit is None:
         return 1.0
     degrees = len(t.residual) / max(t.fit.inflation, 1.0) - len(t.fit.step)
-    start = held_value(t.candidate, search.stages)
+    start = held_value(t.candidate, search.problem)
     if not isfinite(start):
         return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
     return chance(
-        t.value - start, float(np.hypot(t.sigma, declared_sigma(t.candidate, search.stages))), degrees=degrees
+        t.value - start,
+        float(np.hypot(t.sigma, declared_sigma(t.candidate, search.runner))),
+        degrees=degrees,
     )
 
 
@@ -169,7 +171,7 @@ def _finding(
     *,
     alike: tuple[str, ...],
 ) -> CauseFinding:
-    names, c = search.stages.box.names, t.candidate
+    names, c = search.problem.box.names, t.candidate
     sigmas = (
         {}
         if t.fit is None or t.lost
@@ -179,7 +181,7 @@ def _finding(
         key=c.key,
         words=c.words,
         unit=c.unit,
-        exact=held_value(c, search.stages),
+        exact=held_value(c, search.problem),
         value=nan if t.lost else t.value,
         sigma=nan if t.lost else t.sigma,
         explained=share,
@@ -190,7 +192,7 @@ def _finding(
         named=named,
         alike=alike,
         status=t.lost,
-        declared_sigma=declared_sigma(c, search.stages) or None,
+        declared_sigma=declared_sigma(c, search.runner) or None,
     )
 
 
@@ -234,7 +236,7 @@ class Best:
 
 
 def find_causes(
-    stages: StagedRuns,
+    runner: Runner,
     x: FloatArray,
     refined: Response,
     *,
@@ -245,8 +247,8 @@ def find_causes(
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     x
         The answer in SI, shape [d].
     refined
@@ -259,28 +261,27 @@ def find_causes(
         `kolsky.diagnosis.fit_quality.near_right`.
     """
     try:
-        with one_blas_thread(), stages.work.stage("causes", 1):
-            return _analysed(stages, x, refined, other, explained)
+        with one_blas_thread(), runner.work.stage("causes", 1):
+            return _analysed(runner, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
 
 
 def _analysed(
-    stages: StagedRuns,
+    runner: Runner,
     x: FloatArray,
     refined: Response,
     other: OtherStart | None,
     explained: bool,
 ) -> CauseAnalysis:
-    candidates = [c for c in causes() if can_be_tried(c, stages)]
-    search = _search_from(stages, CauseModel(stages, x, refined), candidates)
+    candidates = [c for c in causes() if can_be_tried(c, runner.problem)]
+    search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None:
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
-        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.work, prior=stages.prior)
-        model = CauseModel(apart, other.x, other.refined)
-        second = _search_from(apart, model, candidates, counted=search.use)
+        model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
+        second = _search_from(model, candidates, counted=search.use)
         seen = second.judge(search, trials)
         both = [Best(s, t, search) for s, t in zip(seen, trials, strict=True)]
         both += [Best(t, t, second) for t in best_trials(second, candidates)]
@@ -290,18 +291,17 @@ def _analysed(
 
 
 def _search_from(
-    stages: StagedRuns,
     model: CauseModel,
     candidates: Sequence[Cause],
     *,
     counted: BoolArray | None = None,
 ) -> CauseSearch:
     """The search from a model's own point."""
-    settings = stages.settings
+    problem = model.runner.problem
     known = np.isfinite(model.vectors([Point(model.x)])[0])
     known &= True if counted is None else counted
-    expected = expected_residual(model, settings.numerics.with_mesh(settings.replicate_mesh))
-    return CauseSearch(stages, model, expected.among(known), known, candidates)
+    expected = expected_residual(model, problem.numerics.with_mesh(problem.settings.replicate_mesh))
+    return CauseSearch(model.runner, model, expected.among(known), known, candidates)
 
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
@@ -340,25 +340,25 @@ def _search_beside_leading(
     is free as the parameters are, and the others are tried beside it: with the first put right, what they
     explained alone says nothing more of them.
     """
-    c, stages = first.candidate, search.stages
-    at, refined = np.append(search.model.x, start_of(c, stages)), search.model.refined
+    c, runner, problem = first.candidate, search.runner, search.problem
+    at, refined = np.append(search.model.x, start_of(c, problem)), search.model.refined
     start = np.append(first.x, first.u)
     if c.simulated or valley_is_free(search):
         run = search.model.refined_run(Point(first.x, c.changed(first.u)))
         if run is None:
             return findings
         at, refined = start, run
-        fine = CauseModel(stages, at, refined, c)
-        declared = [one for one in rest if declared_span(one, stages) is not None]
-        again = CauseSearch(stages, fine, search.expected, search.use, declared, start=start)
+        fine = CauseModel(runner, at, refined, c)
+        declared = [one for one in rest if declared_span(one, runner) is not None]
+        again = CauseSearch(runner, fine, search.expected, search.use, declared, start=start)
         # Losses with the earlier correction are no measure of those with this one.
         (first,) = again.followed([first]) or [first]
         start = np.append(first.x, first.u)
-    fine = CauseModel(stages, at, refined, c)
-    second = CauseSearch(stages, fine, search.expected, search.use, rest, start=start)
+    fine = CauseModel(runner, at, refined, c)
+    second = CauseSearch(runner, fine, search.expected, search.use, rest, start=start)
     trials = best_trials(second, rest)
     x = second.at
-    names = stages.box.names
+    names = problem.box.names
     renewed = replace(
         findings[0],
         value=c.value(float(x[-1])),
@@ -406,7 +406,7 @@ def best_trials(
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     """A density for each gain of the force: these and stress scaled alike leave the motion."""
-    names = search.stages.box.names
+    names = search.problem.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
     density = next(c for c in causes() if c.key == DENSITY)
     if not gains or "stiffness_factor" not in names:

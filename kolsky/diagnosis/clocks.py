@@ -17,9 +17,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.fit_quality import LATE, fit_quality
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME, radius_at
-from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import ClockLag
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
 REACH = 60e-6
@@ -144,7 +143,7 @@ def first_lag(
     `fit_lag`.
     """
     way, plain = np.array(direction), _without_slow_error(objective)
-    plain = replace(plain, observations=replace(plain.observations, front_noise=None))
+    plain = replace(plain, front=replace(plain.front, patterns=None))
 
     def cost(lag: float) -> float:
         vector, weighted, jacobian = shifted(lag * way), plain, slopes(lag * way)
@@ -230,17 +229,16 @@ class Reruns:
     """Runs on the refined mesh at points of shape [n, d]."""
 
     @classmethod
-    def of(cls, stages: StagedRuns, x: FloatArray) -> "Reruns":
+    def of(cls, runner: Runner, x: FloatArray) -> "Reruns":
         """Those of an identification whose optimum is x, shape [d]."""
-        box, settings = stages.box, stages.settings
-        shot, numerics = stages.prepared.forward.shot, settings.numerics.with_mesh(settings.refined_mesh)
-        declared = [np.nan if n == STIFFNESS else PARAMETERS[n].held(shot) for n in box.names]
+        problem = runner.problem
+        box = problem.box
         return cls(
             x=x,
-            declared=np.array(declared),
+            declared=np.where([name == STIFFNESS for name in box.names], np.nan, problem.declared),
             lower=np.array(box.lower),
             upper=np.array(box.upper),
-            run=lambda points: stages.run("clocks", points, numerics)[0],
+            run=lambda points: runner.run("clocks", points, problem.refined).response,
         )
 
     def starts(self, moved: FloatArray) -> list[FloatArray]:

@@ -8,7 +8,6 @@ from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.causes import CauseAnalysis, cause_warnings
 from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
-from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import Search
 from kolsky.uncertainty.analyse import UncertaintyAnalysis
@@ -18,7 +17,6 @@ from kolsky.uncertainty.warnings import collect_warnings
 
 def judged(
     result: Identification,
-    prepared: PreparedShot,
     found: Search,
     known: UncertaintyAnalysis,
     sources: Sources,
@@ -30,29 +28,28 @@ def judged(
     ----------
     result
         The identification with its fit and its causes.
-    prepared
-        The shot before the search moved its path.
     found, known, sources, causes
         The search, the uncertainty analysis, what moves the optimum, and the inputs that were tried.
     """
-    stages, fine, shot = found.stages, found.fine, prepared.forward.shot
+    runner, problem, fine = found.runner, found.problem, found.fine
+    shot = problem.shot
     result = with_verdicts(result)
     of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]
     if not explained(result):
         vector = fine.objective.vectors(fine.check.prediction)[0]
-        asked = shot_branch_test(stages, fine.x, fine.objective, fine.jacobian, vector)
+        asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
         # A strong branch is out of reach of the linear test: it is searched for.
-        strong = None if rate_advice(asked) else branch_fit(stages, fine.x, fine.objective)
+        strong = None if rate_advice(asked) else branch_fit(runner, fine.x, fine.objective)
         of_fit += rate_advice(asked, strong)
         result = replace(result, surrogate={**result.surrogate, **branch_figures(asked, strong)})
-    replicates, numerics = stages.replicates, found.freed.settings.numerics
+    replicates = found.replicates
     warnings = collect_warnings(
         result,
-        checks=prepared.checks,
+        checks=problem.prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
-        mesh=prepared.forward.mesh(numerics.with_mesh(result.refined_mesh)),
+        mesh=problem.prepared.forward.mesh(problem.refined),
         lost_meshes=sources.mesh.lost,
     )
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
-    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
+    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))

@@ -24,7 +24,7 @@ from kolsky.inverse.objective import BLOCKS, Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box, same_bulk
 from kolsky.inverse.result import Estimate, Verdict
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import VALLEY, from_search, search_box, to_search
 from kolsky.material.relaxation.rate_fit import SIGNIFICANT
 from kolsky.uncertainty.mesh_error import joint_mesh_change, mesh_patterns
@@ -142,13 +142,13 @@ class BranchFit:
         return self.inside and self.aic < 0.0 and self.share >= HALF
 
 
-def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> BranchFit | None:
+def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
     """Search for a branch beside an elastic optimum, all free parameters moving with it.
 
     Parameters
     ----------
-    stages
-        The identification's simulations; some 200 runs are added on the surrogate's mesh.
+    runner
+        Runs points of the identification's problem; some 200 runs are added on the surrogate's mesh.
     x
         The optimum, shape [d].
     objective
@@ -159,11 +159,11 @@ def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> Branc
     BranchFit or None
         None if the shot declares what relaxes, or too few runs complete.
     """
-    forward, numerics = stages.prepared.forward, stages.settings.numerics
+    forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
         return None
     first, last = forward.shot.window
-    ranges = zip(stages.box.names, stages.box.lower, stages.box.upper, strict=True)
+    ranges = zip(runner.problem.box.names, runner.problem.box.lower, runner.problem.box.upper, strict=True)
     box = design_box(
         {
             **{n: (low, high) for n, low, high in ranges},
@@ -173,13 +173,13 @@ def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> Branc
     )
     series = Relaxation("prony", {STRENGTH: 0.0, TIME: last - first})
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
-    prior, d, k = stages.prior, len(x), len(objective.data)
+    prior, d, k = runner.problem.prior, len(x), len(objective.data)
     known = 0 if prior is None else len(prior.rows())
 
     def run(points: FloatArray) -> FloatArray:
-        stages.progress("what relaxes", 0, len(points))
+        runner.work.progress("what relaxes", 0, len(points))
         columns = dict(zip(box.names, points.T, strict=True))
-        response = relaxing.run({**stages.settings.held, **columns}, numerics)
+        response = relaxing.run({**runner.problem.settings.held, **columns}, numerics)
         found = np.full((len(points), k + known), np.nan)
         rows = np.flatnonzero(response.completed)
         if rows.size:
@@ -188,7 +188,7 @@ def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> Branc
             found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
             if prior is not None:
                 found[rows, k:] = prior.residuals(points[rows, :d])
-        stages.progress("what relaxes", len(points), len(points))
+        runner.work.progress("what relaxes", len(points), len(points))
         return found
 
     def weighting(residual: FloatArray) -> Whitening:
@@ -204,7 +204,7 @@ def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> Branc
         weights = weighting(vector - data)
         return float((weights.apply(vector - data) ** 2).sum()) + weights.log_determinant
 
-    at = stages.solver_values(x[None], numerics.mesh)[0]
+    at = runner.solver_values(x[None], numerics.mesh)[0]
     scan = np.clip(scan_points(box, at), box.lower, box.upper)
     vectors = run(np.concatenate([np.append(at, [0.0, last - first])[None], scan]))
     costs = np.array([deviance(vector) for vector in vectors])
@@ -276,33 +276,32 @@ SHORTEST_TESTED, TESTED_TIMES = 2e-5, 7
 
 
 def shot_branch_test(
-    stages: StagedRuns, x: FloatArray, objective: Objective, slopes: FloatArray, vector: FloatArray
+    runner: Runner, x: FloatArray, objective: Objective, slopes: FloatArray, vector: FloatArray
 ) -> BranchTest | None:
     """Hold what an elastic identification leaves against branches of some relaxation times.
 
-    ``stages``: the identification's simulations; a run a time is added on the surrogate's mesh. ``x``: the
+    ``runner``: a run a time is added on the surrogate's mesh. ``x``: the
     optimum, shape [d]. ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there,
     shape [k, d]. ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the
     shot declares what relaxes, or a run does not complete.
     """
-    forward, numerics = stages.prepared.forward, stages.settings.numerics
+    forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
         return None
     first, last = forward.shot.window
     times = np.geomspace(SHORTEST_TESTED, last - first, TESTED_TIMES)
     series = Relaxation("prony", dict(zip(prony_names(1), (WEAK_STRENGTH, float(times[0])), strict=True)))
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
-    at = stages.solver_values(x[None], numerics.mesh)[0]
-    point = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
+    point = runner.at(x, numerics.mesh)
     columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
     # The first run has no branch: the same kernel, so that nothing but the branch differs.
     columns["prony_strength_1"] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
     columns["prony_time_1"] = np.append(times[0], times)
-    if VALLEY in stages.box.names:
+    if VALLEY in runner.problem.box.names:
         columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns["prony_strength_1"])
-    stages.progress("what relaxes", 0, TESTED_TIMES + 1)
+    runner.work.progress("what relaxes", 0, TESTED_TIMES + 1)
     response = relaxing.run(columns, numerics)
-    stages.progress("what relaxes", TESTED_TIMES + 1, TESTED_TIMES + 1)
+    runner.work.progress("what relaxes", TESTED_TIMES + 1, TESTED_TIMES + 1)
     if not response.completed.all():
         return None
     vectors = objective.vectors(predict(response, objective.observations))
@@ -318,7 +317,7 @@ def shot_branch_test(
             whitened(directions),
             times,
             blocks=[block // length for length in BLOCKS],
-            seed=stages.settings.seed,
+            seed=runner.problem.settings.seed,
         )
     except ValueError:  # no branch has an effect that the free parameters cannot follow
         return None

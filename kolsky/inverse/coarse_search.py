@@ -24,10 +24,10 @@ from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Observations, Prediction
-from kolsky.inverse.path_noise import SMALLEST_MODE
+from kolsky.inverse.path_noise import SMALLEST_MODE, FrontPath
 from kolsky.inverse.result import AGREEMENT
 from kolsky.inverse.run_table import CompletedRuns, Replicates
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 
 Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], of parameter points, shape [n, d] or [d]."""
@@ -194,7 +194,7 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
 
-def search_coarse(stages: StagedRuns) -> CoarseOptimum:
+def search_coarse(runner: Runner) -> CoarseOptimum:
     """Stages 1 and 2 of `kolsky.identification.identify`.
 
     Raises
@@ -202,19 +202,19 @@ def search_coarse(stages: StagedRuns) -> CoarseOptimum:
     ValueError
         If the runs that completed do not carry a surrogate.
     """
-    wide = stages.simulate("design", stages.design(stages.box), stages.settings.numerics)
-    return second_design(stages, wide) if stages.box.dimension == 1 else adaptive_design(stages, wide)
+    wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
+    return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
 
 
-def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
+def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
     """Smaller boxes until the optimum lies inside one."""
-    numerics, whole = stages.settings.numerics, stages.box
-    objective, surrogate = _fit(stages, whole, wide)
+    numerics, whole = runner.problem.numerics, runner.problem.box
+    objective, surrogate = _fit(runner, whole, wide)
     centre = search(whole, objective, CorrectedSurrogate(surrogate).predict).x
     for _ in range(MOST_REFINEMENTS):
         box = whole.around(centre, LOCAL_FRACTION)
-        local = stages.simulate("refinement", stages.design(box), numerics)
-        objective, surrogate = _fit(stages, box, local)
+        local = runner.simulate("refinement", runner.design(box), numerics)
+        objective, surrogate = _fit(runner, box, local)
         best = search(box, objective, CorrectedSurrogate(surrogate).predict)
         if not at_inner_face(best.x, box, whole):
             break
@@ -222,11 +222,9 @@ def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     return CoarseOptimum(box, surrogate, best.objective, best.x)
 
 
-def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
+def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
-    objective = Objective(
-        stages.observations, _points_in_every_run(runs.prediction.inside), prior=stages.prior
-    )
+    objective = runner.objective(_points_in_every_run(runs.prediction.inside))
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
@@ -236,25 +234,23 @@ def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, 
     return objective, surrogate
 
 
-def adaptive_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
+def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it stays."""
-    objective = Objective(
-        stages.observations, _points_in_every_run(wide.prediction.inside), prior=stages.prior
-    )
+    objective = runner.objective(_points_in_every_run(wide.prediction.inside))
     try:
-        found = _refine(stages, objective)
+        found = _refine(runner, objective)
     except SurrogateError as error:
         raise _no_surrogate(error, wide) from error
-    return _refined_surrogate(stages, found)
+    return _refined_surrogate(runner, found)
 
 
-def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
-    points, prediction = stages.on_surrogate_mesh()
+def _refine(runner: Runner, objective: Objective) -> Refinement:
+    points, prediction = runner.on_surrogate_mesh()
     vectors = objective.vectors(prediction)
     whole = np.isfinite(vectors).all(axis=1)
 
     def run(points: FloatArray) -> FloatArray:
-        done = stages.simulate("refinement", from_points(stages.box, points), stages.settings.numerics)
+        done = runner.simulate("refinement", from_points(runner.problem.box, points), runner.problem.numerics)
         vectors = np.full((len(points), len(objective.data)), np.nan)
         vectors[done.rows] = objective.vectors(done.prediction)
         return vectors
@@ -267,21 +263,21 @@ def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
 
     return refine(
         run,
-        stages.box,
+        runner.problem.box,
         points[whole],
         vectors[whole],
         misfit=objective.deviance,
         locate=locate,
         scale=objective.noise,
-        rng=stages.settings.seed,
+        rng=runner.problem.settings.seed,
         max_rounds=MOST_ROUNDS,
     )
 
 
-def _refined_surrogate(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
+def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
-    points, prediction = _runs_of_surrogate(stages, found.surrogate)
-    objective = Objective(stages.observations, _points_in_every_run(prediction.inside), prior=stages.prior)
+    points, prediction = _runs_of_surrogate(runner, found.surrogate)
+    objective = runner.objective(_points_in_every_run(prediction.inside))
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -293,13 +289,13 @@ def _refined_surrogate(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
     return CoarseOptimum(found.region, surrogate, best.objective, best.x)
 
 
-def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
+def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
     """Compare the move of the optimum by the surrogate's error with what its interval allows.
 
-    ``stages``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
+    ``runner``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
     of the data vector to the move of the optimum over its half width, [d, k].
     """
-    points, prediction = _runs_of_surrogate(stages, coarse.surrogate)
+    points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
     scale, box = coarse.objective.noise, coarse.surrogate.box
     kind = surrogate_kind(box, smooth=isinstance(coarse.surrogate, ResponseSurrogate))
@@ -311,13 +307,12 @@ def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray)
     return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
 
 
-def _runs_of_surrogate(stages: StagedRuns, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
+def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
     """The runs that a surrogate was built from, each once, and what they predict."""
-    points, prediction = stages.on_surrogate_mesh()
+    points, prediction = runner.on_surrogate_mesh()
     places = {tuple(x): row for row, x in enumerate(points)}
     rows = [places[tuple(x)] for x in surrogate.points]
-    parts = {name: getattr(prediction, name)[rows] for name in Prediction.__dataclass_fields__}
-    return points[rows], Prediction(**parts)
+    return points[rows], prediction.select(rows)
 
 
 def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -363,28 +358,19 @@ def noise_of(observations: Observations) -> FloatArray:
     return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
 
 
-def _learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
-    """Give the observations of `stages` the modes of some replicates; False if there are none."""
+def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath:
+    """The path with the modes of some replicates; as it is if there are none to learn from."""
     if replicates is None or not replicates.lesson.any():
-        return False
+        return runner.front
     change = data_change(replicates.prediction)[replicates.lesson]
-    stages.know_front_noise(front_modes(change, noise_of(stages.observations)))
-    return True
+    return runner.front.with_noise(front_modes(change, noise_of(runner.problem.observations)))
 
 
-def weigh_front_noise(
-    stages: StagedRuns, coarse: CoarseOptimum, replicates: Replicates | None
-) -> CoarseOptimum:
-    """The optimum on the surrogate's mesh with weights that know the front face's noise.
-
-    From here on the observations of `stages` hold its modes.
-
-    ``stages``, ``coarse``: the simulations, and the optimum by noise and discrepancy alone. ``replicates``:
-    runs near that optimum under other motions; None leaves it as it is.
-    """
-    if not _learn_front_noise(stages, replicates):
+def weigh_front_noise(coarse: CoarseOptimum, front: FrontPath) -> CoarseOptimum:
+    """The optimum on the surrogate's mesh with weights that know the front face's noise, if it is known."""
+    if front.noise.patterns is None:
         return coarse
-    objective = replace(coarse.objective, observations=stages.observations)
+    objective = replace(coarse.objective, front=front.noise)
     model = CorrectedSurrogate(coarse.surrogate).predict
     best = search(coarse.box, objective, model, start=coarse.x)
     return replace(coarse, objective=best.objective, x=best.x)

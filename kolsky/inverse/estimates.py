@@ -33,7 +33,7 @@ from kolsky.inverse.result import (
     Verdict,
 )
 from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
 ROUTES: tuple[tuple[str, Part], ...] = (
@@ -230,7 +230,7 @@ def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, fl
 
 
 def surrogate_quality(
-    stages: StagedRuns,
+    runner: Runner,
     coarse: CoarseOptimum,
     fine: RefinedOptimum,
     *,
@@ -241,11 +241,11 @@ def surrogate_quality(
     n = fine.objective.n_force
     left_out = coarse.surrogate.loo_residuals
     found = {"loo_force": _rms(left_out[:, :n])}
-    outline = stages.observations.has_shape
+    outline = runner.problem.observations.has_shape
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
-    if stages.front is not None:
-        found["front_moved"] = stages.front.moved
+    if fine.front.moved is not None:
+        found["front_moved"] = fine.front.moved.moved
     if np.isfinite(valley_margin):
         found["valley_margin"] = valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
@@ -257,17 +257,17 @@ def surrogate_quality(
         found["shape_discrepancy"] = fine.objective.shape_discrepancy
         found["slow_discrepancy"] = fine.objective.slow_discrepancy
     if not fine.confirmed:
-        found["runs_needed"] = runs_needed(stages, coarse, fine)
+        found["runs_needed"] = runs_needed(runner, coarse, fine)
     if lost:
         found["lost_mesh_runs"] = float(lost)
     return found
 
 
-def runs_needed(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
+def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
     """Number of runs around the optimum that would make the surrogate good enough; infinite if none."""
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
-    found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))
+    found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))
     return float("inf") if found.runs_needed is None else float(found.runs_needed)
 
 
@@ -276,7 +276,7 @@ def _rms(x: FloatArray) -> float:
 
 
 ANSWER_STAGES = ("design", "refinement", "check")
-"""The stages whose runs the answer rests on."""
+"""The runner whose runs the answer rests on."""
 
 
 def with_own_method(result: Identification) -> Identification:

@@ -32,13 +32,20 @@ from kolsky.inverse.coarse_search import (
     surrogate_kind,
 )
 from kolsky.inverse.forward import coarser_graded
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.path_noise import MovedFront, PathModes, credible, likely_amplitudes, rms_amplitude
-from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
+from kolsky.inverse.path_noise import (
+    FrontPath,
+    MovedFront,
+    PathModes,
+    credible,
+    likely_amplitudes,
+    rms_amplitude,
+)
+from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, run_refined
 from kolsky.inverse.run_table import CompletedRuns
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 START_ORDER = 2.0
@@ -147,27 +154,8 @@ class RefinedRun:
         return self.step.moved <= CONFIRMED
 
 
-def run_points_refined(stages: StagedRuns, points: FloatArray) -> list[CompletedRuns]:
-    """Runs on the refined mesh with all nodes, apart; every one of them must complete."""
-    response, rows, prediction = stages.run("check", points, refined_numerics(stages), all_nodes=True)
-    if prediction is None or len(rows) < len(points):
-        first = int(np.argmin(response.completed))
-        values = ", ".join(f"{k} = {v:.4g}" for k, v in stages.box.as_dict(points[first]).items())
-        raise ValueError(
-            f"the check needs every run on the refined mesh to complete: the one at {values} ended "
-            f"{response.describe(first)}"
-        )
-    found = []
-    for row in range(len(points)):
-        parts = {name: getattr(prediction, name)[[row]] for name in Prediction.__dataclass_fields__}
-        found.append(
-            CompletedRuns(points[[row]], np.array([0]), Prediction(**parts), response.select([row]), "")
-        )
-    return found
-
-
 def judge_run(
-    stages: StagedRuns,
+    runner: Runner,
     objective: Objective,
     slope: FloatArray,
     x: FloatArray,
@@ -175,12 +163,11 @@ def judge_run(
     before: RefinedRun | None,
 ) -> RefinedRun:
     """A run, and the step that it asks for."""
-    seen = objective.vectors(check.prediction)[0]
-    vector = np.where(np.isnan(seen), objective.data, seen)
+    vector = objective.reached(check.prediction)[0]
     missed = np.zeros(len(vector))
     if before is not None:
         missed = vector - before.vector - slope @ (x - before.x)
-    step = gauss_newton_step(objective, slope, vector, x, stages.box)
+    step = gauss_newton_step(objective, slope, vector, x, runner.problem.box)
     return RefinedRun(x, vector, check, step, missed)
 
 
@@ -205,23 +192,23 @@ the surrogate mesh's, as the point is nearer to its optimum."""
 
 
 def descend(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+    runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> tuple[RefinedRun, FloatArray]:
     """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
 
-    ``stages``: the identification's simulations; all runs join their table. ``objective``: which outline
+    ``runner``: all runs join its table. ``objective``: which outline
     points count, and the prior. ``slope``: the coarser mesh's, shape [k, d]: they are kept where a run beside
     the point does not complete. ``last``: the run from which to go on.
     """
     for _ in range(MOST_STEPS):
-        own = refined_slopes(stages, objective, last)
+        own = refined_slopes(runner, objective, last)
         if own is None:
             break
         slope = own
-        last = replace(judge_run(stages, objective, slope, last.x, last.check, last), missed=last.missed)
+        last = replace(judge_run(runner, objective, slope, last.x, last.check, last), missed=last.missed)
         if last.confirmed:
             break
-        better = _downhill_run(stages, objective, slope, last)
+        better = _downhill_run(runner, objective, slope, last)
         if better is None or better.confirmed:
             last = last if better is None else better
             break
@@ -229,26 +216,26 @@ def descend(
     return last, slope
 
 
-def refined_slopes(stages: StagedRuns, objective: Objective, run: RefinedRun) -> FloatArray | None:
+def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> FloatArray | None:
     """Jacobian of the data vector at a run on the refined mesh, shape [k, d]; None if one run is lost."""
-    up, down = difference_points(stages.box, run.x, OWN_DIFFERENCE_STEP * run.step.sigma)
-    vectors = stages.vectors("check", np.concatenate([up, down]), refined_numerics(stages), objective)
+    up, down = difference_points(runner.problem.box, run.x, OWN_DIFFERENCE_STEP * run.step.sigma)
+    vectors = runner.vectors("check", np.concatenate([up, down]), runner.problem.refined, objective)
     return differences(vectors, up, down) if np.isfinite(vectors).all() else None
 
 
 def _downhill_run(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+    runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> RefinedRun | None:
     """A run along the step that completes and is no worse; None if there is none."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
-        x = np.clip(last.x + share * last.step.change, *_box_bounds(stages.box))
+        x = np.clip(last.x + share * last.step.change, *_box_bounds(runner.problem.box))
         share *= 0.5
         try:
-            check = run_points_refined(stages, x[None])[0]
+            check = run_refined(runner, x[None])[0]
         except ValueError:  # it did not complete: no better point
             continue
-        run = judge_run(stages, objective, slope, x, check, last)
+        run = judge_run(runner, objective, slope, x, check, last)
         if run_deviance(run) <= run_deviance(last):
             return run
     return None
@@ -273,21 +260,22 @@ AMPLITUDES_STAY = 0.2
 """Root mean square of the amplitudes' changes, each standard normal beforehand, that are left [-]."""
 
 
-SearchUnderPath = Callable[[StagedRuns, Objective, FloatArray, FloatArray], tuple[RefinedRun, FloatArray]]
+SearchUnderPath = Callable[[Runner, Objective, FloatArray, FloatArray], tuple[RefinedRun, FloatArray]]
 """From slopes, shape [k, d], and a start, shape [d], to the optimum on the refined mesh and its slopes."""
 
 
 def follow_on_refined(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
-) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on the refined mesh under the path that its own residual asks for, and its slopes, [k, d].
+    runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
+) -> tuple[RefinedRun, FloatArray, FrontPath]:
+    """The optimum on the refined mesh under the path that its own residual asks for, its slopes, [k, d], and
+    that path.
 
     Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
     """
-    before = stages.front
+    path, before = runner.front, runner.front.moved
     if before is None or not last.confirmed:
-        return last, slope
-    front = patterns_at_refined(stages, before, last.x) or before
+        return last, slope, path
+    front = patterns_at_refined(runner, before, last.x) or before
     vector = last.vector + (before.offset - front.offset)[last.step.objective.kept]
     for number in range(MOST_MOVES):
         amplitudes = _amplitudes_of_residual(front, last.step.objective, vector)
@@ -296,30 +284,29 @@ def follow_on_refined(
         ):
             break
         front = replace(front, amplitudes=amplitudes)
-        stages.follow(front)
-        seen = replace(objective, observations=stages.observations)
-        last, slope = search(stages, seen, slope, last.x)
+        path = FrontPath.following(front)
+        last, slope = search(runner.under(path), replace(objective, front=path.noise), slope, last.x)
         if not last.confirmed:
             break
         vector = last.vector
-    return last, slope
+    return last, slope, path
 
 
-def patterns_at_refined(stages: StagedRuns, front: MovedFront, point: FloatArray) -> MovedFront | None:
+def patterns_at_refined(runner: Runner, front: MovedFront, point: FloatArray) -> MovedFront | None:
     """The same path with patterns of its noise at a point; None if one of their runs does not complete."""
     deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
-    numerics = coarser_graded(stages.settings.numerics, stages.settings.refined_mesh)
-    runs = stages.under_other_motions(point[None], one * deviations, numerics, shifted=False)[0]
+    numerics = coarser_graded(runner.problem.numerics, runner.problem.settings.refined_mesh)
+    runs = runner.under_other_motions(point[None], one * deviations, numerics)[0]
     if runs is None or len(runs.force_bins) <= len(deviations):
         return None
-    modes = PathModes.of(data_change(runs)[1:] / one, noise_of(stages.observations), deviations)
+    modes = PathModes.of(data_change(runs)[1:] / one, noise_of(runner.problem.observations), deviations)
     return MovedFront(front.fitted, modes, modes.amplitudes(shares))
 
 
 def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:
     """The most likely amplitudes of a path's modes for what a vector leaves of the data, shape [q]."""
-    seen = replace(objective.observations, front_noise=front.modes.patterns, front_offset=front.offset)
-    weighed = replace(objective, observations=seen).with_discrepancy(vector)
+    noise = FrontNoise(front.modes.patterns, front.offset)
+    weighed = replace(objective, front=noise).with_discrepancy(vector)
     return likely_amplitudes(weighed, weighed.data - vector)
 
 
@@ -351,16 +338,14 @@ class ExtraRun:
 
 
 def search_by_gauss_newton(
-    stages: StagedRuns, optima: dict[tuple[int, int], MeshOptimum], beside: FloatArray | None = None
+    runner: Runner, optima: Mapping[Mesh, MeshOptimum], beside: FloatArray | None = None
 ) -> tuple[CoarseOptimum, RefinedOptimum, ExtraRun | None]:
     """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
-    optima
-        As `kolsky.inverse.surrogate_mesh_search.search_meshes` finds them.
+    runner, optima
+        Runs under the path that `kolsky.inverse.surrogate_mesh_search.search_meshes` gives, and its optima.
     beside
         Another point of the surrogate's mesh, shape [d], whose counterpart on the refined mesh is run too,
         in a batch with the others: a second core has time for it.
@@ -370,57 +355,59 @@ def search_by_gauss_newton(
     ValueError
         If a run on the refined mesh does not complete, or the data do not depend on a parameter.
     """
-    numerics = stages.settings.numerics
+    numerics = runner.problem.numerics
     coarse = optima[numerics.mesh]
-    blind = [name for name, s in zip(stages.box.names, coarse.sigma, strict=True) if not np.isfinite(s)]
+    blind = [
+        name for name, s in zip(runner.problem.box.names, coarse.sigma, strict=True) if not np.isfinite(s)
+    ]
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
-    slope, centre, objective = slopes(stages, coarse)
+    slope, centre, objective = slopes(runner, coarse)
     start = np.clip(
-        extrapolated_start(optima, numerics.mesh, stages.settings.refined_mesh), *_box_bounds(stages.box)
+        extrapolated_start(optima, numerics.mesh, runner.problem.settings.refined_mesh),
+        *_box_bounds(runner.problem.box),
     )
-    last, other = _chord_steps(stages, objective, slope, start, beside, shift=start - coarse.x)
-    last, slope = _converged(stages, objective, slope, last)
-    last, slope = follow_on_refined(stages, objective, slope, last, _search_under_path)
-    for mesh, optimum in optima.items():
-        stages.offset(mesh, optimum.x - last.x)
-    return *_with_surrogate(stages, last, slope, centre, coarse), other
+    last, other = _chord_steps(runner, objective, slope, start, beside, shift=start - coarse.x)
+    last, slope = _converged(runner, objective, slope, last)
+    last, slope, front = follow_on_refined(runner, objective, slope, last, _search_under_path)
+    runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
+    return *_with_surrogate(runner, last, slope, centre, coarse), other
 
 
 def _converged(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+    runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> tuple[RefinedRun, FloatArray]:
     """The run, or where steps with the refined mesh's own slopes end, and the slopes that judge it."""
-    return (last, slope) if last.confirmed else descend(stages, objective, slope, last)
+    return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
 
 
 def _search_under_path(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray
+    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
-    last, _ = _chord_steps(stages, objective, slope, start, None, shift=np.zeros(len(start)))
-    return _converged(stages, objective, slope, last)
+    last, _ = _chord_steps(runner, objective, slope, start, None, shift=np.zeros(len(start)))
+    return _converged(runner, objective, slope, last)
 
 
-def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
+def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
     """Jacobian at the surrogate mesh's optimum, [k, d], the data vector there, [k], and the objective.
 
     Raises ValueError if one of the runs does not complete.
     """
-    box = stages.box
+    box = runner.problem.box
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
-    done = stages.simulate("refinement", from_points(box, points), stages.settings.numerics)
+    done = runner.simulate("refinement", from_points(box, points), runner.problem.numerics)
     if len(done.points) < len(points):
         raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
-    objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
+    objective = runner.objective(inside, slowly=True)
     vectors = objective.vectors(done.prediction)
     return differences(vectors[1:], up, down), vectors[0], objective
 
 
 def _chord_steps(
-    stages: StagedRuns,
+    runner: Runner,
     objective: Objective,
     slope: FloatArray,
     start: FloatArray,
@@ -437,11 +424,11 @@ def _chord_steps(
         points, moved = x[None], x - start + shift
         if beside is not None and other is None and (number > 0 or moved.any()):
             # The meshes' difference at the optimum is as good for a point not far away.
-            points = np.stack([_counterpart(stages, beside, moved), x])
-        check = run_points_refined(stages, points)
+            points = np.stack([_counterpart(runner, beside, moved), x])
+        check = run_refined(runner, points)
         if len(check) == 2:
             other = ExtraRun(points[0], check[0].prediction, check[0].response)
-        run = judge_run(stages, objective, slope, x, check[-1], found)
+        run = judge_run(runner, objective, slope, x, check[-1], found)
         if run.confirmed and (beside is None or other is not None):
             return run, other
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
@@ -455,35 +442,35 @@ def _chord_steps(
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
-            found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(stages.box))
+            found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(runner.problem.box))
     assert found is not None
     return found, other
 
 
-def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> FloatArray:
+def _counterpart(runner: Runner, point: FloatArray, shift: FloatArray) -> FloatArray:
     """A point of the surrogate's mesh on the refined one: only what is searched for there is moved."""
     moved = point.copy()
-    if MOVED in stages.box.names:
-        i = stages.box.names.index(MOVED)
+    if MOVED in runner.problem.box.names:
+        i = runner.problem.box.names.index(MOVED)
         moved[i] += shift[i]
     return moved
 
 
 def _with_surrogate(
-    stages: StagedRuns, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
+    runner: Runner, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
     """A design about the answer on the surrogate's mesh, its surrogate, and what that says of the optimum."""
-    numerics, whole, sigma = stages.settings.numerics, stages.box, last.step.sigma
+    numerics, whole, sigma = runner.problem.numerics, runner.problem.box, last.step.sigma
     lower = np.maximum(last.x - REACH * sigma, whole.lower)
     upper = np.minimum(last.x + REACH * sigma, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
     many = RUNS_PER_PARAMETER * box.dimension
     design = (
-        stages.design(box)
+        runner.design(box)
         if box.dimension == 1
-        else latin_hypercube(box, many, rng=stages.rng, optimise=True)
+        else latin_hypercube(box, many, rng=runner.rng, optimise=True)
     )
-    runs = stages.simulate("refinement", design, numerics)
+    runs = runner.simulate("refinement", design, numerics)
     counted = last.step.objective.counted & last.check.prediction.inside[0]
     objective = replace(last.step.objective, counted=counted & runs.prediction.inside.all(axis=0))
     kept = np.concatenate([np.ones(objective.n_force, bool), objective.counted[last.step.objective.counted]])
@@ -499,6 +486,8 @@ def _with_surrogate(
     on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
     return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(
         x=x,
+        front=runner.front,
+        offsets=runner.offsets,
         box=box,
         objective=weighed,
         model=model.predict,

@@ -22,7 +22,7 @@ from kolsky.inverse.coarse_search import front_modes, noise_of
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.joint_result import JointSettings, Slow
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
-from kolsky.inverse.objective import BLOCKS, Objective, Prior
+from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
@@ -48,7 +48,7 @@ class ShotData:
     def objective(self) -> Objective:
         """Weights without discrepancies."""
         rows = [self.front, *(row[None] for row in self.own.values())]
-        return Objective(replace(self.observations, front_noise=np.concatenate(rows)), self.counted)
+        return Objective(self.observations, self.counted, FrontNoise(np.concatenate(rows)))
 
     @property
     def kept(self) -> BoolArray:

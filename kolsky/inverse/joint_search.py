@@ -25,7 +25,6 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, stdtrit
 
-from doe import Box
 from doe.least_squares import Whitening
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
@@ -40,10 +39,7 @@ from kolsky.inverse.joint_problem import (
 )
 from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
 from kolsky.inverse.parameters import MOVED, PARAMETERS, any_slides
-from kolsky.inverse.problem import Settings
-from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.valleys import VALLEY, local_minima, valley_levels
-from kolsky.inverse.work import Work
 
 FACTORS = np.geomspace(0.6, 2.2, 10)
 """Stiffness factors of the first scan."""
@@ -128,9 +124,8 @@ def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatA
     names, box = list(problem.unknowns.bounds), problem.unknowns.box
     i = names.index(VALLEY)
     prepared = problem.runs.prepared[0]
-    stages = StagedRuns(prepared, Settings(), Box.of({MOVED: (0.5, 2.5)}), Work())
     factor = x[names.index(MOVED)] if MOVED in names else PARAMETERS[MOVED].held(prepared.forward.shot)
-    levels = valley_levels(stages, float(factor), (box.lower[i], box.upper[i]))
+    levels = valley_levels(prepared, float(factor), (box.lower[i], box.upper[i]))
     points = np.tile(x, (len(levels), 1))
     points[:, i] = levels
     vectors = problem.predict("design", points, numerics)

@@ -23,8 +23,8 @@ time (block "sandwich").
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -256,6 +256,22 @@ WITHOUT_DISCREPANCIES = frozenset(
 
 
 @dataclass(frozen=True)
+class FrontNoise:
+    """What noise of the front face's motion does to predictions, over bins [N] and all points [m]."""
+
+    patterns: FloatArray | None = None
+    """Changes by a standard deviation each of independent modes, shape [n_modes, n_bins + Q]; see
+    `kolsky.inverse.coarse_search`. None until they are known."""
+    offset: FloatArray | None = None
+    """What the path, moved to where the data put it, adds along those patterns, shape [n_bins + Q]; see
+    `kolsky.inverse.path_noise`. None if it was not moved."""
+
+    def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
+        """The same over other bins and points; ``entries`` makes them of rows of shape [..., n_bins + Q]."""
+        return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
+
+
+@dataclass(frozen=True)
 class Objective:
     """Chi-square of a predicted data vector."""
 
@@ -263,6 +279,8 @@ class Objective:
     """What was measured."""
     counted: NDArray[np.bool_]
     """Outline points that lie inside the model's range in every run, shape [n_points]."""
+    front: FrontNoise = field(default_factory=FrontNoise)
+    """Noise of the front face's motion."""
     force_discrepancy: float = 0.0
     """tau of the force's bin means [N]."""
     shape_discrepancy: float = 0.0
@@ -293,7 +311,7 @@ class Objective:
     @cached_property
     def front_noise(self) -> FloatArray:
         """Changes of the data by the front face's noise, one standard deviation a mode, [n_modes, k]."""
-        modes = self.observations.front_noise
+        modes = self.front.patterns
         if modes is None:
             return np.zeros((0, len(self.data)))
         return np.asarray(modes[:, self.kept])
@@ -375,9 +393,14 @@ class Objective:
             np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
         )
 
+    def reached(self, prediction: Prediction) -> FloatArray:
+        """The same; an outline point that a run does not reach has its measured value and adds nothing."""
+        vectors = self.vectors(prediction)
+        return np.where(np.isnan(vectors), self.data, vectors)
+
     def under_fitted_path(self, vectors: FloatArray) -> FloatArray:
         """Vectors of shape [..., k] without what moving the front face's path has added to them."""
-        offset = self.observations.front_offset
+        offset = self.front.offset
         return vectors if offset is None else vectors - offset[self.kept]
 
     @cached_property

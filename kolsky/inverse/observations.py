@@ -4,8 +4,10 @@ Force samples become means over bins; the outline is compared at the measured he
 surface is a monotone cubic through its nodes, whose radius is found at a given height.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
@@ -158,14 +160,6 @@ class Observations:
     """The incident force at the flyer's transducer in bins of its own samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
     """Standard uncertainty of the transmitted force's scale, common to all samples [-]; in no sigma above."""
-    front_noise: FloatArray | None = None
-    """Changes of the predicted data by the noise of the front face's motion, a standard deviation each of
-    independent modes: bins [N], then all points [m], shape [n_modes, n_bins + Q]; see
-    `kolsky.inverse.coarse_search`. None until it is known."""
-    front_offset: FloatArray | None = None
-    """What the front face's path, moved to where the data put it, adds to all predictions along those
-    patterns: bins [N], then all points [m], shape [n_bins + Q]; see `kolsky.inverse.path_noise`. None if it
-    was not moved."""
 
     @property
     def has_shape(self) -> bool:
@@ -224,6 +218,15 @@ class Prediction:
     """Radius at the measured heights [m], shape [n_samples, Q]; NaN where `inside` is False."""
     inside: BoolArray
     """Points that the model's free surface reaches, shape [n_samples, Q]."""
+
+    def select(self, rows: Sequence[int] | NDArray[np.intp]) -> Prediction:
+        """Some of the simulations."""
+        return Prediction(*(getattr(self, one.name)[rows] for one in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Prediction]) -> Prediction:
+        """The simulations of several predictions, one after the other."""
+        return cls(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls)))
 
 
 def observe(

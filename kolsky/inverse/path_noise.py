@@ -11,13 +11,13 @@ response nothing changes, the prior of the path included.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
 
 SMALLEST_MODE = 0.3
 """A mode that moves the whole data vector by less, in units of its noise, is left out."""
@@ -97,6 +97,27 @@ class MovedFront:
     def offset(self) -> FloatArray:
         """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
         return np.asarray(self.amplitudes @ self.modes.patterns)
+
+
+@dataclass(frozen=True)
+class FrontPath:
+    """The front face's path that the model is run under, and what noise of it does to the data."""
+
+    path: FlyerPath
+    """The path."""
+    noise: FrontNoise = field(default_factory=FrontNoise)
+    """Its patterns, and what the path's move adds along them."""
+    moved: MovedFront | None = None
+    """How it was moved; None if it is as fitted to the record."""
+
+    @classmethod
+    def following(cls, moved: MovedFront) -> FrontPath:
+        """A moved path, its change taken off by its patterns."""
+        return cls(moved.path, FrontNoise(moved.modes.patterns, moved.offset), moved)
+
+    def with_noise(self, patterns: FloatArray, offset: FloatArray | None = None) -> FrontPath:
+        """The same path with other patterns."""
+        return replace(self, noise=FrontNoise(patterns, offset))
 
 
 def rms_amplitude(amplitudes: FloatArray) -> float:

@@ -21,8 +21,10 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import explicit
+from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
@@ -30,9 +32,9 @@ from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, curve_replicates, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
-from kolsky.inverse.parameters import PARAMETERS, any_slides
+from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
 from kolsky.inverse.settings import Settings as Settings
-from kolsky.shot.curve import conditioned_ratio
+from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot
 
@@ -61,17 +63,25 @@ class PreparedShot:
         """The fitted flyer path."""
         return self.forward.paths[0]
 
-    def with_replicates(self, n: int, rng: np.random.Generator, *, curves: int | None = None) -> Forward:
+    def with_replicates(
+        self,
+        n: int,
+        rng: np.random.Generator,
+        *,
+        curves: int | None = None,
+        path: FlyerPath | None = None,
+    ) -> Forward:
         """The forward model with `n` more flyer paths, `n` or `curves` more curves, drawn from their noise.
 
         Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
-        number needs no draws.
+        number needs no draws. ``path``: what they are drawn about; the fitted one if left out.
         """
-        scaled = (self.path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
+        path = path or self.path
+        scaled = (path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
         drawn = curve_replicates(self.forward.shot.curve, n if curves is None else curves, rng)
         return replace(
             self.forward,
-            paths=(self.path, *self.path.replicates(n, rng), *scaled),
+            paths=(path, *path.replicates(n, rng), *scaled),
             laws=(self.forward.laws[0], *drawn),
         )
 
@@ -243,6 +253,83 @@ def rough(shot: Shot, named: Iterable[str]) -> bool:
 
     laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
     return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)
+
+
+@dataclass(frozen=True)
+class InverseProblem:
+    """The inverse problem of one shot: its data, and what is free, where, and what is known of it."""
+
+    prepared: PreparedShot
+    """The shot, its path as fitted to the record."""
+    freed: Freed
+    """What is free, and why the rest is not."""
+    box: Box
+    """Where the free parameters may lie."""
+    prior: Prior | None
+    """What is known of them beside the data."""
+
+    @classmethod
+    def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
+        """From a shot as loaded.
+
+        Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound out of range.
+        """
+        prepared = prepare_shot(with_pull(shot, settings.pull))
+        return cls.freeing(prepared, choose(settings, prepared.forward.shot))
+
+    @classmethod
+    def freeing(cls, prepared: PreparedShot, freed: Freed) -> InverseProblem:
+        """The problem of a prepared shot with what is free in it."""
+        return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
+
+    def holding(self, reasons: Mapping[str, str]) -> InverseProblem:
+        """The same with parameters held at the shot's values, for a reason each."""
+        return self.freeing(self.prepared, self.freed.holding(reasons))
+
+    def of_one(self, name: str) -> InverseProblem:
+        """The same of one parameter by the data alone, the other free ones at the shot's values."""
+        i = self.box.names.index(name)
+        return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings, `free` filled in."""
+        return self.freed.settings
+
+    @property
+    def shot(self) -> Shot:
+        """The shot."""
+        return self.prepared.forward.shot
+
+    @property
+    def observations(self) -> Observations:
+        """The measurements that predictions are compared with."""
+        return self.prepared.observations
+
+    @property
+    def numerics(self) -> Numerics:
+        """The numerical choices of the surrogate's mesh."""
+        return self.settings.numerics
+
+    @property
+    def refined(self) -> Numerics:
+        """Those of the refined mesh."""
+        return self.numerics.with_mesh(self.settings.refined_mesh)
+
+    @property
+    def first(self) -> Numerics:
+        """Those of the coarser of the surrogate's mesh and the replicates'."""
+        return self.numerics.with_mesh(min(self.numerics.mesh, self.settings.replicate_mesh))
+
+    @property
+    def declared(self) -> FloatArray:
+        """The free parameters' values as the shot declares them, shape [d]."""
+        return np.array([PARAMETERS[name].held(self.shot) for name in self.box.names])
+
+    def point(self, x: ArrayLike) -> dict[str, Any]:
+        """Named parameters with the free ones at points of shape [d] or [n, d]."""
+        columns = np.moveaxis(np.asarray(x, dtype=np.float64), -1, 0)
+        return {**self.settings.held, **dict(zip(self.box.names, columns, strict=True))}
 
 
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:

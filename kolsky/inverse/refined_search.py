@@ -6,11 +6,12 @@ it has terms averages these jumps, and what it leaves is the response's roughnes
 Smooth responses: `kolsky.inverse.gauss_newton`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from doe import Box, from_points, latin_hypercube
+from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
 from explicit.contact import contact_law
@@ -25,8 +26,10 @@ from kolsky.inverse.coarse_search import (
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Mesh, Runner
 
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
@@ -40,6 +43,8 @@ class RefinedOptimum:
 
     x: FloatArray
     """The answer, shape [d]; the last run is there."""
+    front: FrontPath
+    """The front face's path that the model was run under."""
     box: Box
     """Where the model holds."""
     objective: Objective
@@ -69,6 +74,8 @@ class RefinedOptimum:
     squares of what a map makes of them add up to a variance, shape [n, k]; None if the response is smooth."""
     element_shift: FloatArray | None = None
     """Optimum with the other element minus the answer, shape [d]; None if it was not asked."""
+    offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
+    """Optimum on a coarser mesh less the answer, shape [d], of meshes that are run in step with it."""
 
 
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
@@ -82,24 +89,17 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
     return bool((np.abs(move) <= little).all())
 
 
-def run_refined(stages: StagedRuns, points: FloatArray) -> CompletedRuns:
-    """Run points on the refined mesh with all nodes; all of them must complete."""
-    check = stages.simulate(
-        "check", from_points(stages.box, points), refined_numerics(stages), all_nodes=True
-    )
-    if len(check.points) < len(points):
-        raise ValueError(f"the check needs every run on the refined mesh to complete: {check.lost}")
-    return check
+def run_refined(runner: Runner, points: FloatArray) -> list[CompletedRuns]:
+    """Runs on the refined mesh with all nodes, apart; raises ValueError if one of them does not complete."""
+    runs = runner.run("check", points, runner.problem.refined, all_nodes=True)
+    if len(runs.rows) < len(points):
+        raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
+    return runs.apart()
 
 
-def refined_numerics(stages: StagedRuns) -> Numerics:
-    """The numerical choices of the refined mesh."""
-    return stages.settings.numerics.with_mesh(stages.settings.refined_mesh)
-
-
-def slides(stages: StagedRuns) -> bool:
+def slides(problem: InverseProblem) -> bool:
     """True if a surface slides with friction: as declared, or because a parameter makes it so."""
-    settings, interface = stages.settings, stages.prepared.forward.shot.interface
+    settings, interface = problem.settings, problem.shot.interface
     laws = [contact_law(interface.faces), contact_law(interface.side)]
     return any_slides([*(settings.free or ()), *settings.held]) or any(law.needs_friction for law in laws)
 
@@ -159,12 +159,12 @@ class QuadraticFit:
         return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
 
 
-def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
+def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
     """Stage 3 of `kolsky.identification.identify` where a surface slides or lets go.
 
     Parameters
     ----------
-    stages, coarse
+    runner, coarse
         The simulations, and the optimum on the surrogate's mesh.
 
     Raises
@@ -172,15 +172,16 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
     ValueError
         If the run at the optimum does not complete, or too few of a design do.
     """
-    found = _moved_to_inside(stages, *_first_box(stages, coarse))
+    found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
-    check = run_refined(stages, x[None])
+    (check,) = run_refined(runner, x[None])
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
-    inside = not at_inner_face(x, found.surrogate.box, stages.box)
-    on_coarse = _moved_by(stages, found, stages.settings.numerics)
+    inside = not at_inner_face(x, found.surrogate.box, runner.problem.box)
+    on_coarse = _moved_by(runner, found, runner.problem.numerics)
     return RefinedOptimum(
         x=x,
+        front=runner.front,
         box=found.surrogate.box,
         objective=found.objective,
         model=found.model,
@@ -194,45 +195,45 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
         deviations=found.surrogate.residuals / np.sqrt(found.surrogate.degrees_of_freedom),
-        element_shift=_moved_by(stages, found, refined_numerics(stages).with_other_element()),
+        element_shift=_moved_by(runner, found, runner.problem.refined.with_other_element()),
     )
 
 
-def _moved_by(stages: StagedRuns, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
+def _moved_by(runner: Runner, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
     """Optimum with other numerics minus the optimum, shape [d]; None if their run is lost.
 
     By one run at the optimum: a search of its own would follow that mesh's roughness too.
     """
-    _, prediction = stages.evaluate("check", found.x[None], numerics)
-    if prediction is None:
+    runs = runner.run("check", found.x[None], numerics, recorded=False)
+    if runs.prediction is None:
         return None
-    change = found.objective.vectors(prediction)[0] - found.model(found.x)[0]
+    change = found.objective.vectors(runs.prediction)[0] - found.model(found.x)[0]
     return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
 
 
-def _first_box(stages: StagedRuns, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
+def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
     """Middle and edge of the first box on the refined mesh.
 
     Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
     Otherwise it is no wider than the response is quadratic, and its middle where one run on the refined mesh
     puts the optimum.
     """
-    if slides(stages):
+    if slides(runner.problem):
         return coarse.x, EDGE
-    own = _halved_box(stages, coarse)
-    first = run_refined(stages, own.x[None])
+    own = _halved_box(runner, coarse)
+    (first,) = run_refined(runner, own.x[None])
     change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
     guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
-    return np.clip(guess, stages.box.lower, stages.box.upper), own.edge
+    return np.clip(guess, runner.problem.box.lower, runner.problem.box.upper), own.edge
 
 
-def _halved_box(stages: StagedRuns, coarse: CoarseOptimum) -> QuadraticFit:
+def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
     """A quadratic on the surrogate's mesh, its box halved until it fits."""
-    numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
-    found = last = _fit(stages, coarse.x, edge, numerics)
+    numerics, edge, patience = runner.problem.numerics, EDGE, PATIENCE
+    found = last = _fit(runner, coarse.x, edge, numerics)
     while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
         edge *= 0.5
-        last = _fit(stages, last.x, edge, numerics)
+        last = _fit(runner, last.x, edge, numerics)
         if last.leftover <= GAIN * found.leftover:
             found, patience = last, PATIENCE
         else:
@@ -240,28 +241,28 @@ def _halved_box(stages: StagedRuns, coarse: CoarseOptimum) -> QuadraticFit:
     return found
 
 
-def _moved_to_inside(stages: StagedRuns, middle: FloatArray, edge: float) -> QuadraticFit:
+def _moved_to_inside(runner: Runner, middle: FloatArray, edge: float) -> QuadraticFit:
     """A quadratic on the refined mesh, about its optimum."""
     for _ in range(MOST_MOVES):
-        found = _fit(stages, middle, edge, refined_numerics(stages))
-        if not at_inner_face(found.x, found.surrogate.box, stages.box):
+        found = _fit(runner, middle, edge, runner.problem.refined)
+        if not at_inner_face(found.x, found.surrogate.box, runner.problem.box):
             break
         middle = found.x
         if edge < EDGE:
             further = found.gain @ (found.objective.data - found.model(found.x)[0])
-            reach = stages.box.around(found.x, min(2.0 * REACH * edge, 1.0))
+            reach = runner.problem.box.around(found.x, min(2.0 * REACH * edge, 1.0))
             middle = np.clip(found.x + further, reach.lower, reach.upper)
     return found
 
 
-def _fit(stages: StagedRuns, middle: FloatArray, edge: float, numerics: Numerics) -> QuadraticFit:
+def _fit(runner: Runner, middle: FloatArray, edge: float, numerics: Numerics) -> QuadraticFit:
     """A design in a box about a point, its runs, and the quadratic through them."""
-    box = stages.box.around(middle, edge)
-    design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
-    stage = "refinement" if numerics.mesh == stages.settings.numerics.mesh else "check"
-    runs = stages.simulate(stage, design, numerics)
+    box = runner.problem.box.around(middle, edge)
+    design = latin_hypercube(box, runs_wanted(box.dimension), rng=runner.rng, optimise=True)
+    stage = "refinement" if numerics.mesh == runner.problem.numerics.mesh else "check"
+    runs = runner.simulate(stage, design, numerics)
     inside = np.asarray(runs.prediction.inside.all(axis=0))
-    objective = Objective(stages.observations, inside, prior=stages.prior, slowly=stage == "check")
+    objective = runner.objective(inside, slowly=stage == "check")
     try:
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:

@@ -8,16 +8,17 @@ would enter Z through the slope, sigma_Z,eff^2 = sigma_Z^2 + (dr/dy)^2 sigma_y^2
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, Design
+from doe import Box
 from explicit import Ending, Outcome, Response
+from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.inverse.observations import Observations, Prediction
+from kolsky.inverse.observations import Observations, Prediction, predict
 
 SCALE_FORCE = 1000.0
 """SF_F of Eq. (M.5) [N]."""
@@ -190,8 +191,88 @@ class DesignTable:
         return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
 
 
+@dataclass(frozen=True)
+class CompletedRuns:
+    """Completed runs of one stage."""
+
+    points: FloatArray
+    """Parameters, shape [n, d]."""
+    rows: NDArray[np.intp]
+    """Their rows in the design, shape [n]."""
+    prediction: Prediction
+    """What the instruments would have seen."""
+    response: Response
+    """The solver's full answer."""
+    lost: str
+    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of one batch, whether they completed or not."""
+
+    names: tuple[str, ...]
+    """Free parameters."""
+    points: FloatArray
+    """Where, shape [n, d]."""
+    response: Response
+    """The solver's answer."""
+    rows: NDArray[np.intp]
+    """The completed ones."""
+    prediction: Prediction | None
+    """What the instruments would have seen in those; None if there are none."""
+
+    @classmethod
+    def of(
+        cls, names: tuple[str, ...], points: FloatArray, response: Response, observations: Observations
+    ) -> Runs:
+        """From the solver's answer."""
+        rows = np.flatnonzero(response.completed)
+        prediction = predict(response.select(rows), observations) if len(rows) else None
+        return cls(names, points, response, rows, prediction)
+
+    @property
+    def first_lost(self) -> str:
+        """The first run that did not complete in words: its parameters and its ending."""
+        first = int(np.argmin(self.response.completed))
+        values = zip(self.names, self.points[first].tolist(), strict=True)
+        point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
+        return f"the one at {point} ended {self.response.describe(first)}"
+
+    @property
+    def lost(self) -> str:
+        """Lost runs in words: their number and the first one's ending; empty if all did."""
+        n, lost = len(self.points), len(self.points) - len(self.rows)
+        return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
+
+    def completed(self) -> CompletedRuns | None:
+        """Those that completed; None if there are none."""
+        if self.prediction is None:
+            return None
+        response = self.response.select(self.rows)
+        return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
+
+    def apart(self) -> list[CompletedRuns]:
+        """Each of the runs by itself, all of which completed."""
+        assert self.prediction is not None
+        return [
+            CompletedRuns(
+                self.points[[row]],
+                np.array([0]),
+                self.prediction.select([row]),
+                self.response.select([row]),
+                "",
+            )
+            for row in range(len(self.points))
+        ]
+
+
+Place = tuple[tuple[int, int], FlyerPath, FloatArray]
+"""Mesh, path of the front face and what was added to the points, shape [d], of a batch."""
+
+
 class RunTable:
-    """Runs in the order they were made, with their ending and misfit terms."""
+    """Runs in the order they were made, with their ending and misfit terms; it only grows."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self.names = names
@@ -199,26 +280,39 @@ class RunTable:
         self.endings: list[Ending] = []
         self.stages: list[str] = []
         self.terms: list[Terms | None] = []
+        self._batches: list[tuple[Place, Runs]] = []
 
     def add(
-        self,
-        stage: str,
-        points: FloatArray,
-        endings: Sequence[Ending],
-        completed: NDArray[np.intp],
-        prediction: Prediction | None,
-        observations: Observations,
+        self, stage: str, values: FloatArray, runs: Runs, observations: Observations, *, on: Place
     ) -> None:
-        """Append a batch; `prediction` holds the rows of `completed` only (None if there are none)."""
-        place = {int(row): k for k, row in enumerate(completed)}
-        for row, (point, ending) in enumerate(zip(points, endings, strict=True)):
+        """Append a batch.
+
+        ``values``: where the mesh was run, shape [n, d]; the points of `runs` are the refined mesh's.
+        """
+        self._batches.append((on, runs))
+        place = {int(row): k for k, row in enumerate(runs.rows)}
+        for row, (point, ending) in enumerate(zip(values, runs.response.endings, strict=True)):
             self.points.append(np.asarray(point, dtype=float))
             self.endings.append(ending)
             self.stages.append(stage)
-            if prediction is not None and row in place:
-                self.terms.append(terms(prediction, observations, place[row]))
+            if runs.prediction is not None and row in place:
+                self.terms.append(terms(runs.prediction, observations, place[row]))
             else:
                 self.terms.append(None)
+
+    def on(self, mesh: tuple[int, int], path: FlyerPath, offset: FloatArray) -> tuple[FloatArray, Prediction]:
+        """Points and predictions of all completed runs on a mesh under a path, in their order.
+
+        ``offset``: what is added to a point where the mesh is run now, shape [d]. A run that was made with
+        another one counts for the point that it stands for.
+        """
+        kept = [
+            (runs.points[runs.rows] - (offset - before), runs.prediction)
+            for (its_mesh, its_path, before), runs in self._batches
+            if its_mesh == mesh and its_path is path and runs.prediction is not None
+        ]
+        points, predictions = zip(*kept, strict=True)
+        return np.concatenate(points), Prediction.joined(predictions)
 
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
         """Append the runs of another table, of some of the parameters, the others held.
@@ -269,22 +363,6 @@ class RunTable:
 
 
 @dataclass(frozen=True)
-class CompletedRuns:
-    """Completed runs of one stage."""
-
-    points: FloatArray
-    """Parameters, shape [n, d]."""
-    rows: NDArray[np.intp]
-    """Their rows in the design, shape [n]."""
-    prediction: Prediction
-    """What the instruments would have seen."""
-    response: Response
-    """The solver's full answer."""
-    lost: str
-    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
-
-
-@dataclass(frozen=True)
 class Replicates:
     """Runs at one point under other motions of the flyer and other curves, drawn from their noise."""
 
@@ -300,18 +378,3 @@ class Replicates:
     """Which row has a motion larger by one standard uncertainty of its scale; at most one."""
     lost: int
     """How many did not complete."""
-
-
-def lost_in_words(design: Design, response: Response) -> str:
-    """The runs that did not complete, in words: their number and the first one's ending; empty if none."""
-    lost = len(design) - int(response.completed.sum())
-    told = f"{lost} of {len(design)} runs did not complete"
-    return f"{told}; {first_lost(design, response)}" if lost else ""
-
-
-def first_lost(design: Design, response: Response) -> str:
-    """The first run that did not complete in words: its parameters and its ending."""
-    first = int(np.argmin(response.completed))
-    values = design.box.as_dict(design.points[first])
-    point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
-    return f"the one at {point} ended {response.describe(first)}"

@@ -10,7 +10,7 @@ averages its jumps (`kolsky.inverse.refined_search`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
     CorrectedSurrogate,
+    front_with_noise,
     jacobian,
     on_edge,
     replicate_uncertainty,
@@ -29,15 +30,14 @@ from kolsky.inverse.coarse_search import (
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import ExtraRun, linear_step, search_by_gauss_newton
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import MOVED, PARAMETERS, design_box
-from kolsky.inverse.problem import Freed, PreparedShot, Settings, choose, rough
+from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
 from kolsky.inverse.result import Estimate, HeldAnswer, Route
-from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.staged_runs import StagedRuns, compile_for
+from kolsky.inverse.run_table import Replicates, RunTable
+from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
 from kolsky.inverse.work import Work
-from kolsky.shot.records import Shot
 
 LEAST_RESOLUTION = 4.0
 """A parameter whose standard deviation times this is wider than its design is not told by the data."""
@@ -49,8 +49,8 @@ class HeldSearch:
 
     values: Mapping[str, float]
     """The values that were held and are free otherwise, in SI."""
-    stages: StagedRuns
-    """Its simulations on the surrogate's mesh."""
+    runner: Runner
+    """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
     """Its optimum there."""
     refined: ExtraRun | None = None
@@ -61,14 +61,14 @@ class HeldSearch:
 class Search:
     """Result of the search."""
 
-    freed: Freed
-    """What was free in the end, and why the rest was not."""
-    stages: StagedRuns
-    """Its simulations."""
+    runner: Runner
+    """Runs points of what was free in the end, under the path of the optimum."""
     coarse: CoarseOptimum
     """The optimum on the surrogate's mesh."""
     fine: RefinedOptimum
     """The optimum on the refined mesh."""
+    replication: Callable[[], Replicates] | None = None
+    """Gives the runs under other motions and curves; None if none were asked for."""
     held: HeldSearch | None = None
     """What the stiffness factor alone would have given; None where it was alone."""
     designs: RunTable | None = None
@@ -76,85 +76,90 @@ class Search:
     valley_margin: float = np.inf
     """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-]."""
 
+    @property
+    def problem(self) -> InverseProblem:
+        """What was free in the end."""
+        return self.runner.problem
+
+    @property
+    def replicates(self) -> Replicates | None:
+        """The runs under other motions and curves."""
+        return None if self.replication is None else self.replication()
+
     def paper_route(self) -> Route:
         """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried."""
         if self.held is None:
-            return paper_route(self.stages.box, self.designs or self.stages.table)
-        return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
+            return paper_route(self.problem.box, self.designs or self.runner.table)
+        return paper_route(self.held.runner.problem.box, self.held.runner.table, self.held.values)
 
 
-def search_shot(prepared: PreparedShot, settings: Settings, work: Work) -> Search:
+def search_shot(problem: InverseProblem, work: Work) -> Search:
     """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
 
-    Parameters
-    ----------
-    prepared
-        The shot.
-    settings
-        As the user gave them.
-    work
-        Is told of the stages.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown, a bound outside its range, or too few runs complete.
+    ``work``: is told of the stages. Raises ValueError if too few runs complete.
     """
-    shot = prepared.forward.shot
-    freed = choose(settings, shot)
     while True:
-        stages = StagedRuns(prepared, freed.settings, design_box(freed.free), work, prior=freed.prior(shot))
-        compile_for(stages)
-        if rough(shot, [*freed.free, *freed.settings.held]):
-            coarse = search_coarse(stages)
-            replicates = stages.replicate(coarse.x)() if settings.replicates else None
-            coarse = weigh_front_noise(stages, coarse, replicates)
-            return Search(freed, stages, coarse, search_by_quadratic(stages, coarse))
-        if stages.box.dimension == 1:
-            return _search_one(freed, stages)
-        found = _search_several(freed, stages)
-        if isinstance(found, Search):
-            return found
-        freed = freed.holding(found)
+        compile_for(problem, work)
+        runner = Runner.of(problem, work)
+        if rough(problem.shot, [*problem.freed.free, *problem.settings.held]):
+            return _search_rough(runner)
+        if problem.box.dimension == 1:
+            return _search_one(runner)
+        search = _search_several(runner)
+        if isinstance(search, Search):
+            return search
+        problem = problem.holding(search)
 
 
-def _search_one(freed: Freed, stages: StagedRuns) -> Search:
+def _search_rough(runner: Runner) -> Search:
+    """Parameters of a surface that slides or lets go."""
+    coarse = search_coarse(runner)
+    replication = runner.replicate(coarse.x) if runner.problem.settings.replicates else None
+    runner = runner.under(front_with_noise(runner, None if replication is None else replication()))
+    coarse = weigh_front_noise(coarse, runner.front)
+    return Search(runner, coarse, search_by_quadratic(runner, coarse), replication)
+
+
+def _search_one(runner: Runner) -> Search:
     """One smooth parameter: like several, its first optimum from designs over the whole range."""
-    wide = search_coarse(stages)
-    designs = RunTable(stages.box.names)
-    designs.take(stages.table, {})
-    coarse, fine, _ = search_by_gauss_newton(stages, search_meshes_for_one(stages, wide))
-    return Search(freed, stages, coarse, fine, designs=designs)
+    wide = search_coarse(runner)
+    designs = RunTable(runner.problem.box.names)
+    designs.take(runner.table, {})
+    meshes = search_meshes_for_one(runner, wide)
+    coarse, fine, _ = search_by_gauss_newton(runner.under(meshes.front), meshes.optima)
+    return Search(runner.under(fine.front, fine.offsets), coarse, fine, meshes.replicates, designs=designs)
 
 
-def _search_several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:
+def _search_several(runner: Runner) -> Search | dict[str, str]:
     """Several smooth parameters; or, by default, why some of them must be held."""
-    box = stages.box
-    held = _search_held(stages) if MOVED in box.names else None
-    start = _declared_values(stages.prepared.forward.shot, box)
+    problem = runner.problem
+    box, by_default = problem.box, problem.freed.by_default
+    held = _search_held(runner) if MOVED in box.names else None
+    start = problem.declared
     if held is not None:
         start[box.names.index(MOVED)] = held.coarse.x[0]
-    optima, margin = search_meshes(stages, np.clip(start, box.lower, box.upper))
-    coarse = optima[stages.settings.numerics.mesh]
+    meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
+    coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.sigma)
-    if freed.by_default and lost:
+    if by_default and lost:
         return lost
-    found = search_by_gauss_newton(stages, optima, None if held is None else start)
-    lost = not_identifiable(box, found[1].x, found[1].sigma)
-    if freed.by_default and lost:
+    runner, beside = runner.under(meshes.front), None if held is None else start
+    optimum, fine, extra = search_by_gauss_newton(runner, meshes.optima, beside)
+    lost = not_identifiable(box, fine.x, fine.sigma)
+    if by_default and lost:
         return lost
     if held is not None:
-        stages.table.take(held.stages.table, held.values)
-        held = replace(held, refined=found[2])
-    return Search(freed, stages, found[0], found[1], held, valley_margin=margin)
+        runner.table.take(held.runner.table, held.values)
+        held = replace(held, refined=extra)
+    runner = runner.under(fine.front, fine.offsets)
+    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=meshes.valley_margin)
 
 
-def _search_held(stages: StagedRuns) -> HeldSearch:
+def _search_held(runner: Runner) -> HeldSearch:
     """The stiffness factor alone on the surrogate's mesh, the other free parameters at the shot's values."""
-    settings, shot, i = stages.settings, stages.prepared.forward.shot, stages.box.names.index(MOVED)
-    box = Box.of({MOVED: (stages.box.lower[i], stages.box.upper[i])})
-    alone = StagedRuns(stages.prepared, settings, box, stages.work)
-    values = {name: PARAMETERS[name].held(shot) for name in stages.box.names if name != MOVED}
+    problem = runner.problem
+    values = {name: PARAMETERS[name].held(problem.shot) for name in problem.box.names if name != MOVED}
+    alone = Runner.of(problem.of_one(MOVED), runner.work)
     return HeldSearch(values, alone, search_coarse(alone))
 
 
@@ -171,17 +176,13 @@ def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, st
     return found
 
 
-def _declared_values(shot: Shot, box: Box) -> FloatArray:
-    return np.array([PARAMETERS[name].held(shot) for name in box.names])
-
-
 def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     """The stiffness factor of one run with the others held, and a step from there; None if there is no run.
 
     Parameters
     ----------
     found
-        The search; its stages have run the replicates.
+        The search; its runner have run the replicates.
     estimate
         The stiffness factor with all of them free: the mesh's correction and the share of the numerics are
         taken from it.
@@ -191,9 +192,9 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
         return None
     prediction = held.refined.prediction
     counted = fine.objective.counted & held.coarse.objective.counted & prediction.inside[0]
-    objective = Objective(found.stages.observations, counted, slowly=True)
+    objective = replace(found.runner.objective(counted, slowly=True), prior=None)
     vector = objective.vectors(prediction)[0]
-    i = found.stages.box.names.index(MOVED)
+    i = found.problem.box.names.index(MOVED)
     x = held.refined.x[[i]]
     model = CorrectedSurrogate(held.coarse.surrogate).predict
     slope = jacobian(model, held.coarse.box, held.coarse.x)[_entries_of(held.coarse.objective, counted)]
@@ -204,8 +205,8 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     parts = [
         float(np.sqrt(objective.residual_covariance(slope, vector)[0, 0])),
         estimate.sigma_numerical,
-        *_noise_sigmas(found.stages, objective, slope),
-        *_declared_sigmas(found.stages, held, fine, objective, slope),
+        *_noise_sigmas(found.replicates, objective, slope),
+        *_declared_sigmas(found.problem, held, fine, objective, slope),
     ]
     return HeldAnswer(
         name=MOVED,
@@ -223,21 +224,21 @@ def _entries_of(objective: Objective, counted: BoolArray) -> BoolArray:
     return np.concatenate([force, counted[objective.counted]])
 
 
-def _noise_sigmas(stages: StagedRuns, objective: Objective, slope: FloatArray) -> list[float]:
+def _noise_sigmas(replicates: Replicates | None, objective: Objective, slope: FloatArray) -> list[float]:
     """Standard uncertainties from the noise of flyer and curve; none without replicates."""
-    if stages.replicates is None:
+    if replicates is None:
         return []
-    vectors = objective.vectors(stages.replicates.prediction)
+    vectors = objective.vectors(replicates.prediction)
     moves = np.nan_to_num(vectors - vectors[0]) @ objective.gain(slope).T
-    rows = (stages.replicates.flyer, stages.replicates.curve)
+    rows = (replicates.flyer, replicates.curve)
     return [float(replicate_uncertainty(moves[which])[0]) for which in rows if which.any()]
 
 
 def _declared_sigmas(
-    stages: StagedRuns, held: HeldSearch, fine: RefinedOptimum, objective: Objective, slope: FloatArray
+    problem: InverseProblem, held: HeldSearch, fine: RefinedOptimum, objective: Objective, slope: FloatArray
 ) -> list[float]:
     """Standard uncertainties from what the shot declares of the held parameters."""
-    declared, names = stages.prepared.forward.shot.uncertainty, stages.box.names
+    declared, names = problem.shot.uncertainty, problem.box.names
     others = fine.jacobian[_entries_of(fine.objective, objective.counted)]
     gain = objective.gain(slope)[0]
     return [

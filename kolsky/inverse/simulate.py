@@ -18,6 +18,7 @@ from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, req
 from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.run_table import Terms, terms
 from kolsky.material.slow_compression import FIRST, SlowCompression, SlowNumerics, slow_compression
+from kolsky.shot.curve import PAST_CURVE
 from kolsky.shot.records import Shot
 
 
@@ -159,8 +160,6 @@ SLOW_POINTS = 60
 """Strains of the table."""
 INERTIA = 0.01
 """Kinetic over elastic energy, or difference of the faces over their force, from which on it is said."""
-PAST_CURVE = 0.01
-"""Share of the specimen past the curve from which on it is said."""
 
 
 def slow_test_of(

@@ -10,6 +10,7 @@ whatever nu is. One parameter comes from a surrogate, and its path is followed l
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,17 +27,19 @@ from kolsky.inverse.coarse_search import (
     noise_of,
 )
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
     FOLLOWED,
+    FrontPath,
     MovedFront,
     PathModes,
     credible,
     likely_amplitudes,
     rms_amplitude,
 )
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.run_table import Replicates
+from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.valleys import (
     VALLEY,
     from_search,
@@ -79,118 +82,124 @@ class MeshOptimum:
     """Whether the search came to rest."""
 
 
-def search_meshes(stages: StagedRuns, start: FloatArray) -> tuple[dict[tuple[int, int], MeshOptimum], float]:
+@dataclass(frozen=True)
+class MeshOptima:
+    """Optima on the coarse meshes, and what they were found under."""
+
+    optima: Mapping[Mesh, MeshOptimum]
+    """On the mesh of the replicates and on the surrogate's."""
+    front: FrontPath
+    """The front face's path where the data put it."""
+    replicates: Callable[[], Replicates] | None
+    """Gives runs at the optimum under other motions and curves; None if none were asked for."""
+    valley_margin: float = np.inf
+    """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-], infinite where there
+    is none."""
+
+
+def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
     """Optima on the mesh of the replicates and on the surrogate's, the second from the first.
 
-    ``stages``: the identification's simulations; all runs join their table. ``start``: a first guess in
-    parameter units, shape [d]. Returns: the optima, and by how much -2 ln L of the next valley of Poisson's
-    ratio lies above this one [-], infinite where there is none. Raises ValueError if no run of the scan
-    completes, or no search can start.
+    ``start``: a first guess in parameter units, shape [d]. Raises ValueError if no run of the scan completes,
+    or no search can start.
     """
-    surrogate = stages.settings.numerics
-    first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
-    points, objective = starts(stages, start, first)
-    ends = _least_squares_on(stages, objective, first, points, FIRST_STEPS)
+    problem = runner.problem
+    surrogate, first = problem.numerics, problem.first
+    points, objective = starts(runner, start, first)
+    ends = _least_squares_on(runner, objective, first, points, FIRST_STEPS)
     begin, margin = ends[0].x, np.inf
-    if VALLEY in stages.box.names:
-        summit = likeliest_summit(stages, np.array([end.x for end in ends]), first, objective.counted)
+    if VALLEY in problem.box.names:
+        summit = likeliest_summit(runner, np.array([end.x for end in ends]), first, objective.counted)
         begin, margin = summit.x, summit.margin
-        if stages.settings.replicates:
+        if problem.settings.replicates:
             # Without them least squares would go back to the floor.
-            stages.know_front_noise(summit.patterns)
-            objective = replace(objective, observations=stages.observations)
-    (best,) = _least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
-    if surrogate.mesh == first.mesh:
-        return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension)), margin
-    (fine,) = _least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
-    return follow_meshes(stages, objective, fine, best.x - fine.x), margin
+            runner = runner.under(runner.front.with_noise(summit.patterns))
+            objective = replace(objective, front=runner.front.noise)
+    (best,) = _least_squares_on(runner, objective, first, begin[None], MOST_STEPS)
+    fine = best
+    if surrogate.mesh != first.mesh:
+        (fine,) = _least_squares_on(runner, objective, surrogate, best.x[None], MOST_STEPS)
+    return replace(follow_meshes(runner, objective, fine, best.x - fine.x), valley_margin=margin)
 
 
-def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:
+def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
     """Optima of one parameter on both coarse meshes, from that of a surrogate.
 
-    ``stages``: the identification's simulations; all runs join their table. ``coarse``: the optimum on the
-    surrogate's mesh under the path as it was fitted to the record.
+    ``coarse``: the optimum on the surrogate's mesh under the path as it was fitted to the record.
     """
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
     sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
     best = MeshOptimum(coarse.x, sigma, float(coarse.objective.deviance(vector[None])[0]), converged=True)
-    objective = Objective(stages.observations, coarse.objective.counted, prior=stages.prior)
-    return follow_meshes(stages, objective, best, np.zeros(1))
+    return follow_meshes(runner, runner.objective(coarse.objective.counted), best, np.zeros(1))
 
 
-def follow_meshes(
-    stages: StagedRuns, objective: Objective, fine: MeshOptimum, shift: FloatArray
-) -> dict[tuple[int, int], MeshOptimum]:
+def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift: FloatArray) -> MeshOptima:
     """Optima on both coarse meshes with the front face's path where the data put it, and its replicates."""
-    surrogate = stages.settings.numerics
-    first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
-    if stages.settings.replicates:
+    problem, replicates = runner.problem, None
+    surrogate, first, box = problem.numerics, problem.first, problem.box
+    if problem.settings.replicates:
         # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
-        fine = follow_front(stages, objective, surrogate, fine)
-        objective = replace(objective, observations=stages.observations)
-    found = {surrogate.mesh: fine}
+        fine, front = follow_front(runner, objective, surrogate, fine)
+        runner, objective = runner.under(front), replace(objective, front=front.noise)
+    optima = {surrogate.mesh: fine}
     if first.mesh != surrogate.mesh:
-        near = np.clip(fine.x + shift, stages.box.lower, stages.box.upper)
-        (found[first.mesh],) = _least_squares_on(stages, objective, first, near[None], MOST_STEPS)
-    if stages.settings.replicates:
-        stages.replicate(found[first.mesh].x, lesson=False)
-    return found
+        near = np.clip(fine.x + shift, box.lower, box.upper)
+        (optima[first.mesh],) = _least_squares_on(runner, objective, first, near[None], MOST_STEPS)
+    if problem.settings.replicates:
+        replicates = runner.replicate(optima[first.mesh].x, lesson=False)
+    return MeshOptima(optima, runner.front, replicates)
 
 
 def follow_front(
-    stages: StagedRuns, objective: Objective, numerics: Numerics, best: MeshOptimum
-) -> MeshOptimum:
+    runner: Runner, objective: Objective, numerics: Numerics, best: MeshOptimum
+) -> tuple[MeshOptimum, FrontPath]:
     """The optimum on a mesh with the front face's path where the data put it, and the patterns there.
 
     The patterns ring at the frequency of the point at which they are made: they are made anew until the
     optimum stays. Where they have little to explain the path stays, and they explain it.
     """
-    n = min(MOTIONS, stages.settings.replicates)
-    fitted, noise = stages.prepared.path, noise_of(stages.observations)
-    deviations, first, shares, size_of_run = stages.front_deviations(n), best, np.zeros(n), 1.0
+    n = min(MOTIONS, runner.problem.settings.replicates)
+    front, noise = runner.front, noise_of(runner.problem.observations)
+    fitted, first = front.path, best
+    deviations, shares, size_of_run = runner.front_deviations(n), np.zeros(n), 1.0
     # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
-    followed = 0.0 if VALLEY in stages.box.names else FOLLOWED
+    followed = 0.0 if VALLEY in runner.problem.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
-        runs = stages.under_other_motions(best.x[None], size_of_run * deviations, numerics)[0]
+        runs = runner.under(front).under_other_motions(best.x[None], size_of_run * deviations, numerics)[0]
         if runs is None:
             break
         change = data_change(runs)[1:] / size_of_run
         if len(change) < len(deviations):  # which motion was lost is not known
-            stages.know_front_noise(front_modes(change, noise), stages.observations.front_offset)
-            break
+            return best, front.with_noise(front_modes(change, noise), front.noise.offset)
         modes = PathModes.of(change, noise, deviations)
-        stages.know_front_noise(modes.patterns, shares @ change if shares.any() else None)
-        weighed = replace(objective, observations=stages.observations)
-        seen = weighed.vectors(runs)[0]
-        vector = np.where(np.isnan(seen), weighed.data, seen)
+        front = front.with_noise(modes.patterns, shares @ change if shares.any() else None)
+        weighed = replace(objective, front=front.noise)
+        vector = weighed.reached(runs)[0]
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
-            stages.front = None
-            stages.move_front(fitted)
-            stages.know_front_noise(modes.patterns)
-            return first
+            # Another object: no run so far serves a surrogate under it.
+            return first, FrontPath(replace(fitted), FrontNoise(modes.patterns))
         if shares.any() or rms_amplitude(amplitudes) > followed:
             shares = amplitudes @ modes.shares
-            stages.follow(MovedFront(fitted, modes, amplitudes))
-        before, weighed = best, replace(objective, observations=stages.observations)
-        (best,) = _least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
+            front = FrontPath.following(MovedFront(fitted, modes, amplitudes))
+        before, weighed = best, replace(objective, front=front.noise)
+        (best,) = _least_squares_on(runner.under(front), weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
             break
         if size_of_run == 1.0:
             deviations, shares, size_of_run = modes.as_replicates(shares)
-    return best
+    return best, front
 
 
-def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
+def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
     """Points to search from, the most likely first, [n, d], and the objective over what the first reaches.
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     start
         A first guess in parameter units, shape [d].
     numerics
@@ -201,18 +210,18 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     ValueError
         If no run of the scan completes.
     """
-    box = stages.box
+    box = runner.problem.box
     if VALLEY in box.names:
         i = box.names.index(VALLEY)
         factor = start[box.names.index(MOVED)] if MOVED in box.names else 1.0
-        levels = valley_levels(stages, float(factor), (box.lower[i], box.upper[i]))
+        levels = valley_levels(runner.problem.prepared, float(factor), (box.lower[i], box.upper[i]))
         points = np.tile(start, (len(levels), 1))
         points[:, i] = levels
     else:
-        spread = latin_hypercube(box, 4 * box.dimension, rng=stages.settings.seed).points
+        spread = latin_hypercube(box, 4 * box.dimension, rng=runner.problem.settings.seed).points
         points = np.concatenate([start[None], spread])
-    done = stages.simulate("design", from_points(box, points), numerics)
-    every = Objective(stages.observations, np.asarray(done.prediction.inside.all(axis=0)))
+    done = runner.simulate("design", from_points(box, points), numerics)
+    every = runner.objective(np.asarray(done.prediction.inside.all(axis=0)))
     vectors = every.vectors(done.prediction)
     if VALLEY in box.names:
         seen = to_search(box, done.points)[:, i]
@@ -220,24 +229,24 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     else:
         order = np.argsort(every.deviance(vectors)).tolist()[:BEST]
     inside = done.prediction.inside[order[0]]
-    return done.points[order], Objective(stages.observations, inside, prior=stages.prior)
+    return done.points[order], runner.objective(inside)
 
 
 def _least_squares_on(
-    stages: StagedRuns,
+    runner: Runner,
     objective: Objective,
     numerics: Numerics,
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
-    box, prior = stages.box, objective.prior
+    box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))
 
     def run(points: FloatArray) -> FloatArray:
         x = from_search(box, points)
-        vectors = stages.vectors("refinement", x, numerics, objective)
+        vectors = runner.vectors("refinement", x, numerics, objective)
         return vectors if prior is None else np.hstack([vectors, prior.residuals(x)])
 
     def weighting(residual: FloatArray) -> Whitening:

@@ -26,10 +26,11 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.coarse_search import data_change, front_modes, noise_of
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.parameters import MOVED, PARAMETERS
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.problem import InverseProblem, PreparedShot
+from kolsky.inverse.runner import Runner
 
 VALLEY = "poisson"
 """The parameter whose misfit has many valleys."""
@@ -72,23 +73,22 @@ def oscillations(
     return np.asarray(window * np.sqrt((bulk + 4.0 * shear / 3.0) / density) / (2.0 * length))
 
 
-def valley_levels(stages: StagedRuns, factor: float, bounds: tuple[float, float]) -> FloatArray:
+def valley_levels(prepared: PreparedShot, factor: float, bounds: tuple[float, float]) -> FloatArray:
     """Values of Poisson's ratio between two bounds, both among them, a share of an oscillation apart.
 
-    ``stages``: the simulations: the shot's curve, density, length and window. ``factor``: stiffness factor
-    [-]. ``bounds``: of Poisson's ratio.
+    ``factor``: stiffness factor [-]. ``bounds``: of Poisson's ratio.
     """
-    return equal_steps(*oscillation_table(stages, factor, bounds))
+    return equal_steps(*oscillation_table(prepared, factor, bounds))
 
 
 def oscillation_table(
-    stages: StagedRuns, factor: float, bounds: tuple[float, float]
+    prepared: PreparedShot, factor: float, bounds: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
 
-    ``stages``, ``factor``, ``bounds``: as of `valley_levels`.
+    ``factor``, ``bounds``: as of `valley_levels`.
     """
-    shot, edges = stages.prepared.forward.shot, stages.observations.bins.edges
+    shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
         table,
@@ -133,7 +133,7 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 
 
 def deviance_with_path_noise(
-    stages: StagedRuns, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
+    runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
     """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
 
@@ -144,16 +144,16 @@ def deviance_with_path_noise(
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
     for row, prediction in enumerate(runs):
         if prediction is not None:
-            seen = replace(stages.observations, front_noise=patterns_of(stages, prediction))
-            objective = Objective(seen, counted, prior=stages.prior)
+            front = FrontNoise(patterns_of(runner.problem, prediction))
+            objective = replace(runner.objective(counted), front=front)
             vector = objective.vectors(prediction)[:1]
             found[row] = objective.balanced_deviance(vector)[0] + objective.prior_chi2(points[row])
     return found
 
 
-def patterns_of(stages: StagedRuns, prediction: Prediction) -> FloatArray:
+def patterns_of(problem: InverseProblem, prediction: Prediction) -> FloatArray:
     """Patterns of the flyer's noise from runs under other motions, shape [q, n_bins + n_points]."""
-    return front_modes(data_change(prediction)[1:], noise_of(stages.observations))
+    return front_modes(data_change(prediction)[1:], noise_of(problem.observations))
 
 
 STRIDE = 0.5
@@ -185,16 +185,16 @@ class Summit:
 
 
 def climb_summit(
-    stages: StagedRuns, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
+    runner: Runner, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
 ) -> Summit:
     """The summit that is reached from a floor, all other parameters as they are there."""
-    box = stages.box
+    box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
-    table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
+    table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
     middle = float(np.interp(floor[i], table, number))
     places: dict[int, tuple[FloatArray, Prediction | None]] = {0: (floor, runs)}
-    deviations = stages.front_deviations(MOTIONS)
+    deviations = runner.front_deviations(MOTIONS)
     best, new = 0, strides_beside(0, {0})
     while True:
         new = [k for k in new if number[0] <= middle + STRIDE * k <= number[-1]]
@@ -202,34 +202,34 @@ def climb_summit(
             break
         points = np.tile(floor, (len(new), 1))
         points[:, i] = np.interp(middle + STRIDE * np.array(new), number, table)
-        found = stages.under_other_motions(points, deviations, numerics)
+        found = runner.under_other_motions(points, deviations, numerics)
         places |= dict(zip(new, zip(points, found, strict=True), strict=True))
         order = sorted(places)
         at = np.array([places[k][0] for k in order])
         best = order[
-            int(np.argmin(deviance_with_path_noise(stages, at, [places[k][1] for k in order], inside)))
+            int(np.argmin(deviance_with_path_noise(runner, at, [places[k][1] for k in order], inside)))
         ]
         new = strides_beside(best, set(places))
     x, prediction = places[best]
     assert prediction is not None  # a lost run is infinitely unlikely, and the floor's is not lost
-    return Summit(x, patterns_of(stages, prediction), best, prediction)
+    return Summit(x, patterns_of(runner.problem, prediction), best, prediction)
 
 
-def likeliest_summit(stages: StagedRuns, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
+def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
     """The summit from the likeliest of some valleys' floors, and what the next is short of it.
 
-    ``stages``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
+    ``runner``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
     ValueError if the run at no floor completes.
     """
-    runs = stages.under_other_motions(floors, stages.front_deviations(MOTIONS), numerics)
-    first = int(np.argmin(deviance_with_path_noise(stages, floors, runs, inside)))
+    runs = runner.under_other_motions(floors, runner.front_deviations(MOTIONS), numerics)
+    first = int(np.argmin(deviance_with_path_noise(runner, floors, runs, inside)))
     found = runs[first]
     if found is None:
         raise ValueError("no run at a floor of the valleys of Poisson's ratio completed")
-    summit = climb_summit(stages, floors[first], found, numerics, inside)
+    summit = climb_summit(runner, floors[first], found, numerics, inside)
     at = np.vstack([summit.x, floors])
-    values = deviance_with_path_noise(stages, at, [summit.runs, *runs], inside)
-    apart = np.abs(_oscillations_at(stages, at) - _oscillations_at(stages, summit.x[None]))
+    values = deviance_with_path_noise(runner, at, [summit.runs, *runs], inside)
+    apart = np.abs(_oscillations_at(runner, at) - _oscillations_at(runner, summit.x[None]))
     return replace(summit, margin=margin(values, apart))
 
 
@@ -243,13 +243,13 @@ def margin(values: FloatArray, apart: FloatArray) -> float:
     return float(np.min(others, initial=np.inf) - values[0])
 
 
-def _oscillations_at(stages: StagedRuns, points: FloatArray) -> FloatArray:
+def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
     """Oscillations over the whole test at points of shape [n, d], shape [n]; all with the first one's
     stiffness."""
-    box = stages.box
+    box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
-    table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
+    table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
     return np.asarray(np.interp(points[:, i], table, number))
 
 

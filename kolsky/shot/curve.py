@@ -27,6 +27,8 @@ MOST_MODES = 1000
 """Most columns of common uncertainties that are read."""
 SMALLEST_CURVE = 5
 """Points away from rest that a curve needs."""
+PAST_CURVE = 0.01
+"""Share of the specimen past the curve from which on it is said [-]."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:

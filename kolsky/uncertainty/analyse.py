@@ -33,7 +33,7 @@ from kolsky.inverse.result import (
     PosteriorSummary,
     Variation,
 )
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.uncertainty.declarations import caution, declarations
 from kolsky.uncertainty.input_changes import InputDirections, input_directions
 from kolsky.uncertainty.profiles import (
@@ -60,14 +60,14 @@ Data = tuple[Objective, Model]
 
 
 def variations(
-    stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
+    runner: Runner, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> tuple[Variation, ...]:
     """Shifts of the answer by other choices of window and bins.
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     answer
         Where it ended.
     found
@@ -80,7 +80,7 @@ def variations(
     tuple of Variation
         Shifts from the optimum of the same surrogate with the choices as they were made.
     """
-    first, last = stages.prepared.forward.shot.window
+    first, last = runner.problem.shot.window
     width = float(np.diff(found.objective.observations.bins.edges).mean())
     data: Data = (found.objective, found.model.predict)
     before = _optimum(found, answer.x, data)
@@ -88,7 +88,7 @@ def variations(
     others: list[tuple[str, float, Callable[[], Data]]] = [
         *((WINDOW_END, end, partial(shorter_window, *data, end)) for end in ends),
         (FORCE_BINS, 2.0 * width, partial(wider_bins, *data)),
-        (FORCE_BINS, 0.5 * width, partial(_narrower_bins, stages, answer, found, check)),
+        (FORCE_BINS, 0.5 * width, partial(_narrower_bins, runner, answer, found, check)),
     ]
     told = []
     for key, value, make in others:
@@ -97,8 +97,8 @@ def variations(
         except ValueError as error:
             told.append(Variation(key, value, {}, f"not searched: {error}"))
             continue
-        shifts = dict(zip(stages.box.names, (after - before).tolist(), strict=True))
-        edge = at_inner_face(after, found.box, stages.box)
+        shifts = dict(zip(runner.problem.box.names, (after - before).tolist(), strict=True))
+        edge = at_inner_face(after, found.box, runner.problem.box)
         told.append(Variation(key, value, shifts, AT_EDGE if edge else SEARCHED))
     return tuple(told)
 
@@ -121,13 +121,11 @@ def shorter_window(objective: Objective, model: Model, end: float) -> Data:
         incident=None if seen.incident is None else _first_bins(seen.incident, end),
         centre_line=line.select(points),
         force_sigma_gain=seen.force_sigma_gain,
-        front_noise=None if seen.front_noise is None else seen.front_noise[:, left],
-        front_offset=None if seen.front_offset is None else seen.front_offset[left],
     )
+    front = objective.front.over(lambda rows: rows[..., left])
     rows = np.concatenate([inside, points[objective.counted]])
-    return replace(objective, observations=kept, counted=objective.counted[points]), lambda x: model(x)[
-        :, rows
-    ]
+    shorter = replace(objective, observations=kept, counted=objective.counted[points], front=front)
+    return shorter, lambda x: model(x)[:, rows]
 
 
 def _first_bins(bins: ForceBins, end: float) -> ForceBins:
@@ -158,20 +156,15 @@ def wider_bins(objective: Objective, model: Model) -> Data:
     )
 
     def both(vectors: FloatArray) -> FloatArray:
-        return np.concatenate([merged(vectors[:, :own]), vectors[:, own:]], axis=1)
+        return np.concatenate([merged(vectors[..., :own]), vectors[..., own:]], axis=-1)
 
-    modes, offset = objective.observations.front_noise, objective.observations.front_offset
-    seen = replace(
-        objective.observations,
-        bins=wide,
-        front_noise=None if modes is None else both(modes),
-        front_offset=None if offset is None else both(offset[None])[0],
-    )
-    return replace(objective, observations=seen), lambda points: both(model(points))
+    seen = replace(objective.observations, bins=wide)
+    wider = replace(objective, observations=seen, front=objective.front.over(both))
+    return wider, lambda points: both(model(points))
 
 
 def _narrower_bins(
-    stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
+    runner: Runner, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> Data:
     """The data with every bin of the transmitted force as two, and a surrogate of the same runs for them."""
     seen = answer.objective.observations
@@ -184,19 +177,15 @@ def _narrower_bins(
     def halved(prediction: Prediction) -> Prediction:
         return replace(prediction, force_bins=_halves(prediction, seen.force.time, edge, halves))
 
-    points, prediction = stages.on_surrogate_mesh()
+    points, prediction = runner.on_surrogate_mesh()
     n, bins = len(seen.bins.mean), force_between(seen.force, halves)
 
-    def twice(rows: FloatArray | None) -> FloatArray | None:
+    def twice(rows: FloatArray) -> FloatArray:
         """Rows of bins and points in which both halves of a bin have its own value."""
-        if rows is None:
-            return None
         return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
 
-    halved_seen = replace(
-        seen, bins=bins, front_noise=twice(seen.front_noise), front_offset=twice(seen.front_offset)
-    )
-    objective = replace(answer.objective, observations=halved_seen)
+    front = answer.objective.front.over(twice)
+    objective = replace(answer.objective, observations=replace(seen, bins=bins), front=front)
     fine = replace(
         answer,
         objective=objective,
@@ -211,7 +200,7 @@ def _narrower_bins(
         # What the finer mesh adds to a bin's slope, both halves get.
         steeper=np.concatenate([np.repeat(answer.steeper[:n], 2, axis=0), answer.steeper[n:]]),
     )
-    model, objective = surrogate_of((points, halved(prediction)), fine, found.box, stages.box)
+    model, objective = surrogate_of((points, halved(prediction)), fine, found.box, runner.problem.box)
     return objective, model.predict
 
 
@@ -313,21 +302,17 @@ class UncertaintyAnalysis:
             )
 
 
-def analyse(
-    stages: StagedRuns, answer: LinearisedOptimum, check: Prediction, *, bayes: bool = False
-) -> UncertaintyAnalysis:
+def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:
     """Declared uncertainties, profiles, other choices and, if asked for, the posterior.
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     answer
         Where it ended.
     check
         What the run on the refined mesh there predicts.
-    bayes
-        Sample the posterior too.
 
     Raises
     ------
@@ -336,24 +321,24 @@ def analyse(
     ImportError
         If the posterior is asked for and emcee is not installed.
     """
-    with stages.work.stage("inputs"):
-        directions = input_directions(stages, answer.x, answer.objective)
-        systematic = declarations(stages, directions)
+    with runner.work.stage("inputs"):
+        directions = input_directions(runner, answer.x, answer.objective)
+        systematic = declarations(runner, directions)
     found: ParameterProfiles | None = None
     said = []
     try:
-        with stages.work.stage("profile"):
-            found = profile_parameters(stages, answer)
+        with runner.work.stage("profile"):
+            found = profile_parameters(runner, answer)
     except (ValueError, RuntimeError) as error:
         said.append(f"there are no profile likelihoods: {error}")
     varied: tuple[Variation, ...] = ()
     if found is not None:
-        with stages.work.stage("choices"):
-            varied = variations(stages, answer, found, check)
+        with runner.work.stage("choices"):
+            varied = variations(runner, answer, found, check)
     sampled = None
-    if bayes and found is not None:
-        with stages.work.stage("posterior"):
-            sampled = _posterior_of(found, stages.settings.seed)
+    if runner.problem.settings.bayes and found is not None:
+        with runner.work.stage("posterior"):
+            sampled = _posterior_of(found, runner.problem.settings.seed)
     profiles = () if found is None else found.profiles
     cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
     return UncertaintyAnalysis(
@@ -363,7 +348,7 @@ def analyse(
         posterior=sampled,
         found=found,
         warnings=(*said, *cautions, *analysis_warnings(profiles, sampled)),
-        runs=len(stages.on_surrogate_mesh()[0]),
+        runs=len(runner.on_surrogate_mesh()[0]),
         variations=varied,
         directions=directions,
     )

@@ -11,7 +11,7 @@ from kolsky.inverse.estimates import (
     surrogate_quality,
 )
 from kolsky.inverse.parameters import MOVED, any_slides
-from kolsky.inverse.problem import PreparedShot, provenance
+from kolsky.inverse.problem import provenance
 from kolsky.inverse.result import Identification
 from kolsky.inverse.run_table import terms
 from kolsky.inverse.search import Search, held_answer
@@ -26,24 +26,23 @@ def error_sources(found: Search, directions: InputDirections | None) -> Sources:
     ``found``: the search. ``directions``: what each input does to the data vector; None leaves out what
     shot.toml declares uncertain. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
     """
-    stages, fine = found.stages, found.fine
-    declared = stages.prepared.forward.shot.uncertainty
+    runner, fine = found.runner, found.fine
+    declared = runner.problem.shot.uncertainty
     return Sources(
-        inputs=input_changes(fine.objective, stages.replicates),
-        mesh=mesh_change(stages, fine),
+        inputs=input_changes(fine.objective, found.replicates),
+        mesh=mesh_change(runner, fine),
         deviations=fine.deviations,
         declared=None if directions is None else declared_changes(directions, declared),
     )
 
 
-def budgeted_answer(prepared: PreparedShot, found: Search, sources: Sources) -> Identification:
+def budgeted_answer(found: Search, sources: Sources) -> Identification:
     """The identification as the search and its budget give it: neither judged nor diagnosed.
 
-    ``prepared``: the shot before the search moved its path. ``found``, ``sources``: the search, and what
-    moves its optimum.
+    ``found``, ``sources``: the search, and what moves its optimum.
     """
-    stages, fine, shot = found.stages, found.fine, prepared.forward.shot
-    box, observations, settings = stages.box, stages.observations, found.freed.settings
+    runner, problem, fine = found.runner, found.problem, found.fine
+    shot, box, observations, settings = problem.shot, problem.box, problem.observations, problem.settings
     prediction, gain = fine.check.prediction, fine.objective.gain(fine.jacobian)
     optima = search_routes(fine.box, fine.objective, fine.model)
     routes = [budgeted(box.names, one, sources) for one in optima]
@@ -70,12 +69,14 @@ def budgeted_answer(prepared: PreparedShot, found: Search, sources: Sources) -> 
         response=fine.check.response,
         mesh=settings.numerics.mesh,
         refined_mesh=settings.refined_mesh,
-        design=stages.table.build(box),
+        design=runner.table.build(box),
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(
-            stages, found.coarse, fine, valley_margin=found.valley_margin, lost=len(sources.mesh.lost)
+            runner, found.coarse, fine, valley_margin=found.valley_margin, lost=len(sources.mesh.lost)
         ),
-        seconds=dict(stages.work.seconds),
+        seconds=dict(runner.work.seconds),
         held_answer=None if found.held is None else held_answer(found, answers[MOVED]),
-        provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
+        provenance=provenance(
+            shot, settings, problem.prepared, sliding=any_slides([*box.names, *settings.held])
+        ),
     )

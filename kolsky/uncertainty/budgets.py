@@ -26,7 +26,7 @@ from kolsky.inverse.parameters import MOVED, PARAMETERS, has_effect
 from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference
-from kolsky.inverse.staged_runs import Replicates
+from kolsky.inverse.run_table import Replicates
 from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.input_changes import height_follows, outline_follows, parameter_step
@@ -88,7 +88,7 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
     change = np.nan_to_num(vectors - vectors[0])
     if replicates.scale.any():
         scales["motion scale"] = change[replicates.scale][0]
-    moved = objective.observations.front_offset is not None
+    moved = objective.front.offset is not None
     motions = as_drawn(objective.front_noise) if moved else change[replicates.flyer]
     drawn = {"flyer motion": motions, "material curve": change[replicates.curve]}
     return InputChanges({**drawn, **known}, scales)

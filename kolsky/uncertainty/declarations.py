@@ -8,7 +8,7 @@ from typing import Any
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Declaration
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.inputs import INPUTS, SHOWN
 from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
@@ -19,13 +19,13 @@ ALIKE = 0.95
 """Cosine between what two inputs leave in the residual, from which on the data do not tell them apart [-]."""
 
 
-def declarations(stages: StagedRuns, directions: InputDirections) -> tuple[Declaration, ...]:
+def declarations(runner: Runner, directions: InputDirections) -> tuple[Declaration, ...]:
     """Every key that shot.toml may declare uncertain, and by how much it moves the optimum.
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     directions
         What every input does, at the optimum.
 
@@ -34,16 +34,22 @@ def declarations(stages: StagedRuns, directions: InputDirections) -> tuple[Decla
     ValueError
         If a run with an input moved by its declared uncertainty does not complete.
     """
-    shot, box = stages.prepared.forward.shot, stages.box
+    shot, box = runner.problem.shot, runner.problem.box
     told = {
-        key: no_part(key, free=box.names, held=stages.settings.held, shot=shot, seen=stages.observations)
+        key: no_part(
+            key,
+            free=box.names,
+            held=runner.problem.settings.held,
+            shot=shot,
+            seen=runner.problem.observations,
+        )
         for key in IDENTIFY_KEYS
     }
     declared = {key: sigma for key, sigma in shot.uncertainty.items() if sigma > 0.0 and not told.get(key)}
     shifts: dict[str, Mapping[str, float]] = {}
     if declared:
         moved = input_directions(
-            stages, directions.x, directions.objective, steps=declared, only=tuple(declared)
+            runner, directions.x, directions.objective, steps=declared, only=tuple(declared)
         )
         lost = [why for key, why in moved.absent.items() if key in declared]
         if lost:

@@ -34,7 +34,7 @@ from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, predict
 from kolsky.inverse.parameters import PARAMETERS, has_effect
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.shot.inputs import CLOCK, INPUTS, OFFSET, Input
 from kolsky.shot.records import ForceChannel, Shot
@@ -216,8 +216,8 @@ class RunLost(ValueError):
 class MovedRuns:
     """Runs with moved parameters, curves and specimens, all on the surrogate's mesh."""
 
-    stages: StagedRuns
-    """The identification's simulations."""
+    runner: Runner
+    """Runs points of the identification's problem."""
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
@@ -228,13 +228,13 @@ class MovedRuns:
     @property
     def mesh_point(self) -> FloatArray:
         """Where the surrogate's mesh answers like the refined one at the optimum, shape [d]."""
-        return np.asarray(self.stages.solver_values(self.x[None], self.stages.settings.numerics.mesh)[0])
+        return np.asarray(self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0])
 
     @property
     def forward(self) -> Forward:
         """The shot ready to run, its surface kept beside the frames too."""
-        forward = self.stages.prepared.forward
-        frames = self.stages.observations.frame_times
+        forward = self.runner.forward
+        frames = self.runner.problem.observations.frame_times
         if not frames.size:
             return forward
         first, last = forward.sampling.surface_times[[0, -1]]
@@ -245,13 +245,12 @@ class MovedRuns:
     @property
     def point(self) -> dict[str, float]:
         """The optimum and what is held, by name."""
-        found = dict(zip(self.stages.box.names, self.mesh_point.tolist(), strict=True))
-        return {**self.stages.settings.held, **found}
+        return self.runner.at(self.x, self.runner.problem.numerics.mesh)
 
     @property
     def named(self) -> tuple[str, ...]:
         """Inputs that join the common batch: parameters that change nothing but their value when named."""
-        held = self.stages.settings.held
+        held = self.runner.problem.settings.held
         return tuple(
             key
             for key in self.steps
@@ -261,7 +260,7 @@ class MovedRuns:
     @cached_property
     def rows(self) -> dict[tuple[str, int], int]:
         """Row of the common batch by name and sign; ("", 0) is the optimum."""
-        keys = [("", 0)] + [(name, sign) for name in self.stages.box.names for sign in (1, -1)]
+        keys = [("", 0)] + [(name, sign) for name in self.runner.problem.box.names for sign in (1, -1)]
         for key in self.named:
             value = self.value(key)
             low, high = PARAMETERS[key].allowed
@@ -271,7 +270,7 @@ class MovedRuns:
 
     def value(self, key: str) -> float:
         """The value of a parameter that is not free."""
-        return self.stages.settings.held.get(key, PARAMETERS[key].held(self.forward.shot))
+        return self.runner.problem.settings.held.get(key, PARAMETERS[key].held(self.forward.shot))
 
     @property
     def common(self) -> Response:
@@ -281,7 +280,7 @@ class MovedRuns:
     @cached_property
     def _responses(self) -> dict[str, Response]:
         """The common batch, and each changed shot's by key and sign: all of them side by side."""
-        keys, numerics = {"": self._common}, self.stages.settings.numerics
+        keys, numerics = {"": self._common}, self.runner.problem.numerics
         for key, step in self.steps.items():
             if self._is_alone(key):
                 for sign in (1, -1):
@@ -300,8 +299,8 @@ class MovedRuns:
         for (key, sign), row in self.rows.items():
             if key == "curve_scale":
                 material[row] = 1 if sign > 0 else 2
-            elif key in self.stages.box.names:
-                i = self.stages.box.names.index(key)
+            elif key in self.runner.problem.box.names:
+                i = self.runner.problem.box.names.index(key)
                 columns[key][row] = (high if sign > 0 else low)[i]
             elif key:
                 columns[key][row] += sign * self.steps[key]
@@ -310,14 +309,14 @@ class MovedRuns:
             forward = replace(
                 forward, laws=(forward.laws[0], *(_scaled_law(curve, 1.0 + s * step) for s in (1.0, -1.0)))
             )
-        return Launch(forward, columns, self.stages.settings.numerics, material=material)
+        return Launch(forward, columns, self.runner.problem.numerics, material=material)
 
     @property
     def _design(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends of the central differences by the free parameters, shape [d] each."""
-        lower, upper = np.array(self.stages.box.lower), np.array(self.stages.box.upper)
+        lower, upper = np.array(self.runner.problem.box.lower), np.array(self.runner.problem.box.upper)
         x = self.mesh_point
-        values = zip(self.stages.box.names, x.tolist(), strict=True)
+        values = zip(self.runner.problem.box.names, x.tolist(), strict=True)
         step = np.array([parameter_step(name, value) for name, value in values])
         return np.maximum(x - step, lower), np.minimum(x + step, upper)
 
@@ -327,7 +326,7 @@ class MovedRuns:
         try:
             slopes = [
                 (self._vector((name, 1)) - self._vector((name, -1))) / (up - down)[i]
-                for i, name in enumerate(self.stages.box.names)
+                for i, name in enumerate(self.runner.problem.box.names)
             ]
             self._vector(("", 0))
         except RunLost as lost:
@@ -479,7 +478,7 @@ class InputDirections:
 
 
 def input_directions(
-    stages: StagedRuns,
+    runner: Runner,
     x: FloatArray,
     objective: Objective,
     *,
@@ -490,8 +489,8 @@ def input_directions(
 
     Parameters
     ----------
-    stages
-        The identification's simulations.
+    runner
+        Runs points of the identification's problem.
     x
         The optimum in SI, shape [d].
     objective
@@ -506,21 +505,22 @@ def input_directions(
     ValueError
         If the run at the optimum, or one for the Jacobian, does not complete.
     """
-    shot, box, held = stages.prepared.forward.shot, stages.box, stages.settings.held
+    shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {
         key: why
         for key, one in INPUTS.items()
-        if one.step and (why := no_part(key, free=box.names, held=held, shot=shot, seen=stages.observations))
+        if one.step
+        and (why := no_part(key, free=box.names, held=held, shot=shot, seen=runner.problem.observations))
     }
     wanted = {
         key: (steps or {}).get(key, _step(one, shot, objective))
         for key, one in INPUTS.items()
         if one.step and key not in absent and (only is None or key in only)
     }
-    stages.progress("inputs", 0, len(wanted))
-    batch = MovedRuns(stages, x, objective, wanted)
+    runner.work.progress("inputs", 0, len(wanted))
+    batch = MovedRuns(runner, x, objective, wanted)
     reference, jacobian = batch.reference_and_jacobian()
-    model = ModelAtOptimum(objective, stages.observations, reference)
+    model = ModelAtOptimum(objective, runner.problem.observations, reference)
     found = []
     for done, (key, step) in enumerate(wanted.items()):
         seen = INPUTS[key].seen
@@ -537,8 +537,8 @@ def input_directions(
             if key == "specimen_length":
                 change = change + model.heights_with_length(shot, step)
         found.append(InputDirection(key, step, np.nan_to_num(change), _declared_value(key, shot, held)))
-        stages.progress("inputs", done + 1, len(wanted))
-    stages.progress("inputs", len(wanted), len(wanted))
+        runner.work.progress("inputs", done + 1, len(wanted))
+    runner.work.progress("inputs", len(wanted), len(wanted))
     vector = objective.vectors(predict(reference, objective.observations))[0]
     return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
 

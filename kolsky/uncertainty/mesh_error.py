@@ -18,7 +18,7 @@ from kolsky.inverse.joint_problem import JointProblem, Stack
 from kolsky.inverse.joint_search import Optimum, shots_slide
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.refined_search import RefinedOptimum
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Launch, run_side_by_side
 
 ORDER = 3.2
@@ -197,7 +197,7 @@ BOTH_ELEMENTS = 2
 """Runs of `mesh_error_numerics` on the surrogate's mesh; what follows them is graded."""
 
 
-def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
+def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
     """Run the answer on the surrogate's mesh with both elements, and on two graded meshes.
 
     Raises
@@ -205,45 +205,44 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
     ValueError
         If the run with the element of the identification does not complete on the surrogate's mesh.
     """
-    with stages.work.stage("check"):
-        runs = mesh_error_runs(stages, fine.x, mesh_error_numerics(stages, fine))
-    return change_by_runs(stages, fine, runs)
+    with runner.work.stage("check"):
+        runs = mesh_error_runs(runner, fine.x, mesh_error_numerics(runner, fine))
+    return change_by_runs(runner, fine, runs)
 
 
-def mesh_error_numerics(stages: StagedRuns, fine: RefinedOptimum) -> list[Numerics]:
+def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
     """Both elements on the surrogate's mesh, then the coarser and the finer graded mesh.
 
     Graded ones are left out on purpose where a surface slides, since single runs jump, and where runs are
     corrected for Poisson's ratio, since that correction has meshes of its own.
     """
-    numerics, refined = stages.settings.numerics, stages.settings.refined_mesh
+    numerics, refined = runner.problem.numerics, runner.problem.settings.refined_mesh
     found = [numerics, numerics.with_other_element()]
     if fine.roughness is not None or numerics.compressible is not None:
         return found
     return [*found, coarser_graded(numerics, refined), graded(numerics, refined)]
 
 
-def mesh_error_runs(stages: StagedRuns, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
+def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
     """Runs at a point, those on the surrogate's mesh where it resembles the refined one."""
     launches = []
     for k, one in enumerate(numerics):
-        at = stages.solver_values(point[None], one.mesh)[0] if k < BOTH_ELEMENTS else point
-        values = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
-        launches.append(Launch(stages.prepared.forward, values, one))
+        values = runner.at(point, one.mesh) if k < BOTH_ELEMENTS else runner.problem.point(point)
+        launches.append(Launch(runner.forward, values, one))
     responses = run_side_by_side(launches[::-1])[::-1]  # the longest first
     return [
         MeshRun(
             one,
-            predict(response, stages.observations) if response.outcomes[0].ok else None,
+            predict(response, runner.problem.observations) if response.outcomes[0].ok else None,
             response.describe(0),
         )
         for one, response in zip(numerics, responses, strict=True)
     ]
 
 
-def change_by_runs(stages: StagedRuns, fine: RefinedOptimum, runs: Sequence[MeshRun]) -> MeshChange:
+def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]) -> MeshChange:
     """What the runs say of the mesh."""
-    numerics, x = stages.settings.numerics, fine.x
+    numerics, x = runner.problem.numerics, fine.x
     vectors = [None if run.prediction is None else fine.objective.vectors(run.prediction)[0] for run in runs]
     coarse, element = vectors[:2]
     if coarse is None:
@@ -254,13 +253,13 @@ def change_by_runs(stages: StagedRuns, fine: RefinedOptimum, runs: Sequence[Mesh
         )
     # Where the mesh is run at shifted points, in step with the refined one, the shift is taken back along the
     # slopes, which are right there; a run that is out of step with the data has other ones.
-    offset = stages.offsets.get(numerics.mesh, np.zeros(len(x)))
+    offset = runner.offset(numerics.mesh)
     # Where a surface slides the model is the quadratic, which does not follow the jumps of single runs.
     model = fine.model(x)[0]
     found = MeshChange(
         coarser=np.nan_to_num(coarse - model) - fine.jacobian @ offset,
         element=None if element is None else np.nan_to_num(element - coarse),
-        ratio=stages.settings.refined_mesh[0] / numerics.mesh[0],
+        ratio=runner.problem.settings.refined_mesh[0] / numerics.mesh[0],
         windows=windows_of(fine.objective.times),
         lost=tuple(
             LostRun(run.numerics, run.ending, is_graded=k >= BOTH_ELEMENTS)

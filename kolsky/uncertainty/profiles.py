@@ -23,7 +23,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Interval, PairMap, ParameterProfile, PosteriorSummary
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.runner import Runner
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class ParameterProfiles:
     """The most likely point on it, in SI, shape [d]."""
 
 
-def profile_parameters(stages: StagedRuns, answer: LinearisedOptimum) -> ParameterProfiles:
+def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterProfiles:
     """Profile every free parameter.
 
     First near the answer; if the data do not close an interval there, in the whole box. The
@@ -180,8 +180,8 @@ def profile_parameters(stages: StagedRuns, answer: LinearisedOptimum) -> Paramet
 
     Parameters
     ----------
-    stages
-        The identification's simulations, with all runs on the surrogate's mesh.
+    runner
+        Runs points of the identification's problem, with all runs on the surrogate's mesh.
     answer
         Where it ended.
 
@@ -190,36 +190,36 @@ def profile_parameters(stages: StagedRuns, answer: LinearisedOptimum) -> Paramet
     ValueError, RuntimeError
         If no surrogate or profile can be made from the runs; the message says why.
     """
-    local, whole = _near(stages, answer), stages.box
-    found = _in_box(stages, answer, local)
+    local, whole = _near(runner, answer), runner.problem.box
+    found = _in_box(runner, answer, local)
     inside = np.greater([local.lower, whole.upper], [whole.lower, local.upper])
     open_ends = np.isnan([profile.interval for profile in found.profiles]).T
-    return _in_box(stages, answer, whole) if (open_ends & inside).any() else found
+    return _in_box(runner, answer, whole) if (open_ends & inside).any() else found
 
 
-def _near(stages: StagedRuns, answer: LinearisedOptimum) -> Box:
+def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
     """Where the profiles begin: the box of the last design, for several parameters `NEAR` sigma about the
     answer with a design of its own."""
-    whole = stages.box
+    whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local
     reach = NEAR * np.sqrt(np.diag(answer.objective.covariance(answer.slope, answer.vector)))
     lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
     enough = 12 * box.dimension
-    if box != whole and box.contains(stages.on_surrogate_mesh()[0]).sum() < enough:
-        stages.simulate("profile", stages.design(box), stages.settings.numerics)
+    if box != whole and box.contains(runner.on_surrogate_mesh()[0]).sum() < enough:
+        runner.simulate("profile", runner.design(box), runner.problem.numerics)
     return box
 
 
-def _in_box(stages: StagedRuns, answer: LinearisedOptimum, box: Box) -> ParameterProfiles:
+def _in_box(runner: Runner, answer: LinearisedOptimum, box: Box) -> ParameterProfiles:
     worst = np.inf
     for turn in range(ROUNDS):
-        model, objective = surrogate_of(stages.on_surrogate_mesh(), answer, box, stages.box)
+        model, objective = surrogate_of(runner.on_surrogate_mesh(), answer, box, runner.problem.box)
         likelihood = reduced_likelihood(model, objective, box)
         start = np.clip(answer.x, box.lower, box.upper)
         found = profile_likelihoods(likelihood, start, correlation=answer.correlation)
-        errors = _test_along(stages, found, model, objective)
+        errors = _test_along(runner, found, model, objective)
         before, worst = worst, float(np.max(errors / [profile.level for profile in found.profiles]))
         # Runs that do not halve the error meet roughness of the response, which more of them cannot mend.
         if turn == ROUNDS - 1 or worst <= TOLERANCE or worst > 0.5 * before:
@@ -289,12 +289,12 @@ def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
 
 
 def _test_along(
-    stages: StagedRuns, found: Profiles, model: CorrectedSurrogate, objective: Objective
+    runner: Runner, found: Profiles, model: CorrectedSurrogate, objective: Objective
 ) -> FloatArray:
     """Error of the rise at runs along each profile, shape [d]; NaN-free: a lost run is an infinite one."""
     rows = [_along(profile) for profile in found.profiles]
     points = np.concatenate([profile.points[row] for profile, row in zip(found.profiles, rows, strict=True)])
-    runs = stages.simulate("profile", from_points(stages.box, points), stages.settings.numerics)
+    runs = runner.simulate("profile", from_points(runner.problem.box, points), runner.problem.numerics)
     error = np.full(len(points), np.inf)
     said, plain = model.predict(runs.points), model.surrogate.predict(runs.points, extrapolate=True)
     ran = objective.vectors(runs.prediction) + (said - plain)

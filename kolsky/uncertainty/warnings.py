@@ -13,6 +13,7 @@ from kolsky.base.apparatus import SLIDING_LAW, Interface
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.result import Estimate, Identification, Verdict, disagreements, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
+from kolsky.shot.curve import PAST_CURVE
 from kolsky.uncertainty.mesh_error import LostRun
 
 SIGMA_RATIO = 1.3
@@ -121,8 +122,6 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
             )
 
 
-PAST_CURVE = 0.01
-"""Share of the specimen past the quasi-static curve from which on it is said."""
 FOLDED = -0.4
 """Area at an element's corner over the undeformed one below which the edge is called folded over [-]: chosen
 on impacts with friction of 0.1, 0.3 and 0.5, judged on drawn ones (docs/validation/folding)."""

@@ -13,8 +13,9 @@ from kolsky.results import numbers
 from kolsky.results.identification_rows import sensitivity_rows, unseen_notes
 from kolsky.results.nomenclature import name_of, route_label, short
 from kolsky.schema.apparatus import IDENTIFY_KEYS
+from kolsky.shot.curve import PAST_CURVE
 from kolsky.shot.inputs import INPUTS
-from kolsky.uncertainty.warnings import PAST_CURVE, equivalent_strain
+from kolsky.uncertainty.warnings import equivalent_strain
 
 FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
 """Factor and unit in which an uncertainty is shown."""

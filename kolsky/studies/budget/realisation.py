@@ -17,12 +17,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import regular, source_hash
 from kolsky.inverse.coarse_search import on_edge
 from kolsky.inverse.gauss_newton import Step, gauss_newton_step
-from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import design_box
-from kolsky.inverse.problem import DEFAULT, Settings, choose, prepare_shot
-from kolsky.inverse.refined_search import refined_numerics
+from kolsky.inverse.problem import DEFAULT, InverseProblem, Settings
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.search import search_shot
-from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
@@ -92,8 +89,8 @@ class Estimate:
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
     """The optimum of `kolsky.identify`, without its uncertainty from other sources."""
-    found = search_shot(prepare_shot(shot), settings, Work())
-    names = found.stages.box.names
+    found = search_shot(InverseProblem.of(shot, settings), Work())
+    names = found.problem.box.names
     return Estimate(
         dict(zip(names, found.fine.x.tolist(), strict=True)),
         dict(zip(names, found.fine.sigma.tolist(), strict=True)),
@@ -109,17 +106,10 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
     begin, SI. Raises ValueError if no run at the start completes.
     """
     free = {name: (settings.free or {}).get(name) for name in start}
-    freed = choose(replace(settings, free=free), shot)
-    box = design_box(freed.free)
-    stages = StagedRuns(
-        prepare_shot(shot),
-        freed.settings,
-        box,
-        Work(),
-        prior=freed.prior(shot),
-    )
+    problem = InverseProblem.of(shot, replace(settings, free=free))
+    box, runner = problem.box, Runner.of(problem, Work())
     first = np.clip([start[name] for name in box.names], box.lower, box.upper)
-    x, step = _downhill(stages, box, first)
+    x, step = _downhill(runner, box, first)
     outcome = RealisationOutcome.REFITTED
     if step.moved > AT_REST:
         outcome = RealisationOutcome.NOT_AT_REST
@@ -134,18 +124,18 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
     )
 
 
-def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, Step]:
+def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step]:
     """Gauss-Newton steps with slopes of their own on the refined mesh, no longer than `LONGEST`."""
     edge = np.array(box.upper) - np.array(box.lower)
     half, share, before = FIRST_DIFFERENCE * edge, 1.0, np.zeros(len(x))
     for _ in range(MOST_STEPS):
         h = np.diag(half)
         up, down = np.minimum(x + h, box.upper), np.maximum(x - h, box.lower)
-        _, rows, prediction = stages.run("check", np.vstack([x, up, down]), refined_numerics(stages))
-        if prediction is None or len(rows) < 2 * len(x) + 1:
+        runs = runner.run("check", np.vstack([x, up, down]), runner.problem.refined)
+        prediction = runs.prediction
+        if prediction is None or len(runs.rows) < 2 * len(x) + 1:
             raise ValueError("the re-fit needs every run beside its point to complete")
-        inside = np.asarray(prediction.inside.all(axis=0))
-        objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
+        objective = runner.objective(np.asarray(prediction.inside.all(axis=0)), slowly=True)
         vectors, d = objective.vectors(prediction), len(x)
         slope = (vectors[1 : d + 1] - vectors[d + 1 :]).T / (up - down).sum(axis=1)
         step = gauss_newton_step(objective, slope, vectors[0], x, box)

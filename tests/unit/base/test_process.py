@@ -64,6 +64,7 @@ def test_blas_has_one_thread_inside_and_the_old_number_afterwards() -> None:
 
 def test_an_identification_works_on_one_blas_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     from kolsky import identification
+    from kolsky.inverse import problem
 
     seen: list[int] = []
 
@@ -71,8 +72,8 @@ def test_an_identification_works_on_one_blas_thread(monkeypatch: pytest.MonkeyPa
         seen.extend(blas_threads())
         raise ValueError("enough")
 
-    monkeypatch.setattr(identification, "prepare_shot", prepare)
-    monkeypatch.setattr(identification, "with_pull", lambda shot, pull: shot)
+    monkeypatch.setattr(problem, "prepare_shot", prepare)
+    monkeypatch.setattr(problem, "with_pull", lambda shot, pull: shot)
     with threadpool_limits(limits=2, user_api="blas"), pytest.raises(ValueError, match="enough"):
         identification.identify(None)  # type: ignore[arg-type]
     assert set(seen) == {1}

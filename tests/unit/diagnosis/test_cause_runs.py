@@ -15,10 +15,9 @@ class Counted(CauseModel):
     """Runs are their points; a launch is the list of its points."""
 
     def __init__(self) -> None:
-        self.stages: Any = SimpleNamespace(
-            settings=SimpleNamespace(held={}),
-            box=SimpleNamespace(names=("m",), dimension=1),
-        )
+        box = SimpleNamespace(names=("m",), dimension=1)
+        problem = SimpleNamespace(settings=SimpleNamespace(held={}), box=box)
+        self.runner: Any = SimpleNamespace(problem=problem)
         self.first, self.runs = None, 0
         self._recent: dict[object, Any] = {}
 

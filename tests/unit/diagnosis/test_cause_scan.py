@@ -9,7 +9,7 @@ from kolsky.diagnosis.cause_fit import fit_linear
 from kolsky.diagnosis.cause_model import Point
 from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
 from kolsky.shot.inputs import Cause, Change
-from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, stages
+from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, runner
 
 NARROW, WIDE, ALTERED = "narrow", "wide", "altered"
 
@@ -50,7 +50,7 @@ def search() -> tuple[CauseSearch, Asked]:
     }
     model = Asked(columns, -2.0 * columns[NARROW] + rng.standard_normal(K))
     one: Any = model
-    return CauseSearch(stages(), one, expected(), np.ones(K, dtype=bool), inputs()), model
+    return CauseSearch(runner(), one, expected(), np.ones(K, dtype=bool), inputs()), model
 
 
 def one_by_one(one: CauseSearch, tried: list[tuple[Cause, float]]) -> dict[float, float]:

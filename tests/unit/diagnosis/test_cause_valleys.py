@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kolsky.diagnosis.cause_search import PHASE, CauseSearch, Trial, in_valleys, without_change
 from kolsky.diagnosis.causes import ALIKE, best_trials, ranked
 from kolsky.inverse.valleys import oscillation_table
-from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
+from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, runner
 
 FloatArray = NDArray[np.float64]
 TRUE = 20.0
@@ -24,19 +24,20 @@ FACTOR = 1.3
 BOUNDS = (0.49, 0.4999)
 
 
-def ringing_stages() -> Any:
+def ringing_runner() -> Any:
     """A specimen of 6 mm and 1000 kg/m^3, 60 kPa, over 1.5 ms; stiffness and Poisson's ratio are free."""
-    one = stages()
+    whole = runner()
+    one = whole.problem
     stretch = np.linspace(0.9, 1.1, 21)
-    one.prepared.forward.shot.curve = SimpleNamespace(stretch=stretch, stress=6e4 * (stretch - 1.0))
-    one.prepared.forward.shot.specimen = SimpleNamespace(density=1000.0, length=6e-3)
-    one.observations = SimpleNamespace(bins=SimpleNamespace(edges=np.array([0.0, 1.5e-3])))
+    one.shot.curve = SimpleNamespace(stretch=stretch, stress=6e4 * (stretch - 1.0))
+    one.shot.specimen = SimpleNamespace(density=1000.0, length=6e-3)
+    one.prepared.observations = SimpleNamespace(bins=SimpleNamespace(edges=np.array([0.0, 1.5e-3])))
     one.box = SimpleNamespace(names=("stiffness_factor", "poisson"))
-    return one
+    return whole
 
 
 # The number of oscillations for the table's stiffness: the model below rings by it whatever its stiffness.
-POISSON, NUMBER = oscillation_table(ringing_stages(), 1.0, BOUNDS)
+POISSON, NUMBER = oscillation_table(ringing_runner().problem.prepared, 1.0, BOUNDS)
 
 
 def ratio(number: float) -> float:
@@ -84,7 +85,7 @@ class Ringing:
 def search(at: float, lag: float = 0.0) -> tuple[CauseSearch, Any]:
     model: Any = Ringing(at, lag)
     tried = [candidate("late"), candidate("idle")]
-    return CauseSearch(ringing_stages(), model, expected(), np.ones(K, dtype=bool), tried), model
+    return CauseSearch(ringing_runner(), model, expected(), np.ones(K, dtype=bool), tried), model
 
 
 def trial(one: CauseSearch, key: str, at: float, u: float = 0.0, *, m: float = 1.0) -> Trial:
@@ -168,7 +169,7 @@ def test_an_answer_that_is_explained_is_not_scanned_about() -> None:
 
 def test_a_ratio_that_is_held_is_not_scanned() -> None:
     one, model = search(TRUE - 0.63, LAG)
-    one.stages = replace_names(one.stages, ("stiffness_factor", "damping"))
+    one.problem = replace_names(one.problem, ("stiffness_factor", "damping"))
     runs, before = model.runs, one.before
     best_trials(one, [candidate("idle")])
     assert one.before is before
@@ -176,5 +177,5 @@ def test_a_ratio_that_is_held_is_not_scanned() -> None:
     assert model.runs - runs <= 1 + 6 * 7
 
 
-def replace_names(stages: Any, names: tuple[str, ...]) -> Any:
-    return SimpleNamespace(**{**vars(stages), "box": SimpleNamespace(names=names)})
+def replace_names(problem: Any, names: tuple[str, ...]) -> Any:
+    return SimpleNamespace(**{**vars(problem), "box": SimpleNamespace(names=names)})

@@ -42,9 +42,9 @@ def trial(key: str, value: float, loss: float) -> Trial:
 
 def search() -> Any:
     shot = SimpleNamespace(uncertainty={})
-    forward, path = SimpleNamespace(shot=shot), SimpleNamespace(sigma_onset=1e-7)
-    stages = SimpleNamespace(prepared=SimpleNamespace(forward=forward, path=path))
-    return SimpleNamespace(stages=stages, loss=lambda misfits: float(np.log(misfits[0])))
+    problem, front = SimpleNamespace(shot=shot), SimpleNamespace(path=SimpleNamespace(sigma_onset=1e-7))
+    runner = SimpleNamespace(problem=problem, front=front)
+    return SimpleNamespace(runner=runner, problem=problem, loss=lambda misfits: float(np.log(misfits[0])))
 
 
 def test_the_least_misfit_comes_first_and_of_equals_the_more_usual_error() -> None:

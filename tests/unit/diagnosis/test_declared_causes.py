@@ -29,12 +29,13 @@ def expected() -> ExpectedResidual:
     )
 
 
-def stages(*, onset: float = 0.0, **declared: float) -> Any:
+def runner(*, onset: float = 0.0, **declared: float) -> Any:
     shot = SimpleNamespace(uncertainty=declared)
     path = SimpleNamespace(sigma_onset=onset)
-    prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot), path=path)
+    prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot))
     box = SimpleNamespace(names=("stiffness_factor",))
-    return SimpleNamespace(prepared=prepared, settings=SimpleNamespace(held={}), box=box)
+    problem = SimpleNamespace(prepared=prepared, shot=shot, settings=SimpleNamespace(held={}), box=box)
+    return SimpleNamespace(problem=problem, front=SimpleNamespace(path=path))
 
 
 def test_an_allowance_is_least_squares_with_its_prior_and_ends_at_its_bounds() -> None:
@@ -81,7 +82,7 @@ def test_an_allowance_widens_the_uncertainty_of_what_it_resembles() -> None:
 def test_what_is_declared_reaches_to_k_2(
     key: str, declared: dict[str, float], wanted: tuple[float, float] | None
 ) -> None:
-    found = declared_span(BY_KEY[key], stages(**declared))
+    found = declared_span(BY_KEY[key], runner(**declared))
     assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-12, abs=1e-18))
 
 
@@ -164,7 +165,7 @@ def search(planted: float) -> CauseSearch:
     data = planted * columns["off"] + rng.standard_normal(K)
     model: Any = LinearModel(columns, data)
     tried = [candidate("off", "specimen_diameter"), candidate("alike")]
-    return CauseSearch(stages(specimen_diameter=1.0), model, expected(), np.ones(K, dtype=bool), tried)
+    return CauseSearch(runner(specimen_diameter=1.0), model, expected(), np.ones(K, dtype=bool), tried)
 
 
 def test_an_allowance_is_one_declared_standard_uncertainty_up_to_two_of_them() -> None:
@@ -220,7 +221,7 @@ def beside(
     model: Any = LinearModel(columns, data)
     tried = [candidate(key, "specimen_diameter" if key == DAMPING and declared else "") for key in planted]
     known = {} if declared is None else {"specimen_diameter": declared}
-    one = CauseSearch(stages(**known), model, expected(), np.ones(K, dtype=bool), tried)
+    one = CauseSearch(runner(**known), model, expected(), np.ones(K, dtype=bool), tried)
     return list(ranked(one, best_trials(one, tried), refuted=refuted))
 
 

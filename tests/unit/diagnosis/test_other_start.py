@@ -12,7 +12,7 @@ from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import EVIDENCE, Best, best_of_each, best_trials, list_pairs, ranked
 from kolsky.diagnosis.fit_quality import UNEXPLAINED
 from kolsky.inverse.result import CauseFinding
-from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
+from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, runner
 
 WRONG, RIGHT = 1.0, 5.0
 LATE, OFF = 12.0, 9.0
@@ -61,7 +61,7 @@ def searches() -> tuple[CauseSearch, CauseSearch]:
     for x in (WRONG, RIGHT):
         model: Any = TwoValleys(x)
         tried = [candidate("late"), candidate("idle")]
-        found.append(CauseSearch(stages(), model, expected(), np.ones(K, dtype=bool), tried))
+        found.append(CauseSearch(runner(), model, expected(), np.ones(K, dtype=bool), tried))
     return found[0], found[1]
 
 

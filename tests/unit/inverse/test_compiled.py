@@ -7,7 +7,9 @@ import pytest
 
 import explicit
 from doe import Box
-from kolsky.inverse.staged_runs import RUNS_OF_A_DESIGN, compile_for
+from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.runner import RUNS_OF_A_DESIGN, compile_for
+from kolsky.inverse.work import Work
 
 
 def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -29,13 +31,10 @@ def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
         return 3
 
     monkeypatch.setattr(explicit, "compile_time_loops", compiled)
-    stages: Any = SimpleNamespace(
-        settings=SimpleNamespace(numerics=numerics, held={"damping": 2e-5}),
-        box=Box.of({"stiffness_factor": (0.5, 2.0)}),
-        prepared=SimpleNamespace(forward=SimpleNamespace(problem=problem)),
-        progress=lambda *at: stages_told.append(at),
-    )
-    compile_for(stages)
+    prepared: Any = SimpleNamespace(forward=SimpleNamespace(problem=problem))
+    freed = Freed(Settings(numerics=numerics, held={"damping": 2e-5}), by_default=False, reasons={})
+    made = InverseProblem(prepared, freed, Box.of({"stiffness_factor": (0.5, 2.0)}), None)
+    compile_for(made, Work(lambda *at: stages_told.append(at)))
     one = {"damping": [2e-5], "stiffness_factor": [0.5]}
     many = {name: value * RUNS_OF_A_DESIGN for name, value in one.items()}
     assert asked["problems"] == [("one_point", one), ("one_point", many)]

@@ -43,7 +43,7 @@ def prepared(inputs: tuple[tuple[str, str], ...]) -> PreparedShot:
 @pytest.fixture(autouse=True)
 def prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every test works on the same recordings, and to make them ready takes longer than to simulate them."""
-    for module in ("inverse.simulate", "studies.sweep", "identification"):
+    for module in ("inverse.simulate", "studies.sweep", "inverse.problem"):
         monkeypatch.setattr(
             f"kolsky.{module}.prepare_shot", lambda shot: prepared(tuple(shot.inputs.items()))
         )

@@ -1,7 +1,6 @@
 """The front face's path as a nuisance: amplitudes by hand, and a frequency that patterns would hold fast."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,10 @@ from test_several_parameters import COARSE, NOISE, TIME, TRUTH, MadeUp, ringing
 from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, search
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.path_noise import PathModes, credible, likely_amplitudes
+from kolsky.inverse.path_noise import FrontPath, PathModes, credible, likely_amplitudes
 from kolsky.inverse.problem import Settings
-from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 
 REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 10.0, 1.0)
@@ -40,7 +38,7 @@ def test_amplitudes_are_the_posterior_mean() -> None:
     rng = np.random.default_rng(5)
     patterns = rng.normal(size=(2, 12))
     one = objective(np.zeros(12), np.empty(0))
-    one = replace(one, observations=replace(one.observations, front_noise=patterns), force_discrepancy=0.4)
+    one = replace(one, front=FrontNoise(patterns), force_discrepancy=0.4)
     C = np.diag(one.own_sigma**2) + patterns.T @ patterns
     r = rng.normal(size=12)
     np.testing.assert_allclose(likely_amplitudes(one, r), patterns @ np.linalg.solve(C, r), rtol=1e-9)
@@ -62,7 +60,7 @@ class Onset(MadeUp):
         noise = NOISE * np.random.default_rng(3).standard_normal(TIME.size)
         data = ringing(TRUTH)[0] + jerk @ self.rings(TRUTH) + noise
         self.observations = objective(data, np.empty(0)).observations
-        self.prepared = SimpleNamespace(path=REST, forward=self.prepared.forward)
+        self.front = FrontPath(REST)
         self.lost = 0
         self.draws = np.random.default_rng(8).standard_normal((replicates, 2))
 
@@ -71,26 +69,18 @@ class Onset(MadeUp):
         return 3.0 * np.exp(-TIME) * np.stack([np.sin(turns * TIME), np.cos(turns * TIME)])
 
     def predicted(self, points: np.ndarray, mesh: tuple[int, int], jerks: Any = None) -> Prediction:
-        jerks = np.tile(self.prepared.path.jerk, (len(points), 1)) if jerks is None else jerks
+        jerks = np.tile(self.front.path.jerk, (len(points), 1)) if jerks is None else jerks
         force = np.array([ringing(x)[0] + j @ self.rings(x) for x, j in zip(points, jerks, strict=True)])
         empty = np.empty((len(points), 0))
         return Prediction(empty, force, empty, empty.astype(bool))
 
     def under_other_motions(self, points: np.ndarray, deviations: np.ndarray, numerics: Any) -> Any:
         came = deviations[: len(deviations) - self.lost]
-        jerks = self.prepared.path.jerk + np.concatenate([np.zeros((1, 2)), came])
+        jerks = self.front.path.jerk + np.concatenate([np.zeros((1, 2)), came])
         return [self.predicted(np.repeat(x[None], len(jerks), axis=0), COARSE, jerks) for x in points]
 
     def front_deviations(self, n: int) -> np.ndarray:
         return self.draws
-
-    def know_front_noise(self, modes: np.ndarray, offset: np.ndarray | None = None) -> None:
-        self.observations = replace(self.observations, front_noise=modes, front_offset=offset)
-
-    def move_front(self, path: FlyerPath) -> None:
-        self.prepared.path = path
-
-    follow = StagedRuns.follow
 
 
 def off_by(share: float) -> MeshOptimum:
@@ -103,14 +93,15 @@ def off_by(share: float) -> MeshOptimum:
 def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None:
     made: Any = Onset(np.array([4.0, -3.0]))
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    found = follow_front(made, one, made.settings.numerics, off_by(0.2))
+    found, front = follow_front(made, one, made.settings.numerics, off_by(0.2))
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
     # A prior of unit variance and a noise that is small beside the rings: what was planted, nearly.
-    np.testing.assert_allclose(made.prepared.path.jerk, [4.0, -3.0], rtol=0.1)
+    np.testing.assert_allclose(front.path.jerk, [4.0, -3.0], rtol=0.1)
     # Two amplitudes whose replicates scatter by nearly one: 4 and 3 have a root mean square of 3.5.
-    assert made.front.moved == pytest.approx(12.5**0.5, rel=0.3)
+    assert front.moved is not None
+    assert front.moved.moved == pytest.approx(12.5**0.5, rel=0.3)
     # Its prediction counts as if the path had not moved.
-    seen = Objective(made.observations, np.empty(0, dtype=bool)).vectors(made.predicted(TRUTH[None], COARSE))
+    seen = made.objective(np.empty(0, dtype=bool)).vectors(made.predicted(TRUTH[None], COARSE))
     np.testing.assert_allclose(seen[0], ringing(TRUTH)[0], atol=1.5)  # of rings of 15
 
 
@@ -118,9 +109,9 @@ def test_a_path_that_is_off_by_little_is_left_to_the_patterns() -> None:
     made: Any = Onset(np.array([1.5, -1.5]))
     made.box = Box.of({"stiffness_factor": (0.75, 1.5), "damping": (0.49, 0.4999)})  # nu by another name
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    found = follow_front(made, one, made.settings.numerics, off_by(0.0))
-    assert made.prepared.path is REST
-    assert made.observations.front_offset is None
+    found, front = follow_front(made, one, made.settings.numerics, off_by(0.0))
+    assert front.path is REST
+    assert front.noise.offset is None
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
 
 
@@ -128,8 +119,8 @@ def test_a_path_that_is_off_by_little_is_followed_where_poissons_ratio_is_free()
     """Patterns that are left where they were made hold the frequency there, however small they are."""
     made: Any = Onset(np.array([1.5, -1.5]))
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    found = follow_front(made, one, made.settings.numerics, off_by(0.2))
-    np.testing.assert_allclose(made.prepared.path.jerk, [1.5, -1.5], atol=0.2)
+    found, front = follow_front(made, one, made.settings.numerics, off_by(0.2))
+    np.testing.assert_allclose(front.path.jerk, [1.5, -1.5], atol=0.2)
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
 
 
@@ -182,10 +173,11 @@ def test_one_parameter_follows_the_path_too() -> None:
     surrogate: Any = Response()
     plain = search(made.box, one, CorrectedSurrogate(surrogate).predict, start=TRUTH[:1])
     coarse = CoarseOptimum(made.box, surrogate, plain.objective, plain.x)
-    (found,) = search_meshes_for_one(made, coarse).values()
+    meshes = search_meshes_for_one(made, coarse)
+    (found,), front = meshes.optima.values(), meshes.front
     assert abs(found.x[0] - TRUTH[0]) < 4.0 * found.sigma[0]
     assert abs(plain.x[0] - TRUTH[0]) > 10.0 * found.sigma[0]
-    np.testing.assert_allclose(made.prepared.path.jerk, [4.0, -3.0], rtol=0.1)
+    np.testing.assert_allclose(front.path.jerk, [4.0, -3.0], rtol=0.1)
     # The replicates that judge the interval are made where it ended, and teach no weights.
     assert made.replicated == [(found.x[0], False)]
 
@@ -193,16 +185,21 @@ def test_one_parameter_follows_the_path_too() -> None:
 def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:
     made: Any = Onset(np.array([40.0, -30.0]))
     one, before = Objective(made.observations, np.empty(0, dtype=bool)), off_by(0.0)
-    assert follow_front(made, one, made.settings.numerics, before) is before
-    assert made.prepared.path is REST
-    assert made.observations.front_offset is None
-    assert made.observations.front_noise is not None
+    found, front = follow_front(made, one, made.settings.numerics, before)
+    assert found is before
+    np.testing.assert_array_equal(front.path.jerk, REST.jerk)
+    assert front.path is not REST  # so that no run so far serves a surrogate
+    assert front.moved is None
+    assert front.noise.offset is None
+    assert front.noise.patterns is not None
 
 
 def test_a_lost_replicate_leaves_the_path() -> None:
     made: Any = Onset(np.array([4.0, -3.0]))
     made.lost = 1
     one, before = Objective(made.observations, np.empty(0, dtype=bool)), off_by(0.0)
-    assert follow_front(made, one, made.settings.numerics, before) is before
-    assert made.prepared.path is REST
-    assert len(made.observations.front_noise) == pytest.approx(2)
+    found, front = follow_front(made, one, made.settings.numerics, before)
+    assert found is before
+    assert front.path is REST
+    assert front.noise.patterns is not None
+    assert len(front.noise.patterns) == 2

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.objective import PATTERN_ERROR, WITHOUT_DISCREPANCIES, Objective
+from kolsky.inverse.objective import PATTERN_ERROR, WITHOUT_DISCREPANCIES, FrontNoise, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
 FloatArray = NDArray[np.float64]
@@ -126,7 +126,7 @@ def test_a_common_error_weighs_as_the_dense_covariance(part) -> None:
     J, noise = linear(20, 40, rng)
     plain = objective(np.zeros(20), np.zeros(40))
     patterns = rng.standard_normal((3, 60)) * noise * 4.0
-    one = replace(plain, observations=replace(plain.observations, front_noise=patterns))
+    one = replace(plain, front=FrontNoise(patterns))
     use = one.mask(part)
     own = noise**2 + PATTERN_ERROR**2 * (patterns**2).sum(axis=0)
     C = (np.diag(own) + patterns.T @ patterns)[np.ix_(use, use)]
@@ -233,7 +233,7 @@ def test_a_scale_bends_the_forces_alone() -> None:
 
 
 def with_modes(one: Objective, modes: FloatArray) -> Objective:
-    return replace(one, observations=replace(one.observations, front_noise=modes))
+    return replace(one, front=FrontNoise(modes))
 
 
 def dense(one: Objective) -> FloatArray:

@@ -1,6 +1,5 @@
 """The quadratic on the refined mesh, on a made-up model whose optimum, mesh error and jumps are known."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,9 +11,12 @@ from doe import Box
 from kolsky.base.records import ForceHistory
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Prediction, observe
+from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import EDGE, confirms, search_by_quadratic
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.run_table import Runs
+from kolsky.inverse.runner import Runner
+from tests.unit.inverse.test_several_parameters import problem_of
 
 BOX = Box(("stiffness_factor", "friction"), (0.8, 0.0), (1.6, 1.0), (False, False))
 TRUTH = np.array([1.17, 0.42])
@@ -34,12 +36,16 @@ def force(m: float, f: float) -> np.ndarray:
 
 
 class MadeUp:
-    """A stand-in for `kolsky.inverse.staged_runs.StagedRuns`: forces of a formula plus jumps."""
+    """A stand-in for `kolsky.inverse.runner.Runner`: forces of a formula plus jumps."""
+
+    problem = property(problem_of)
+    objective = Runner.objective
+    front = FrontPath(None)  # type: ignore[arg-type]
 
     def __init__(
         self, *, jumps: float, side: str = "coulomb", ringing: float = 0.0, lost: bool = False
     ) -> None:
-        self.box, self.rng, self.prior = BOX, np.random.default_rng(4), None
+        self.box, self.rng = BOX, np.random.default_rng(4)
         self.settings = Settings(
             free=dict.fromkeys(BOX.names), numerics=Numerics(mesh=(8, 11)), refined_mesh=REFINED
         )
@@ -87,16 +93,29 @@ class MadeUp:
             points=design.points, rows=rows, prediction=self.predicted(design.points, numerics), lost=""
         )
 
-    def evaluate(self, stage: str, points: np.ndarray, numerics: Numerics) -> tuple[Any, Any]:
-        """Run points beside the table."""
-        return (np.zeros(0), None) if self.lost else (np.arange(1), self.predicted(points, numerics))
+    def run(
+        self,
+        stage: str,
+        points: np.ndarray,
+        numerics: Numerics,
+        *,
+        all_nodes: bool = False,
+        recorded: bool = True,
+    ) -> Runs:
+        """Run points; beside the table they may be lost."""
+        lost = self.lost and not recorded
+        if recorded:
+            self.designs.append((stage, points))
+        response: Any = SimpleNamespace(select=lambda rows: None)
+        seen, rows = None if lost else self.predicted(points, numerics), np.arange(0 if lost else len(points))
+        return Runs(self.box.names, points, response, rows, seen)
 
 
 def run(made: MadeUp, start: np.ndarray) -> Any:
     """The stage, from an optimum of the surrogate's mesh."""
-    stages: Callable[[], StagedRuns] = lambda: made  # type: ignore[assignment, return-value]  # noqa: E731
+    runner: Any = made
     coarse: Any = SimpleNamespace(x=start, box=BOX)
-    return search_by_quadratic(stages(), coarse)
+    return search_by_quadratic(runner, coarse)
 
 
 def test_a_rough_response_is_averaged_and_its_roughness_told() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from test_objective import objective
-from test_several_parameters import FINE, SHIFT, TRUTH, MadeUp, ringing
+from test_several_parameters import FINE, SHIFT, TRUTH, MadeUp, problem_of, ringing
 
 from doe import Box
 from kolsky.inverse.coarse_search import jacobian
@@ -23,12 +23,12 @@ from kolsky.inverse.gauss_newton import (
     judge_run,
     refined_slopes,
     run_deviance,
-    run_points_refined,
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.problem import Settings
-from kolsky.inverse.refined_search import CONFIRMED
+from kolsky.inverse.refined_search import CONFIRMED, run_refined
+from kolsky.inverse.run_table import Runs
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 STEP = 1e-6 * np.array([1.0, 0.01])
@@ -51,7 +51,7 @@ def test_neighbours_keep_to_the_box_and_differences_are_exact_for_a_linear_respo
 def test_slopes_are_taken_a_quarter_of_sigma_beside_a_run() -> None:
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    run = judge_run(made, one, slopes_at(TRUTH), TRUTH, run_points_refined(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slopes_at(TRUTH), TRUTH, run_refined(made, TRUTH[None])[0], None)
     asked: list[np.ndarray] = []
     vectors = made.vectors
     made.vectors = lambda stage, points, *rest: asked.append(points) or vectors(stage, points, *rest)
@@ -89,7 +89,7 @@ def test_routes_and_profiles_have_the_slopes_of_the_answer() -> None:
     made.rng = np.random.default_rng(5)
     one = Objective(made.observations, np.empty(0, dtype=bool))
     slope = slopes_at(TRUTH)
-    run = judge_run(made, one, slope, TRUTH, run_points_refined(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slope, TRUTH, run_refined(made, TRUTH[None])[0], None)
     coarse = MeshOptimum(TRUTH + SHIFT, run.step.sigma, 0.0, converged=True)
     _, fine = _with_surrogate(made, run, slope, ringing(TRUTH)[0], coarse)
     size = abs(slope).max(axis=0)
@@ -112,8 +112,10 @@ def test_a_lost_run_beside_keeps_what_there_is(monkeypatch: pytest.MonkeyPatch) 
 class Hump:
     """Ten bins of force 0.6 + x + 2 x^2, of data that are zero: least at x = -0.25, and never zero."""
 
+    problem = property(problem_of)
+
     def __init__(self) -> None:
-        self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
+        self.box = Box.of({"damping": (-1e4, 1e4)})
         self.settings = Settings(refined_mesh=FINE)
         self.visited: list[float] = []
         self.lost: set[int] = set()
@@ -133,16 +135,16 @@ class Hump:
         response = SimpleNamespace(
             completed=np.full(len(points), not gone), select=lambda rows: None, describe=lambda row: "folded"
         )
-        return response, np.arange(0 if gone else len(points)), None if gone else self.predicted(points)
+        seen = None if gone else self.predicted(points)
+        rows = np.arange(0 if gone else len(points))
+        return Runs(self.box.names, points, response, rows, seen)  # type: ignore[arg-type]
 
 
 def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
     """At 0 the force is 0.6 and its slope 1: a step of -0.6 to where it is 0.72, half of it to 0.48."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judge_run(
-        made, one, np.ones((10, 1)), np.zeros(1), run_points_refined(made, np.zeros((1, 1)))[0], None
-    )
+    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), run_refined(made, np.zeros((1, 1)))[0], None)
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[:3] == pytest.approx([0.0, -0.6, -0.3], abs=1e-6)
     assert run_deviance(run) <= run_deviance(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
@@ -152,9 +154,7 @@ def test_a_trial_that_is_lost_is_no_better_point() -> None:
     """The step of -0.6, the second run, folds; half of it is tried next."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judge_run(
-        made, one, np.ones((10, 1)), np.zeros(1), run_points_refined(made, np.zeros((1, 1)))[0], None
-    )
+    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), run_refined(made, np.zeros((1, 1)))[0], None)
     made.lost = {2}
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[1:3] == pytest.approx([-0.6, -0.3], abs=1e-6)

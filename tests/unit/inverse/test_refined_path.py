@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +11,8 @@ import pytest
 
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.gauss_newton import AMPLITUDES_STAY, MOST_MOVES, follow_on_refined, patterns_at_refined
-from kolsky.inverse.path_noise import MovedFront, PathModes
+from kolsky.inverse.objective import FrontNoise
+from kolsky.inverse.path_noise import FrontPath, MovedFront, PathModes
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
 SETTINGS = SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86))
@@ -25,10 +26,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Seen:
-    front_noise: np.ndarray = field(default_factory=lambda: PATTERN)
-    front_offset: np.ndarray | None = None
     force_sigma: np.ndarray = field(default_factory=lambda: np.ones(2))
     centre_line: Any = field(default_factory=lambda: POINT)
+
+
+PROBLEM = SimpleNamespace(settings=SETTINGS, numerics=SETTINGS.numerics, observations=Seen())
 
 
 @dataclass(frozen=True)
@@ -36,12 +38,13 @@ class Weighed:
     """An objective without discrepancies, its noise 1."""
 
     data: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    observations: Seen = field(default_factory=Seen)
+    front: FrontNoise = field(default_factory=lambda: FrontNoise(PATTERN))
     kept = np.array([True, True, True])
 
     @property
     def front_noise(self) -> np.ndarray:
-        return self.observations.front_noise
+        assert self.front.patterns is not None
+        return self.front.patterns
 
     def with_discrepancy(self, vector: np.ndarray) -> Weighed:
         return self
@@ -59,35 +62,33 @@ class Mesh:
     ratio: float
     true: float
     graded: float
-    front: MovedFront | None
+    front: FrontPath
     lost: bool = False
     searches: list[float] = field(default_factory=list)
-    observations: Seen = field(default_factory=Seen)
-    settings: Any = field(default_factory=lambda: SETTINGS)
+    problem: Any = field(default_factory=lambda: PROBLEM)
 
     @property
     def path(self) -> float:
         """How far the path is moved, in standard deviations."""
-        assert self.front is not None
         return float(self.front.path.jerk[0])
 
-    def follow(self, front: MovedFront) -> None:
-        self.front = front
-        self.observations = Seen(front.modes.patterns, front.offset)
+    def under(self, front: FrontPath) -> Mesh:
+        return replace(self, front=front)
 
     def under_other_motions(
-        self, points: np.ndarray, deviations: np.ndarray, numerics: Numerics, *, shifted: bool
+        self, points: np.ndarray, deviations: np.ndarray, numerics: Numerics
     ) -> list[Any]:
-        assert (numerics.mesh, numerics.grading, shifted) == ((40, 54), 5.0, False)
+        assert (numerics.mesh, numerics.grading) == ((40, 54), 5.0)
         changes = self.graded * deviations[:, :1] * PATTERN
         rows = np.concatenate([np.zeros((1, 3)), changes])[: 1 if self.lost else None] + 7.0
         return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
 
     def run(self, confirmed: bool = True) -> Any:
         """What the model gives under the moved path, less what the path's patterns say of it."""
-        offset = 0.0 if self.front is None else self.front.offset
-        moved = 0.0 if self.front is None else self.ratio * self.path
-        weighed = Weighed(self.ratio * self.true * PATTERN[0], self.observations)
+        offset = self.front.noise.offset
+        assert offset is not None
+        moved = self.ratio * self.path
+        weighed = Weighed(self.ratio * self.true * PATTERN[0], self.front.noise)
         return SimpleNamespace(
             step=SimpleNamespace(objective=weighed),
             vector=moved * PATTERN[0] - offset,
@@ -95,16 +96,16 @@ class Mesh:
             confirmed=confirmed,
         )
 
-    def search(self, stages: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray) -> Any:
-        assert objective.observations is self.observations
-        self.searches.append(self.path)
-        return self.run(), slope + 1.0
+    def search(self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray) -> Any:
+        assert objective.front is runner.front.noise
+        self.searches.append(runner.path)
+        return runner.run(), slope + 1.0
 
 
 def mesh(*, ratio: float, true: float, begun: float, graded: float = 1.0, lost: bool = False) -> Mesh:
     modes = PathModes(PATTERN, np.ones((1, 1)), np.ones((1, 2)))
     front = MovedFront(Path(np.zeros(2)), modes, np.array([begun]))  # type: ignore[arg-type]
-    return Mesh(ratio, true, graded, front, lost, observations=Seen(PATTERN, front.offset))
+    return Mesh(ratio, true, graded, FrontPath.following(front), lost)
 
 
 def next_path(a: float, *, ratio: float, true: float, graded: float = 1.0) -> float:
@@ -114,46 +115,47 @@ def next_path(a: float, *, ratio: float, true: float, graded: float = 1.0) -> fl
 
 
 def test_the_path_goes_to_what_the_refined_mesh_asks_for() -> None:
-    stages = mesh(ratio=1.5, true=1.0, begun=2.4)  # patterns of the graded mesh that are too small
-    last, slope = follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
+    runner = mesh(ratio=1.5, true=1.0, begun=2.4)  # patterns of the graded mesh that are too small
+    last, slope, _ = follow_on_refined(runner, Weighed(), np.zeros((3, 1)), runner.run(), runner.search)
     first = next_path(2.4, ratio=1.5, true=1.0)
     second = next_path(first, ratio=1.5, true=1.0)
-    assert stages.searches == pytest.approx([first, second])
+    assert runner.searches == pytest.approx([first, second])
     assert abs(second - 1.0) < abs(first - 1.0) < abs(2.4 - 1.0)
-    assert len(stages.searches) == MOST_MOVES
+    assert len(runner.searches) == MOST_MOVES
     assert slope[0, 0] == 2.0  # those of the last search
     assert last.vector == pytest.approx(0.5 * second * PATTERN[0])
 
 
 def test_with_patterns_of_the_refined_mesh_one_move_is_all() -> None:
-    stages = mesh(ratio=1.5, true=1.0, begun=2.4, graded=1.5)
-    last, _ = follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
-    assert stages.searches == pytest.approx([56.25 / 57.25])  # of an estimate with a noise of 1 / 7.5
+    runner = mesh(ratio=1.5, true=1.0, begun=2.4, graded=1.5)
+    last, _, _ = follow_on_refined(runner, Weighed(), np.zeros((3, 1)), runner.run(), runner.search)
+    assert runner.searches == pytest.approx([56.25 / 57.25])  # of an estimate with a noise of 1 / 7.5
     assert last.vector == pytest.approx(np.zeros(3))  # the patterns say what the path does
 
 
 def test_the_weights_have_the_new_patterns_though_the_path_stays() -> None:
-    stages = mesh(ratio=1.2, true=1.0, begun=1.0, graded=1.2)
+    runner = mesh(ratio=1.2, true=1.0, begun=1.0, graded=1.2)
     assert abs(next_path(1.0, ratio=1.2, true=1.0, graded=1.2) - 1.0) < AMPLITUDES_STAY
-    follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
-    assert len(stages.searches) == 1
-    assert np.abs(stages.observations.front_noise) == pytest.approx(1.2 * np.abs(PATTERN))
+    _, _, path = follow_on_refined(runner, Weighed(), np.zeros((3, 1)), runner.run(), runner.search)
+    assert len(runner.searches) == 1
+    assert path.noise.patterns is not None
+    assert np.abs(path.noise.patterns) == pytest.approx(1.2 * np.abs(PATTERN))
 
 
 def test_where_a_pattern_is_lost_the_surrogates_serve() -> None:
-    stages = mesh(ratio=1.5, true=1.0, begun=2.4, graded=9.0, lost=True)
-    follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
-    assert stages.searches[0] == pytest.approx(next_path(2.4, ratio=1.5, true=1.0))
+    runner = mesh(ratio=1.5, true=1.0, begun=2.4, graded=9.0, lost=True)
+    follow_on_refined(runner, Weighed(), np.zeros((3, 1)), runner.run(), runner.search)
+    assert runner.searches[0] == pytest.approx(next_path(2.4, ratio=1.5, true=1.0))
 
 
 @pytest.mark.parametrize("why", ["no moved path", "no rest", "no noise of a record"])
 def test_it_is_left_alone(why: str) -> None:
-    stages = mesh(ratio=1.5, true=9.0 if why == "no noise of a record" else 1.0, begun=2.4)
-    first = stages.run(confirmed=why != "no rest")
+    runner = mesh(ratio=1.5, true=9.0 if why == "no noise of a record" else 1.0, begun=2.4)
+    first = runner.run(confirmed=why != "no rest")
     if why == "no moved path":
-        stages.front = None
-    assert follow_on_refined(stages, Weighed(), np.zeros((3, 1)), first, stages.search)[0] is first
-    assert not stages.searches
+        runner.front = replace(runner.front, moved=None)
+    assert follow_on_refined(runner, Weighed(), np.zeros((3, 1)), first, runner.search)[0] is first
+    assert not runner.searches
 
 
 def test_new_patterns_are_of_the_same_path() -> None:
@@ -167,12 +169,12 @@ def test_new_patterns_are_of_the_same_path() -> None:
     front = MovedFront(Path(np.arange(5.0)), modes, np.array([0.5, -1.0]))  # type: ignore[arg-type]
     response = np.linalg.pinv(modes.shares @ deviations) @ modes.patterns
 
-    def under_other_motions(points: Any, jerks: np.ndarray, numerics: Any, *, shifted: bool) -> list[Any]:
+    def under_other_motions(points: Any, jerks: np.ndarray, numerics: Any) -> list[Any]:
         rows = np.concatenate([np.zeros((1, 3)), 2.0 * jerks @ response])
         return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
 
-    stages = SimpleNamespace(settings=SETTINGS, observations=Seen(), under_other_motions=under_other_motions)
-    again = patterns_at_refined(stages, front, np.zeros(1))  # type: ignore[arg-type]
+    runner = SimpleNamespace(problem=PROBLEM, under_other_motions=under_other_motions)
+    again = patterns_at_refined(runner, front, np.zeros(1))  # type: ignore[arg-type]
     assert again is not None
     assert again.path.jerk == pytest.approx(front.path.jerk)
     assert again.offset == pytest.approx(2.0 * front.offset)

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.inverse import staged_runs
-from kolsky.inverse.problem import Settings
-from kolsky.inverse.run_table import Replicates
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse import run_table
+from kolsky.inverse import runner as runner_module
+from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.run_table import Replicates, RunTable
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Work
+
+PATH: Any = "a path"
 
 
 class Shot:
@@ -22,24 +26,28 @@ class Shot:
     def __init__(self, lost: tuple[int, ...] = ()) -> None:
         self.lost, self.motion, self.material = lost, np.empty(0), np.empty(0)
 
-    def with_replicates(self, n: int, rng: Any, *, curves: int) -> Any:
-        assert curves == 3
+    def with_replicates(self, n: int, rng: Any, *, curves: int, path: Any) -> Any:
+        assert (curves, path) == (3, PATH)
         return SimpleNamespace(paths=list(range(n + 2)), run=self.run)
 
-    def run(self, values: Any, numerics: Any, *, motion: Any, material: Any, progress: Any) -> Any:
+    def run(
+        self, values: Any, numerics: Any, *, motion: Any, material: Any, progress: Any, all_nodes: bool
+    ) -> Any:
         self.motion, self.material = motion, material
         completed = ~np.isin(np.arange(len(motion)), self.lost)
         return SimpleNamespace(completed=completed, n_samples=len(motion), select=lambda rows: rows)
 
 
+def runner(shot: Any, monkeypatch: pytest.MonkeyPatch) -> Runner:
+    for module in (run_table, runner_module):
+        monkeypatch.setattr(module, "predict", lambda rows, observations: rows)
+    settings, box = Settings(replicates=3), Box.of({"stiffness_factor": (0.5, 2.0)})
+    problem = InverseProblem(shot, Freed(settings, by_default=False, reasons={}), box, None)
+    return Runner(problem, FrontPath(PATH), RunTable(box.names), Work(), np.random.default_rng(1))
+
+
 def replicated(shot: Any, monkeypatch: pytest.MonkeyPatch, *, lesson: bool) -> Replicates:
-    monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
-    box = Box.of({"stiffness_factor": (0.5, 2.0)})
-    stages = StagedRuns(shot, Settings(replicates=3), box, Work())
-    asked = stages.replicate(np.array([1.1]), lesson=lesson)
-    found = asked()
-    assert stages.replicates is found
-    return found
+    return runner(shot, monkeypatch).replicate(np.array([1.1]), lesson=lesson)()
 
 
 def test_motions_then_curves_then_the_scale(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,15 +80,9 @@ def test_a_lost_run_keeps_the_others_in_their_place(monkeypatch: pytest.MonkeyPa
     assert np.flatnonzero(found.scale).tolist() == [5]
 
 
-def test_they_depend_on_what_was_when_they_were_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, later = Shot(), Shot()
-    monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
-    box = Box.of({"stiffness_factor": (0.5, 2.0)})
-    stages = StagedRuns(first, Settings(replicates=3), box, Work())  # type: ignore[arg-type]
-    assert stages.replicates is None
-    asked = stages.replicate(np.array([1.1]))
-    assert first.motion.size == 0  # put off
-    stages.prepared = later  # type: ignore[assignment]
+def test_they_are_run_when_they_are_asked_for_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    asked = runner(shot, monkeypatch).replicate(np.array([1.1]))
+    assert shot.motion.size == 0
     assert asked() is asked()
-    assert first.motion.size == 11
-    assert later.motion.size == 0
+    assert shot.motion.size == 11

@@ -21,10 +21,11 @@ from kolsky.inverse.gauss_newton import (
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import CONFIRMED
-from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.run_table import Runs, RunTable
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
 from kolsky.inverse.valleys import from_search, search_box, to_search
 from kolsky.inverse.work import Work
@@ -44,11 +45,31 @@ def ringing(x: np.ndarray) -> np.ndarray:
     return 20.0 * m * TIME**2 + 4.0 * np.exp(-TIME) * np.sin(2.0 * np.pi * turns * TIME)
 
 
+def problem_of(made: Any) -> Any:
+    """What the problem of a stand-in for a runner says of itself."""
+    settings = made.settings
+    numerics, prepared = settings.numerics, getattr(made, "prepared", None)
+    return SimpleNamespace(
+        box=made.box,
+        prior=None,
+        settings=settings,
+        observations=getattr(made, "observations", None),
+        prepared=prepared,
+        shot=None if prepared is None else prepared.forward.shot,
+        numerics=numerics,
+        refined=numerics.with_mesh(settings.refined_mesh),
+        first=numerics.with_mesh(min(numerics.mesh, settings.replicate_mesh)),
+    )
+
+
 class MadeUp:
-    """A stand-in for `kolsky.inverse.staged_runs.StagedRuns`; a coarse mesh answers at shifted points."""
+    """A stand-in for `kolsky.inverse.runner.Runner`; a coarse mesh answers at shifted points."""
+
+    problem = property(problem_of)
+    objective = Runner.objective
 
     def __init__(self) -> None:
-        self.box, self.prior = BOX, None
+        self.box, self.offsets, self.front = BOX, {}, FrontPath(None)  # type: ignore[arg-type]
         self.settings = Settings(numerics=Numerics(mesh=COARSE), refined_mesh=FINE, replicates=0)
         noise = NOISE * np.random.default_rng(3).standard_normal(TIME.size)
         self.observations = objective(ringing(TRUTH)[0] + noise, np.empty(0)).observations
@@ -59,7 +80,7 @@ class MadeUp:
             curve=MaterialCurve(stretch, 3.0 * (stretch - 1.0), np.ones(11)),
             specimen=SimpleNamespace(density=1.0, length=float(edges[-1] - edges[0])),
         )
-        self.prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot))
+        self.prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot), observations=self.observations)
         self.points: dict[tuple[int, int], int] = {}
         self.last: np.ndarray = TRUTH
 
@@ -88,7 +109,12 @@ class MadeUp:
     def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
         self.last = points[-1]
         response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
-        return response, np.arange(len(points)), self.predicted(points, numerics.mesh)
+        rows, seen = np.arange(len(points)), self.predicted(points, numerics.mesh)
+        return Runs(self.box.names, points, response, rows, seen)  # type: ignore[arg-type]
+
+    def under(self, front: FrontPath, offsets: Any = None) -> Any:
+        self.front = front
+        return self
 
 
 def test_coordinates_of_the_search_and_back() -> None:
@@ -109,7 +135,7 @@ def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
     points, _ = starts(made, bad, made.settings.numerics)
     # Within half an oscillation of ten: 10 % of 1 - 2 nu, and the stiffness is 5 % off.
     assert 1.0 - 2.0 * points[0, 1] == pytest.approx(0.0024, rel=0.1)
-    found = search_meshes(made, bad)[0][COARSE]
+    found = search_meshes(made, bad).optima[COARSE]
     # The mesh answers at shifted points; its own noise moves it by no more than a few sigma.
     assert (np.abs(found.x - TRUTH - SHIFT) < 4.0 * found.sigma).all()
 
@@ -117,7 +143,7 @@ def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
 def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_mesh() -> None:
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    start = search_meshes(made, np.array([1.05, 0.4955]))[0][COARSE].x
+    start = search_meshes(made, np.array([1.05, 0.4955])).optima[COARSE].x
     h = 1e-6 * np.array([1.0, 0.01])
     slope = np.column_stack(
         [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
@@ -175,8 +201,10 @@ def test_the_refined_optimum_is_foretold_by_richardson() -> None:
 class Chord:
     """Ten bins of force that are the parameter x, of data that are zero: exact at x = 0."""
 
+    problem = property(problem_of)
+
     def __init__(self) -> None:
-        self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
+        self.box = Box.of({"damping": (-1e4, 1e4)})
         self.settings = Settings(refined_mesh=FINE)
         self.visited: list[float] = []
 
@@ -185,7 +213,7 @@ class Chord:
         empty = np.empty((len(points), 0))
         seen = Prediction(empty, points * np.ones((1, 10)), empty, empty.astype(bool))
         response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
-        return response, np.arange(len(points)), seen
+        return Runs(self.box.names, points, response, np.arange(len(points)), seen)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("rise", "taken_back"), [(3.0, False), (3.9, False), (4.1, True), (6.0, True)])
@@ -221,19 +249,32 @@ def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
 
 
 def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:
-    prepared: Any = SimpleNamespace(observations=None)
-    stages = StagedRuns(prepared, Settings(), BOX, Work())
+    problem: Any = SimpleNamespace(box=BOX, numerics=Numerics(mesh=(24, 32)), observations=None)
+    path: Any = object()
+    table = RunTable(BOX.names)
+    first = Runner(problem, FrontPath(path), table, Work(), np.random.default_rng(1))
     points = np.array([[1.0, 0.4998], [1.1, 0.499]])
-    np.testing.assert_array_equal(stages.solver_values(points, (24, 32)), points)
-    stages._coarse = [(points, None)]  # type: ignore[list-item]
-    stages.offset((24, 32), np.array([0.02, 3e-4]))
+    np.testing.assert_array_equal(first.solver_values(points, (24, 32)), points)
+    empty = np.empty((2, 0))
+    response: Any = SimpleNamespace(endings=[])
+    runs = Runs(BOX.names, points, response, np.arange(2), Prediction(empty, empty, empty, empty))
+    table.add("design", np.empty((0, 2)), runs, problem.observations, on=((24, 32), path, np.zeros(2)))
+    table.add("design", np.empty((0, 2)), runs, problem.observations, on=((16, 22), path, np.zeros(2)))
+    np.testing.assert_array_equal(first.on_surrogate_mesh()[0], points)
+    shifted = first.under(first.front, {(24, 32): np.array([0.02, 3e-4])})
     # 0.4998 + 0.0003 is beyond what is allowed: the end of the range.
-    np.testing.assert_allclose(stages.solver_values(points, (24, 32)), [[1.02, 0.4999], [1.12, 0.4993]])
-    np.testing.assert_array_equal(stages.solver_values(points, (16, 22)), points)
+    np.testing.assert_allclose(shifted.solver_values(points, (24, 32)), [[1.02, 0.4999], [1.12, 0.4993]])
+    np.testing.assert_array_equal(shifted.solver_values(points, (16, 22)), points)
     # The runs that were made stand for the points 0.02 and 0.0003 lower.
-    np.testing.assert_allclose(stages._coarse[0][0], points - [0.02, 3e-4])
-    stages.offset((24, 32), np.array([0.03, 3e-4]))
-    np.testing.assert_allclose(stages._coarse[0][0], points - [0.03, 3e-4])
+    np.testing.assert_allclose(shifted.on_surrogate_mesh()[0], points - [0.02, 3e-4])
+    # What is run with the offset stands for its own points; what is run under another path serves no longer.
+    table.add(
+        "design", np.empty((0, 2)), runs, problem.observations, on=((24, 32), path, shifted.offset((24, 32)))
+    )
+    np.testing.assert_allclose(shifted.on_surrogate_mesh()[0], np.vstack([points - [0.02, 3e-4], points]))
+    other: Any = object()
+    table.add("design", np.empty((0, 2)), runs, problem.observations, on=((24, 32), other, np.zeros(2)))
+    assert len(first.under(FrontPath(other)).on_surrogate_mesh()[0]) == 2
 
 
 def test_runs_of_another_table_are_taken_with_what_they_held() -> None:

@@ -10,6 +10,8 @@ import pytest
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import (
     MOST_LEVELS,
     MOTIONS,
@@ -126,11 +128,11 @@ def test_motions_enough_for_every_pattern_of_an_onset() -> None:
 class Ringing:
     """Two points: one has rung as the flyer's noise lets it, the other is off by as much otherwise."""
 
-    settings = SimpleNamespace(seed=1)
+    objective = Runner.objective
 
     def __init__(self, prior: Prior | None = None) -> None:
-        self.observations = objective(np.zeros(40), np.empty(0)).observations
-        self.prior = prior
+        observations = objective(np.zeros(40), np.empty(0)).observations
+        self.problem, self.front = SimpleNamespace(observations=observations, prior=prior), FrontPath(None)  # type: ignore[arg-type]
 
     def under_other_motions(self, n: int) -> list[Prediction | None]:
         t = np.linspace(0.0, 1.0, 40)

@@ -114,16 +114,19 @@ class Quadratic(MovedRuns):
 def runs(kind: type[MovedRuns], **held: float) -> MovedRuns:
     interface = SimpleNamespace(friction=0.1, faces="coulomb", side="coulomb")
     model = SimpleNamespace(poisson=0.4, damping=0.0, mass_damping=0.0)
-    stages: Any = SimpleNamespace(
-        prepared=SimpleNamespace(
-            forward=SimpleNamespace(shot=SimpleNamespace(model=model, interface=interface))
-        ),
+    problem = SimpleNamespace(
         observations=SimpleNamespace(frame_times=np.zeros(0)),
-        settings=SimpleNamespace(held=held, numerics=SimpleNamespace(mesh=None)),
-        solver_values=lambda points, mesh: points,
+        settings=SimpleNamespace(held=held),
+        numerics=SimpleNamespace(mesh=None),
         box=Box.of({"stiffness_factor": (0.5, 1.5)}),
     )
-    return kind(stages, np.ones(1), objective(), {"poisson": 0.05, "damping": 1e-3, "friction": 0.1})
+    runner: Any = SimpleNamespace(
+        problem=problem,
+        forward=SimpleNamespace(shot=SimpleNamespace(model=model, interface=interface)),
+        solver_values=lambda points, mesh: points,
+        at=lambda x, mesh: {**held, "stiffness_factor": x[0]},
+    )
+    return kind(runner, np.ones(1), objective(), {"poisson": 0.05, "damping": 1e-3, "friction": 0.1})
 
 
 def test_a_parameter_is_moved_to_both_sides_or_to_the_one_that_is_allowed() -> None:
@@ -150,7 +153,7 @@ def test_the_common_batch_holds_what_is_allowed_and_no_friction_that_is_not_name
     both = {(key, sign) for key in ("stiffness_factor", "curve_scale") for sign in (1, -1)}
     assert moved == {*both, ("poisson", -1), ("damping", 1)}
     # Named already, its value is all that changes.
-    held = replace(one, stages=runs(MovedRuns, friction=0.5).stages)
+    held = replace(one, runner=runs(MovedRuns, friction=0.5).runner)
     assert {("friction", 1), ("friction", -1)} < set(held.rows)
 
 

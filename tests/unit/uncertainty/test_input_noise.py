@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.inverse.objective import FrontNoise
 from kolsky.inverse.run_table import Replicates
 from kolsky.uncertainty.budgets import InputChanges, input_changes, replicate_uncertainty
 
@@ -37,7 +38,8 @@ def made_up(force_sigma_gain: float) -> tuple[Any, Replicates]:
     vectors = np.array([[5.0, 5.0, 5.0], [6.0, 5.0, 5.0], [5.0, 8.0, np.nan], [5.5, 5.0, 5.0]])
     row = np.arange(4)
     objective = SimpleNamespace(
-        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain, front_offset=None),
+        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain),
+        front=FrontNoise(),
         front_noise=np.array([[0.3, 0.0, 0.0], [0.0, 0.4, 0.0]]),
         scale_error=np.array([0.5, 0.0, 0.0]),
         outline_errors=np.zeros((0, 3)),
@@ -64,7 +66,7 @@ def test_sources_are_those_that_are_there() -> None:
 
 def test_where_the_path_is_moved_the_patterns_of_its_noise_are_its_part() -> None:
     objective, replicates = made_up(0.0)
-    objective.observations.front_offset = np.zeros(3)
+    objective.front = FrontNoise(offset=np.zeros(3))
     found = input_changes(objective, replicates)
     # Two patterns of a standard deviation each: 2 x 0.3, and 1 x 0.4.
     np.testing.assert_allclose(found.parts(GAIN)["flyer motion"], [0.6, 0.4], rtol=1e-12)

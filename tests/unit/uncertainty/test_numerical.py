@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from doe import Box
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Launch, Work
 from kolsky.uncertainty import mesh_error
 from kolsky.uncertainty.mesh_error import (
@@ -138,7 +143,9 @@ def test_roughness_is_a_part_of_its_own() -> None:
     assert list(numerical_parts(change, np.eye(1))) == ["mesh"]
 
 
-def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> tuple[Any, Any]:
+def staged(
+    monkeypatch: pytest.MonkeyPatch, lost: str = "", *, numerics: Numerics | None = None, **offset: float
+) -> tuple[Any, Any]:
     """Simulations whose data vectors on the surrogate's mesh are known, and an answer."""
     vectors = {"one_point": np.array([7.0, np.nan]), "fbar": np.array([8.5, 2.0])}
     graded = {(40, 54): np.array([9.0, 2.5]), (64, 86): np.array([6.5, np.nan])}
@@ -161,15 +168,16 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
 
     monkeypatch.setattr(mesh_error, "run_side_by_side", side_by_side)
     monkeypatch.setattr(mesh_error, "predict", lambda response, observations: response.seen[None])
-    stages = SimpleNamespace(
-        settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86), held={"poisson": 0.49}),
-        box=SimpleNamespace(names=("stiffness_factor",)),
-        prepared=SimpleNamespace(forward=None),
-        observations=None,
-        work=Work(),
-        solver_values=lambda points, mesh: points + shifts.get(mesh, np.zeros(1)),
-        offsets=shifts,
+    problem: Any = InverseProblem(
+        SimpleNamespace(forward=SimpleNamespace(paths=[None]), observations=None),  # type: ignore[arg-type]
+        Freed(
+            Settings(numerics=numerics or Numerics(), held={"poisson": 0.49}), by_default=False, reasons={}
+        ),
+        Box.of({"stiffness_factor": (0.5, 2.0)}),
+        None,
     )
+    rng = np.random.default_rng(1)
+    runner = Runner(problem, FrontPath(None), RunTable(("stiffness_factor",)), Work(), rng, shifts)  # type: ignore[arg-type]
     fine = SimpleNamespace(
         x=np.array([1.0]),
         roughness=np.ones(1) if lost == "smoothness" else None,
@@ -177,7 +185,7 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
         model=lambda x: np.array([[6.0, 2.0]]),
         objective=SimpleNamespace(vectors=lambda prediction: prediction, times=np.array([0.0, 1.0])),
     )
-    return stages, fine
+    return runner, fine
 
 
 def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,8 +222,7 @@ def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.M
     assert other.element is None
     assert other.graded is not None
     assert [(run.is_graded, run.numerics.element) for run in other.lost] == [(False, "fbar")]
-    stages, fine = staged(monkeypatch, lost="smoothness")  # of a sliding surface single runs jump
-    assert (mesh_change(stages, fine).graded, mesh_change(stages, fine).lost) == (None, ())
-    stages, fine = staged(monkeypatch)
-    stages.settings.numerics = Numerics(compressible=0.49)
-    assert (mesh_change(stages, fine).graded, mesh_change(stages, fine).lost) == (None, ())
+    runner, fine = staged(monkeypatch, lost="smoothness")  # of a sliding surface single runs jump
+    assert (mesh_change(runner, fine).graded, mesh_change(runner, fine).lost) == (None, ())
+    runner, fine = staged(monkeypatch, numerics=Numerics(compressible=0.49))
+    assert (mesh_change(runner, fine).graded, mesh_change(runner, fine).lost) == (None, ())

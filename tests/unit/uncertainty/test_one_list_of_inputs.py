@@ -9,6 +9,7 @@ from test_input_directions import objective, response
 
 from doe import Box
 from kolsky.diagnosis.cause_inputs import can_be_tried, changed_vector
+from kolsky.inverse.work import Work
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.inputs import INPUTS, UNCHANGED, Cause, Change, Input, Laboratory, causes
 from kolsky.studies.budget.factors import factors_of, usual_sizes
@@ -34,15 +35,15 @@ MADE = Input(
 )
 
 
-def stages() -> Any:
+def runner() -> Any:
     shot = SimpleNamespace(interface=SimpleNamespace(faces="stick", side="none"), force=None, uncertainty={})
-    return SimpleNamespace(
-        prepared=SimpleNamespace(forward=SimpleNamespace(shot=shot)),
+    problem = SimpleNamespace(
+        shot=shot,
         observations=objective().observations,
         settings=SimpleNamespace(held={}),
         box=Box.of({"stiffness_factor": (0.5, 1.5)}),
-        progress=lambda *_: None,
     )
+    return SimpleNamespace(problem=problem, work=Work())
 
 
 def test_an_input_that_is_added_to_the_list_is_seen_by_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,11 +52,11 @@ def test_an_input_that_is_added_to_the_list_is_seen_by_all(monkeypatch: pytest.M
     one = objective()
     runs = SimpleNamespace(reference_and_jacobian=lambda: (response(), np.ones((12, 1))))
     monkeypatch.setattr(input_changes, "MovedRuns", lambda *_: runs)
-    found = input_directions(stages(), np.ones(1), one, only=("made_up",))
+    found = input_directions(runner(), np.ones(1), one, only=("made_up",))
     # Half of the largest force, which is 95 N.
     np.testing.assert_allclose(found["made_up"].change, [47.5] * 10 + [0.0] * 2, rtol=1e-12)
     tried = next(c for c in causes() if c.key == "force.made_up")
-    assert (tried.unit, tried.declared, can_be_tried(tried, stages())) == ("N", "made_up", True)
+    assert (tried.unit, tried.declared, can_be_tried(tried, runner().problem)) == ("N", "made_up", True)
     assert usual_sizes()["imperfections.baseline"] == "2 mV"
     (_, factor) = factors_of({"imperfections.baseline": usual_sizes()["imperfections.baseline"]})
     assert (factor.words, factor.shared) == ("a made-up step of the force", False)

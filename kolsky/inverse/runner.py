@@ -1,0 +1,259 @@
+"""Runs of an inverse problem's points, each kept in the run table; compilation before the first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import explicit
+from dic.processes import PendingResult
+from doe import Box, Design, full_factorial, latin_hypercube
+from explicit import Response
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction, predict
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.problem import InverseProblem
+from kolsky.inverse.run_table import CompletedRuns, Replicates, Runs, RunTable
+from kolsky.inverse.work import Work
+
+Mesh = tuple[int, int]
+"""Elements across the radius and along the length."""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """Runs points of a problem under a path of the front face.
+
+    A coarse mesh answers like the refined one at other parameters: it is too soft, and its waves are too
+    slow. Points, in and out, are the refined mesh's.
+    """
+
+    problem: InverseProblem
+    """What is free, and where."""
+    front: FrontPath
+    """The path that the model is run under."""
+    table: RunTable
+    """Every run of a stage, of this one and of those made of it by `under`."""
+    work: Work
+    """Told of the stages."""
+    rng: np.random.Generator
+    """Of designs and replicates, in the order in which they are asked for."""
+    offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
+    """What is added to a point so that a mesh's run there resembles the refined mesh's at the point, [d]."""
+
+    @classmethod
+    def of(cls, problem: InverseProblem, work: Work) -> Runner:
+        """Under the path as fitted to the record, with an empty table."""
+        rng = np.random.default_rng(problem.settings.seed)
+        return cls(problem, FrontPath(problem.prepared.path), RunTable(problem.box.names), work, rng)
+
+    def under(self, front: FrontPath, offsets: Mapping[Mesh, FloatArray] | None = None) -> Runner:
+        """The same under another path, and with other offsets if there are some; the table is shared."""
+        return replace(self, front=front, offsets=self.offsets if offsets is None else offsets)
+
+    @property
+    def forward(self) -> Forward:
+        """The shot ready to run under the path."""
+        forward = self.problem.prepared.forward
+        return forward if forward.paths[0] is self.front.path else replace(forward, paths=(self.front.path,))
+
+    def objective(self, counted: BoolArray, *, slowly: bool = False) -> Objective:
+        """Chi-square over some outline points, with the path's noise and the prior."""
+        problem = self.problem
+        return Objective(problem.observations, counted, self.front.noise, prior=problem.prior, slowly=slowly)
+
+    def offset(self, mesh: Mesh) -> FloatArray:
+        """What is added to a point of a mesh, shape [d]; zero where nothing is known."""
+        return self.offsets.get(mesh, np.zeros(self.problem.box.dimension))
+
+    def solver_values(self, points: FloatArray, mesh: Mesh) -> FloatArray:
+        """The points at which a mesh is run, shape [n, d].
+
+        An offset that would leave a parameter's allowed range ends at its bound.
+        """
+        if mesh not in self.offsets:
+            return points
+        low, high = np.array([PARAMETERS[name].allowed for name in self.problem.box.names]).T
+        return np.clip(points + self.offsets[mesh], low, high)
+
+    def at(self, x: FloatArray, mesh: Mesh) -> dict[str, float]:
+        """Named parameters at which a mesh is run for a point of shape [d]."""
+        return self.problem.point(self.solver_values(x[None], mesh)[0])
+
+    def front_deviations(self, n: int) -> FloatArray:
+        """Jerks of `n` paths drawn from the path's noise, less its own, [n, n_spans], in m/s^3.
+
+        The same for the same number.
+        """
+        path = self.front.path
+        drawn = path.replicates(n, np.random.default_rng([self.problem.settings.seed, 1]))
+        return np.array([one.jerk for one in drawn]).reshape(n, -1) - path.jerk
+
+    def design(self, box: Box) -> Design:
+        """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
+        if box.dimension == 1:
+            return full_factorial(box, 7)
+        return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
+
+    def respond(
+        self,
+        stage: str,
+        points: FloatArray,
+        numerics: Numerics,
+        *,
+        forward: Forward | None = None,
+        motion: ArrayLike = 0,
+        material: ArrayLike = 0,
+        all_nodes: bool = False,
+    ) -> Response:
+        """Run points as part of a stage, beside the table.
+
+        ``points``: they may lie outside the box, shape [n, d]. ``forward``: in place of the path's own, with
+        the paths and laws that ``motion`` and ``material`` number.
+        """
+        values = self.problem.point(self.solver_values(points, numerics.mesh))
+        with self.work.stage(stage, len(points)) as report:
+            return (forward or self.forward).run(
+                values,
+                numerics,
+                motion=motion,
+                material=material,
+                all_nodes=all_nodes,
+                progress=report,
+            )
+
+    def run(
+        self,
+        stage: str,
+        points: FloatArray,
+        numerics: Numerics,
+        *,
+        all_nodes: bool = False,
+        recorded: bool = True,
+    ) -> Runs:
+        """Run points of shape [n, d], which may lie outside the box; recorded, they join the table."""
+        problem, mesh = self.problem, numerics.mesh
+        response = self.respond(stage, points, numerics, all_nodes=all_nodes)
+        runs = Runs.of(problem.box.names, points, response, problem.observations)
+        if recorded:
+            place = mesh, self.front.path, self.offset(mesh)
+            self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
+        return runs
+
+    def simulate(
+        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
+    ) -> CompletedRuns:
+        """Run a design and keep it; raises ValueError if no run completed."""
+        runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
+        completed = runs.completed()
+        if completed is None:
+            raise ValueError(f"no run of the {stage} completed: {runs.first_lost}")
+        return completed
+
+    def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
+        """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a lost run.
+
+        An outline point that a run does not reach is given its measured value: it adds nothing.
+        """
+        runs = self.run(stage, points, numerics)
+        vectors = np.full((len(points), len(objective.data)), np.nan)
+        if runs.prediction is not None:
+            vectors[runs.rows] = objective.reached(runs.prediction)
+        return vectors
+
+    def on_surrogate_mesh(self) -> tuple[FloatArray, Prediction]:
+        """Points and predictions of all completed runs on the surrogate's mesh under the path, in order."""
+        mesh = self.problem.numerics.mesh
+        return self.table.on(mesh, self.front.path, self.offset(mesh))
+
+    def replicate(self, x: FloatArray, *, lesson: bool = True) -> PendingResult[Replicates]:
+        """Run a point again under `settings.replicates` other motions, and as many other curves.
+
+        They are drawn now and run when they are asked for.
+
+        ``x``: in parameter units, shape [d]. ``lesson``: whether as many motions again are run, from which
+        weights learn. Returns: gives the replicates; raises ValueError if the reference among them did not
+        complete.
+        """
+        settings = self.problem.settings
+        n = settings.replicates
+        moved = 2 * n if lesson else n
+        forward = self.problem.prepared.with_replicates(moved, self.rng, curves=n, path=self.front.path)
+        scaled = len(forward.paths) - moved - 1
+        motion = np.concatenate([np.arange(moved + 1), np.zeros(n, int), np.full(scaled, moved + 1)])
+        material = np.concatenate([np.zeros(moved + 1, int), np.arange(1, n + 1), np.zeros(scaled, int)])
+        numerics = self.problem.numerics.with_mesh(settings.replicate_mesh)
+        points = np.tile(x, (len(motion), 1))
+
+        def run() -> Replicates:
+            response = self.respond(
+                "noise", points, numerics, forward=forward, motion=motion, material=material
+            )
+            rows = np.flatnonzero(response.completed)
+            if 0 not in rows:
+                raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
+            return Replicates(
+                prediction=predict(response.select(rows), self.problem.observations),
+                flyer=(rows > 0) & (rows <= n),
+                lesson=(rows > n) & (rows <= moved),
+                curve=(rows > moved) & (rows <= moved + n),
+                scale=rows > moved + n,
+                lost=response.n_samples - len(rows),
+            )
+
+        return PendingResult(run)
+
+    def under_other_motions(
+        self, points: FloatArray, deviations: FloatArray, numerics: Numerics
+    ) -> list[Prediction | None]:
+        """Run each point under the path of the front face, row 0, and under others.
+
+        None for a point whose run under the path itself did not complete.
+
+        ``points``: in parameter units, shape [p, d]. ``deviations``: jerks of the other paths less that of
+        the path [m/s^3], shape [n, n_spans], see `front_deviations`.
+        """
+        path, n = self.front.path, len(deviations)
+        forward = replace(
+            self.forward, paths=(path, *(replace(path, jerk=path.jerk + change) for change in deviations))
+        )
+        motion = np.tile(np.arange(n + 1), len(points))
+        at = np.repeat(points, n + 1, axis=0)
+        response = self.respond("noise", at, numerics, forward=forward, motion=motion)
+        predictions: list[Prediction | None] = []
+        for first in range(0, len(motion), n + 1):
+            rows = first + np.flatnonzero(response.completed[first : first + n + 1])
+            whole = len(rows) > 0 and rows[0] == first
+            predictions.append(predict(response.select(rows), self.problem.observations) if whole else None)
+        return predictions
+
+
+RUNS_OF_A_DESIGN = 64
+"""Runs of a design: packs of lanes, where a few runs are made one by one."""
+
+
+def compile_for(problem: InverseProblem, work: Work) -> None:
+    """Compile, side by side, what runs alone, a design's runs and the other element's need.
+
+    It takes some seconds once on a machine, and is the stage "compile"; otherwise nothing is done.
+    """
+    numerics = problem.numerics
+
+    def of(numerics: Numerics, runs: int) -> explicit.Problem:
+        point = problem.point(problem.box.lower)
+        columns = {name: np.full(runs, value) for name, value in point.items()}
+        return problem.prepared.forward.problem(columns, numerics)
+
+    explicit.compile_time_loops(
+        [of(numerics, 1), of(numerics, RUNS_OF_A_DESIGN)],
+        also=[lambda: of(numerics.with_other_element(), 1)],
+        device=numerics.device,
+        threads=numerics.threads,
+        told=lambda done, total: work.progress("compile", done, total),
+    )
