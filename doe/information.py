@@ -140,9 +140,9 @@ class LinearData:
         total = squares.sum(axis=0)
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
-    def select(self, kept: NDArray[np.bool_]) -> LinearData:
+    def select(self, rows: NDArray[np.bool_]) -> LinearData:
         """Some of the data, `kept` of shape [k]."""
-        return LinearData(self.names, self.jacobian[kept], self.sigma[kept], self.scale)
+        return LinearData(self.names, self.jacobian[rows], self.sigma[rows], self.scale)
 
 
 Criterion = Literal["D", "A"]
@@ -238,12 +238,12 @@ def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Cri
     while gained:
         gained = False
         for place in range(count):
-            rest = [g for k, g in enumerate(chosen) if k != place]
-            cost = costs(start + groups[rest].sum(axis=0) + groups, criterion)
-            cost[rest] = np.inf
-            other = int(np.argmin(cost))
-            if cost[other] < best - 1e-12 * abs(best):
-                chosen[place], best, gained = other, float(cost[other]), True
+            chosen_rows = [g for k, g in enumerate(chosen) if k != place]
+            cost = costs(start + groups[chosen_rows].sum(axis=0) + groups, criterion)
+            cost[chosen_rows] = np.inf
+            candidate = int(np.argmin(cost))
+            if cost[candidate] < best - 1e-12 * abs(best):
+                chosen[place], best, gained = candidate, float(cost[candidate]), True
     return chosen
 
 

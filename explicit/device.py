@@ -28,10 +28,10 @@ def select_device(name: str) -> Any:
     Raises ValueError if the machine has no such device; the message lists those it has.
     """
     _start()
-    known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
+    aliases = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
     alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
-    if alias not in known:
-        raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
+    if alias not in aliases:
+        raise ValueError(f"device must be one of {sorted(aliases)}, got {name!r}")
     device = wp.get_device(alias)
     if device.is_cuda:
         _keep_memory(alias)

@@ -119,9 +119,9 @@ def of_bands(
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """`with_slopes` of several bands in turn: what is alike for all of them, above all the body before the
     edge, is worked out once."""
-    edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
+    edge, (blur, first, second_grey, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
-    paint_beyond = _Paint.of(v.size, second, other, shape)
+    paint_beyond = _Paint.of(v.size, second, second_grey, shape)
     body = _Share.of(_side(u, v, edge, blur, below=True), _Paint.of(v.size, contrast, first, shape))
     for width in widths:
         band = float(width[0] + (p[8] * width[1] if free else 0.0))
@@ -314,9 +314,9 @@ def fit_edge(
         for k, (C, slopes) in enumerate(of_bands(p, u, width, free)):
             L = np.linalg.cholesky(C)
             inverse = np.linalg.inv(C)
-            left = inverse @ whole[k]
-            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(left))
-            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - left @ inverse, slopes)
+            quotient = inverse @ whole[k]
+            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(quotient))
+            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - quotient @ inverse, slopes)
         return float(total), slope
 
     logs = [np.log(limits) for limits in (BLUR, LENGTH, LENGTH, CONTRAST, CONTRAST, NOISE, SHAPE)]
@@ -374,8 +374,8 @@ def _groups(widths: FloatArray) -> IntArray:
     low, high = float(typical.min()), float(typical.max())
     if high - low < ALIKE:
         return np.zeros(typical.size, dtype=np.int64)
-    found = np.minimum(((typical - low) / (high - low) * BANDS).astype(np.int64), BANDS - 1)
-    return np.asarray(np.unique(found, return_inverse=True)[1])
+    groups = np.minimum(((typical - low) / (high - low) * BANDS).astype(np.int64), BANDS - 1)
+    return np.asarray(np.unique(groups, return_inverse=True)[1])
 
 
 def _blocks(n_columns: int) -> IntArray:

@@ -118,8 +118,8 @@ def _from_text(text: str) -> dict[str, str]:
 
 def _without_comments(data: bytes) -> bytes:
     """XML without its comments; one that does not end stays."""
-    *ended, rest = data.split(b"-->")
-    return b"".join(part.partition(b"<!--")[0] for part in ended) + rest
+    *ended, remainder = data.split(b"-->")
+    return b"".join(part.partition(b"<!--")[0] for part in ended) + remainder
 
 
 def _from_xml(path: Path, data: bytes) -> dict[str, str]:
@@ -136,8 +136,8 @@ def _from_xml(path: Path, data: bytes) -> dict[str, str]:
         tree = ElementTree.fromstring(inside.decode("utf-8", "replace"))
     except (ElementTree.ParseError, ValueError) as error:
         raise PictureError(path, f"its XML cannot be read ({error})", cure="copy it again") from None
-    found = {name: tree.findtext(place) for name, place in _XML.items()}
-    return {name: text.strip() for name, text in found.items() if text is not None}
+    entries = {name: tree.findtext(place) for name, place in _XML.items()}
+    return {name: text.strip() for name, text in entries.items() if text is not None}
 
 
 @dataclass(frozen=True)
@@ -238,9 +238,9 @@ def read(path: Path) -> MrawPictures:
 
 def _pair(path: Path) -> tuple[Path, Header]:
     """The raw file and its header."""
-    beside = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
-    pixels = path if path.suffix.lower() == ".mraw" else beside.get(".mraw")
-    header = beside.get(".cihx", beside.get(".cih")) if pixels == path else path
+    siblings = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
+    pixels = path if path.suffix.lower() == ".mraw" else siblings.get(".mraw")
+    header = siblings.get(".cihx", siblings.get(".cih")) if pixels == path else path
     if pixels is None or not pixels.is_file():
         raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
     if header is None or not header.is_file():

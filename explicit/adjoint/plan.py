@@ -355,9 +355,9 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     element_of = np.full((int(met.max()), mesh.n_nodes), mesh.n_elements, dtype=np.int32)
     corner_of = np.zeros_like(element_of)
     for c in range(len(element_of)):
-        there = met > c
-        element_of[c, there] = corner[start[:-1][there] + c] // 4
-        corner_of[c, there] = corner[start[:-1][there] + c] % 4
+        used = met > c
+        element_of[c, used] = corner[start[:-1][used] + c] // 4
+        corner_of[c, used] = corner[start[:-1][used] + c] % 4
     row = model.materials[int(samples.material[0])].parameters()
     window = _window(mesh.n_nodes, mesh.n_elements, n_steps, row, batch)
     a = window.arrays

@@ -204,9 +204,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
     there, in one order whatever the lanes are, so that forces keep their bits.
     """
-    alone = cluster == 1
-    thread = "threadIdx.x" if alone else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
-    threads = "blockDim.x" if alone else f"({cluster} * blockDim.x)"
+    single_block = cluster == 1
+    thread = "threadIdx.x" if single_block else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
+    threads = "blockDim.x" if single_block else f"({cluster} * blockDim.x)"
 
     def native(snippet: str, **names: str) -> str:
         names |= {"WARPS": str(WARPS * cluster), "THREADS": threads, "THREAD": thread}
@@ -218,12 +218,14 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return native(_either(cuda, cpu))
 
     total, largest = native(HAND_OVER, ACROSS=DOWN), native(HAND_OVER, ACROSS=LARGEST)
-    take = TAKE.replace("FURTHER", "" if alone else FURTHER)  # a block has no more warps than a warp lanes
-    one = "1" if alone else "0"
+    take = TAKE.replace(
+        "FURTHER", "" if single_block else FURTHER
+    )  # a block has no more warps than a warp lanes
+    one = "1" if single_block else "0"
     take_total = native(take, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE=one)
     take_largest = native(take, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300", ALONE=one)
-    meet = native(BARRIER, MEET=MEET_IN_BLOCK if alone else MEET_IN_CLUSTER)
-    inside = _INSIDE if alone else _INSIDE_CLUSTER
+    meet = native(BARRIER, MEET=MEET_IN_BLOCK if single_block else MEET_IN_CLUSTER)
+    inside = _INSIDE if single_block else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=meet)
@@ -477,7 +479,7 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
             snippet = snippet.replace(name, text)
         return snippet
 
-    told = {
+    constants = {
         "BEGIN": _BEGIN, "TELL": _TELL, "TOLD": Plan.SIZE + 3, "PLANS": Control.PLANS, "SIZE": Plan.SIZE,
         "GOING": Control.GOING, "LOWER_NEXT": Control.LOWER_NEXT, "LOWER_SPEED": Control.LOWER_SPEED,
     }  # fmt: skip
@@ -485,8 +487,8 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
     @wp.func_native(snippet=native(_MEET))
     def meet(whole: int, begins: int): ...
 
-    @wp.func_native(snippet=native(_RECORD, **{name: str(int(number)) for name, number in told.items()}))
-    def record(what: int, control: parts_of, step: int): ...
+    @wp.func_native(snippet=native(_RECORD, **{name: str(int(number)) for name, number in constants.items()}))
+    def record(event: int, control: parts_of, step: int): ...
 
     @wp.func
     def sync():

@@ -360,7 +360,7 @@ def entries_if_function(dtype: Any) -> Any:
     unwanted = f"if (wanted != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
 
     @wp.func_native(snippet=unwanted + _for_groups(_FOUR_ENTRIES, dtype))
-    def entries_if(wanted: int, table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
+    def entries_if(condition: int, table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
 
     return entries_if
 

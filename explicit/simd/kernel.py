@@ -195,11 +195,11 @@ def _write_translation(file: Path, code: str) -> None:
 @cache
 def _package() -> bytes:
     """Hash of the translator's and the time loop's source, and of Warp's version."""
-    found = sha256(wp.__version__.encode())
+    digest = sha256(wp.__version__.encode())
     root = Path(__file__).parents[1]
     for file in sorted(root.rglob("*.py")):
-        found.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
-    return found.digest()
+        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.digest()
 
 
 Mapping = Literal["simulation", "worker"]

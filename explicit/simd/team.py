@@ -307,7 +307,7 @@ class SharedRun:
         return self.count
 
     def _join(self, seat: int) -> None:
-        begun = self._begun.result()
-        if begun is not None:
-            launch, seats = begun
+        admission = self._begun.result()
+        if admission is not None:
+            launch, seats = admission
             launch(seats.team(seat))

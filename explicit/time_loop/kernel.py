@@ -102,7 +102,7 @@ def time_loop_kernel(
     put_share, joined = lanes.put_share, lanes.joined
     settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
     plans, relaxes = int(Control.PLANS), int(relaxation is not None)
-    lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
+    viscous_power, restraint_power = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF, NOTHING = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
@@ -139,8 +139,8 @@ def time_loop_kernel(
                 until_measured = batch.measure_every
             until_measured -= 1
             worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
-            put_share(power, lost)
-            put_share(artificial, held_back)
+            put_share(power, viscous_power)
+            put_share(artificial, restraint_power)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if is_worker(lane) == 1:
@@ -170,8 +170,8 @@ def time_loop_kernel(
             now = again(planned, control, step)
             going = int(control[Control.GOING] > NOTHING)
             if going == 1 and step >= 0:
-                power = joined(power, lost, body.n_elements)
-                artificial = joined(artificial, held_back, body.n_elements)
+                power = joined(power, viscous_power, body.n_elements)
+                artificial = joined(artificial, restraint_power, body.n_elements)
                 kinetic = empty_sum()
                 if now.ledger == 1:
                     elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()

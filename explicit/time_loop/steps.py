@@ -218,8 +218,8 @@ def next_step_functions(
             control[k] = ZERO
         control[Control.TIME] = batch.start
         control[Control.GOING] = ONE
-        rest = platen_position(batch, batch.motion[sample], batch.start)
-        control[Control.PLANS + Plan.SIZE + Plan.FLYER_NEXT] = rest
+        platen = platen_position(batch, batch.motion[sample], batch.start)
+        control[Control.PLANS + Plan.SIZE + Plan.FLYER_NEXT] = platen
         control[Control.FORCE_DUE] = output.force_times[0]
         control[Control.SURFACE_DUE] = output.surface_times[0]
         control[Control.PLANNED_DUE] = output.surface_times[0]
@@ -434,7 +434,10 @@ def end_of_step_function(
                 record_positions(body, output, sample, lane, row, back, fields)
                 if is_due(row, n_surface, batch.ledger_every):
                     external, moving = get_total(partials, Total.WORK), get_total(partials, Total.KINETIC)
-                    stored, held = get_total(partials, Total.ELASTIC), get_total(partials, Total.HOURGLASS)
+                    stored, hourglass = (
+                        get_total(partials, Total.ELASTIC),
+                        get_total(partials, Total.HOURGLASS),
+                    )
                     damping = get_total(partials, Total.DAMPING)
                     rubbing = get_total(partials, Total.FRICTION)
                     landing = get_total(partials, Total.LANDING)
@@ -443,7 +446,8 @@ def end_of_step_function(
                     if is_writer(lane) == 1:
                         record_ledger(
                             output, sample, row,
-                            external, moving, stored, held, damping, rubbing, landing, restraint, branches,
+                            external, moving, stored, hourglass, damping, rubbing, landing,
+                            restraint, branches,
                         )  # fmt: skip
                 row += 1
                 due = wp.float64(NEVER)

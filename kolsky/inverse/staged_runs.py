@@ -265,7 +265,7 @@ def compile_for(stages: StagedRuns) -> None:
         also=[lambda: _problem(stages, numerics.with_other_element(), 1)],
         device=numerics.device,
         threads=numerics.threads,
-        told=lambda done, total: stages.progress("compile", done, total),
+        progress=lambda done, total: stages.progress("compile", done, total),
     )
 
 

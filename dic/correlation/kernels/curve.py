@@ -433,8 +433,8 @@ def _search(
 
 def _own(job: Any, worker: int, longest: int) -> Any:
     """The job with the profile of one worker."""
-    other = CurveJob()
+    copy = CurveJob()
     for name in CurveJob.vars:
-        setattr(other, name, getattr(job, name))
-    other.profile = job.profile[worker * longest : (worker + 1) * longest]
-    return other
+        setattr(copy, name, getattr(job, name))
+    copy.profile = job.profile[worker * longest : (worker + 1) * longest]
+    return copy

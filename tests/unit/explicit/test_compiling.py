@@ -37,9 +37,9 @@ def problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], 
 def test_every_time_loop_is_compiled_once(problem: Callable[[int], Problem]) -> None:
     told: list[tuple[int, int]] = []
     single, many = problem(1), problem(8)
-    assert compile_time_loops([single, single, many], threads=1, told=lambda *at: told.append(at)) == 2
+    assert compile_time_loops([single, single, many], threads=1, progress=lambda *at: told.append(at)) == 2
     assert told == [(0, 2), (1, 2), (2, 2)]
-    assert compile_time_loops([single, many], threads=1, told=lambda *at: told.append(at)) == 0
+    assert compile_time_loops([single, many], threads=1, progress=lambda *at: told.append(at)) == 0
     assert len(told) == 3
     # 9 runs on one thread are a pack and a single one: both are known
     assert compile_time_loops([problem(9)], threads=1) == 0
