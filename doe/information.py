@@ -107,7 +107,7 @@ class LinearData:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def deviations_alone(self) -> FloatArray:
+    def conditional_deviations(self) -> FloatArray:
         """Of each, if the others were known, shape [d]; infinite for one that the data do not see."""
         size = np.sqrt(np.diag(self.information))
         return np.divide(self.scale, size, out=np.full_like(size, np.inf), where=size > 0.0)
@@ -134,7 +134,7 @@ class LinearData:
         return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
 
     @property
-    def shares_alone(self) -> FloatArray:
+    def conditional_shares(self) -> FloatArray:
         """The same if the other parameters were known, shape [k, d]; 0 for one that the data do not see."""
         squares = self.rows**2
         total = squares.sum(axis=0)

@@ -347,7 +347,7 @@ AHEAD = 64
 class Pace:
     """Progress of a sweep and its speed."""
 
-    done: int
+    finished: int
     """Runs finished, those found in the ledger included."""
     total: int
     """Runs of the design."""
@@ -357,7 +357,7 @@ class Pace:
     @property
     def seconds_left(self) -> float:
         """Time left at this rate [s]; infinite before the first chunk, 0 at the end."""
-        remaining = self.total - self.done
+        remaining = self.total - self.finished
         return remaining / self.rate if self.rate > 0.0 else (np.inf if remaining else 0.0)
 
 

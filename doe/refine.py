@@ -111,9 +111,9 @@ class Round:
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
     predicted: float
     """Misfit that the surrogate predicted for the optimum."""
-    found: float
+    confirmed: float
     """Misfit of the run there; NaN if it failed."""
-    moved: float
+    shift: float
     """How far the runs moved the optimum, in its standard deviations [-]."""
     edge: float
     """Edge of the region in the unit box [-]."""
@@ -143,7 +143,7 @@ class Refinement:
     @property
     def ended(self) -> str:
         """The ending in words."""
-        reason = f"the last runs moved the optimum by {self.rounds[-1].moved:.2g} standard deviations"
+        reason = f"the last runs moved the optimum by {self.rounds[-1].shift:.2g} standard deviations"
         return reason if self.converged else f"{reason}, and the rounds were used up"
 
 

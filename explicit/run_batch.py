@@ -37,7 +37,7 @@ from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.platens import MovingSupport
 from explicit.precision import Precision, precision
 from explicit.response import EnergyLedger, Outcome, Response
-from explicit.simd import PACK_BYTES, Mapping, is_known, lane_kernel
+from explicit.simd import PACK_BYTES, Mapping, is_translated, lane_kernel
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 
 
@@ -309,6 +309,6 @@ def _unknown(problems: Sequence[Problem], where: Any, threads: int) -> dict[tupl
         jobs = packs(len(problem.samples), lanes, problem.model.mesh.n_elements, threads)
         mappings: dict[Mapping, None] = dict.fromkeys(job[0] for job in jobs)
         for mapping in mappings:
-            if not is_known(time_loop.kernel, numbers, mapping, lanes):
+            if not is_translated(time_loop.kernel, numbers, mapping, lanes):
                 choices[time_loop.kernel, time_loop.structs, numbers, mapping, lanes] = None
     return choices

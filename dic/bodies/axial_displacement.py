@@ -404,12 +404,12 @@ def from_rest(
                 np.flatnonzero(static), rest_y, index, y, sigma, counts
             )
     else:
-        if rim is None or geometry is None or not geometry.known:
+        if rim is None or geometry is None or not geometry.length_is_certain:
             return None
         # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
         rest_y = geometry.length - rim.y
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
-        if not replace(geometry, length_sigma=rest_sigma).known:
+        if not replace(geometry, length_sigma=rest_sigma).length_is_certain:
             return None
         index, y, sigma, counts = include_static_frames(
             np.flatnonzero(static), rest_y, index, y, sigma, counts

@@ -44,7 +44,7 @@ def _paint_slopes(lag: FloatArray, length: float, shape: float) -> tuple[FloatAr
 class _Side:
     """The paint of one body as the pixels see it."""
 
-    seen: FloatArray
+    response: FloatArray
     """What each place of paint gives each pixel, shape [n_u, n_v]."""
     by_blur: FloatArray
     """Its slope over the logarithm of the blur, shape [n_u, n_v]."""
@@ -88,12 +88,12 @@ class _Share:
     @classmethod
     def of(cls, side: _Side, of: _Paint) -> "_Share":
         """What a body's paint gives the pixels."""
-        near, sized = side.seen @ of.covariance, of.size**2 * side.seen
+        near, sized = side.response @ of.covariance, of.size**2 * side.response
         return cls(
-            covariance=near @ side.seen.T,
+            covariance=near @ side.response.T,
             by_blur=_symmetric_sum(near @ side.by_blur.T),
-            by_length=sized @ of.by_length @ side.seen.T,
-            by_shape=sized @ of.by_shape @ side.seen.T,
+            by_length=sized @ of.by_length @ side.response.T,
+            by_shape=sized @ of.by_shape @ side.response.T,
             by_end=None if side.end is None else _symmetric_sum(np.outer(near[:, side.end[0]], side.end[1])),
         )
 

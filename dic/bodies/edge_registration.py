@@ -187,7 +187,7 @@ MOST_STEPS, CONVERGED = 10, 2e-4
 """Gauss-Newton steps at most, and the step at which they end [px]."""
 LARGEST_CORRECTION = 0.54
 """Largest distance of the result from the best of the translations tried [px]."""
-BESIDE = 0.02
+SLOPE_STEP = 0.02
 """Step of the difference quotient of grey values [px]."""
 
 
@@ -313,7 +313,7 @@ class EdgeRegistration:
                 continue
             grey = np.concatenate([part.grey for part in parts])
             reference = np.concatenate([part.reference for part in parts])
-            slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+            slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
             steps.append(fitted(grey, reference, slope)[0])
         error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
         return error if error <= LARGEST_EDGE * self.pixel else None
@@ -348,7 +348,7 @@ class EdgeRegistration:
                 np.zeros(EDGE_ROWS),
             )
             parts.append(visible)
-            slope = visible.slope(self._frame, BESIDE * self.pixel)
+            slope = visible.slope(self._frame, SLOPE_STEP * self.pixel)
             for k in range(EDGE_ROWS):
                 of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
@@ -377,7 +377,7 @@ class EdgeRegistration:
             return -1.0, 0.0, np.inf, 0.0, n
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
-        slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+        slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
         step, variance = fitted(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)
         correlations = np.concatenate(

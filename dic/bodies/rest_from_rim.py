@@ -69,7 +69,7 @@ class RestGeometry:
     """Its radius [m]."""
 
     @property
-    def known(self) -> bool:
+    def length_is_certain(self) -> bool:
         """True if the upper end is known well enough to stand for the flyer's place at rest."""
         return self.length_sigma <= LARGEST_SHARE * self.length
 

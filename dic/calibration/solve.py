@@ -346,7 +346,7 @@ LEAST_PAIRS = 4
 class Verdicts:
     """Pairs and points kept and left out."""
 
-    kept: list[View]
+    good: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
     """(pair, camera) -> which points of the view were used."""
@@ -551,7 +551,7 @@ def calibrate(
     columns = free_columns(free, square_pixels=square_pixels, relative=True)
     fit, verdicts = _solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
 
-    good = verdicts.kept
+    good = verdicts.good
     together = clustering(fit, good, columns)
     calibrated = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
     off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in good])

@@ -43,7 +43,9 @@ be used."""
 
 
 @contextmanager
-def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
+def detect_in_background(
+    series: Sequence[Pictures], targets: Sequence[Target]
+) -> Iterator[Callable[..., Views]]:
     """Look for a target in all pictures of several cameras (`dic.processes.background_pool`).
 
     ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. Yields: joins in

@@ -38,7 +38,7 @@ class DiceXml:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         system = parse(source)
-        lists = {child.attributes.get("name", ""): child for child in system.named("ParameterList")}
+        lists = {child.attributes.get("name", ""): child for child in system.with_tag("ParameterList")}
         cameras = sorted(name for name in lists if name.startswith("CAMERA"))
         if cameras != ["CAMERA 0", "CAMERA 1"]:
             raise CameraFileError(
@@ -108,7 +108,7 @@ def _parameters(element: Element) -> dict[str, tuple[str, int]]:
     """Values and lines of a list's own parameters, by name."""
     return {
         child.attributes.get("name", ""): (child.attributes.get("value", "").strip(), child.line)
-        for child in element.named("Parameter")
+        for child in element.with_tag("Parameter")
     }
 
 
@@ -167,7 +167,7 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
 def _rotation(source: Source, element: Element, angles: list[float]) -> FloatArray:
     """The matrix of a camera's list, or that of its angles."""
     matrices = [
-        c for c in element.named("ParameterList") if c.attributes.get("name") == "rotation_3x3_matrix"
+        c for c in element.with_tag("ParameterList") if c.attributes.get("name") == "rotation_3x3_matrix"
     ]
     if not matrices:
         return rotation_of(*angles)

@@ -175,7 +175,7 @@ class Element:
     children: list["Element"] = field(default_factory=list)
     """In the file's order."""
 
-    def named(self, name: str) -> list["Element"]:
+    def with_tag(self, name: str) -> list["Element"]:
         """Children with this tag."""
         return [child for child in self.children if child.name == name]
 

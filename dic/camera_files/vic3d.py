@@ -52,7 +52,7 @@ class Vic3D:
                 cure="save the project again",
             )
         calibration = parse(source, start=start, end=end + len("</calibration>"))
-        cameras = calibration.named("camera")
+        cameras = calibration.with_tag("camera")
         names = [camera.attributes.get("id", "?") for camera in cameras]
         if sorted(names) != ["0", "1"]:
             cure = "export a two-camera project"
@@ -105,7 +105,7 @@ def _camera(
     source: Source, element: Element, index: int, length_unit: float, sensor: tuple[int, int] | None
 ) -> Camera:
     values = _values(source, element, f"camera {index}", NUMBERS)
-    orientations = element.named("orientation")
+    orientations = element.with_tag("orientation")
     if len(orientations) != 1:
         raise CameraFileError(
             source.path,

@@ -145,7 +145,7 @@ def measure(
     except ChainError as error:
         causes = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
         raise ChainError("; ".join(causes)) from error
-    placement, rest_frames = rest_state.placement, rest_state.rest
+    placement, rest_frames = rest_state.placement, rest_state.frames
     works: list[Callable[[], Any]] = [
         partial(timed, translations_of, inputs, tracked_flyer, placement),
         partial(rim_in, inputs, tracked_flyer, placement),

@@ -156,7 +156,7 @@ def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> 
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
 
     def other() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
-        return _inspect_one(1, series[1], static), dict(series[1].held)
+        return _inspect_one(1, series[1], static), dict(series[1].in_memory)
 
     if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
         with background(other) as later:

@@ -328,7 +328,7 @@ def gate_residual(body: TrackedBody) -> TrackedBody:
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Apply the epipolar gate that the specimen's static frames give."""
-    r, rest_frames = body.reconstruction, rest_state.rest
+    r, rest_frames = body.reconstruction, rest_state.frames
     at_rest = r.epipolar[rest_frames][r.outcome[rest_frames] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
     if gate <= GATE:  # what is left was let through by that one
@@ -369,7 +369,7 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     r, placement = body.reconstruction, rest_state.placement
     variance = placement.frame.variances(r.covariance)
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.
-    at_rest = placement.frame.positions(static_mean(r, rest_state.rest)[0])
+    at_rest = placement.frame.positions(static_mean(r, rest_state.frames)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
     distance = spacing(at_rest, body.cell)

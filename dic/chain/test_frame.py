@@ -176,7 +176,7 @@ class RestState:
 
     placement: Placement
     """The test frame, and the cylinder it was taken from."""
-    rest: list[int]
+    frames: list[int]
     """Static frames in which both cameras saw the specimen."""
     edges: int
     """Cameras in which its end was found."""
@@ -221,7 +221,7 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
         chi2_per_dof=cylinder.chi2_per_dof,
         n_points=int(cylinder.used.sum()),
     )
-    return RestState(placement=placement, rest=rest_frames, edges=edges, platen=platen)
+    return RestState(placement=placement, frames=rest_frames, edges=edges, platen=platen)
 
 
 def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:

@@ -77,7 +77,7 @@ def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
 
 NODES = 15
 """Places along each side of a subset that stand for its pixels."""
-LEAST_SEEN = 0.2
+LEAST_VISIBLE = 0.2
 """Share of them that must lie on the cylinder and in the mask."""
 
 
@@ -88,7 +88,7 @@ def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
     T = np.stack(terms, axis=1)
     finite = np.asarray(np.isfinite(field).all(axis=2))
     middle = field[:, NODES**2 // 2]
-    fine = (finite.mean(axis=1) >= LEAST_SEEN) & np.isfinite(middle).all(axis=1)
+    fine = (finite.mean(axis=1) >= LEAST_VISIBLE) & np.isfinite(middle).all(axis=1)
     bias = np.full(middle.shape, np.nan)
     away = np.where(finite[..., None], field - middle[:, None], 0.0)[fine]
     used = finite[fine].astype(np.float64)

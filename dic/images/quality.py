@@ -350,7 +350,7 @@ def speckle_quality(
         noise=sigma,
         floor=floor,
         wanted=wanted,
-        needed=None if wanted is None else _needed(sums, wanted, ~np.any(np.isnan(floor), axis=2)),
+        needed=None if wanted is None else _smallest_subset(sums, wanted, ~np.any(np.isnan(floor), axis=2)),
     )
 
 
@@ -395,7 +395,7 @@ def _floor(sums: FloatArray, subset: int, stride: int = 1) -> FloatArray:
     return np.asarray(floor)
 
 
-def _needed(sums: FloatArray, wanted: float, judged: NDArray[np.bool_]) -> IntArray:
+def _smallest_subset(sums: FloatArray, wanted: float, judged: NDArray[np.bool_]) -> IntArray:
     """Smallest odd subset whose floor is at most `wanted` in x and y, shape [rows, columns]."""
     rows, columns = judged.shape
     stride = int(np.ceil(np.sqrt(judged.size / _MOST_POINTS)))

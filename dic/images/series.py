@@ -247,12 +247,12 @@ class DecodedPictures:
         self._size = 0
 
     @property
-    def held(self) -> Mapping[int, Grey]:
+    def in_memory(self) -> Mapping[int, Grey]:
         """The pictures that are in memory, by frame."""
         return self._kept
 
     def hold(self, pictures: Mapping[int, Grey]) -> None:
-        """Take over pictures by frame that another process has read from the same series (`held`)."""
+        """Take over pictures by frame that another process has read from the same series (`in_memory`)."""
         for index, picture in pictures.items():
             self._keep(index, picture)
 

@@ -213,7 +213,7 @@ def synchronisation(
     for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
         best = int(np.clip(np.round(late), -farthest, farthest))
         e, _ = shifted[best]
-        remainder, late_sigma, motion = _regression(e, _moved(across, best))
+        remainder, late_sigma, motion = _regression(e, _delayed(across, best))
         if not np.isfinite(remainder) or round(best + remainder) == best:
             late = best + remainder
             break
@@ -232,11 +232,11 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
     """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels."""
-    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
+    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_delayed(part, shift) for part in aim1)))
     return e, slope1
 
 
-def _moved(values: FloatArray, by: int) -> FloatArray:
+def _delayed(values: FloatArray, by: int) -> FloatArray:
     """Row f holds what row f - by held; NaN where there is none."""
     shifted = np.full_like(values, np.nan)
     if by >= 0:

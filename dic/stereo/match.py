@@ -288,7 +288,7 @@ def _match_forward(pair: Pair, rows: IntArray, A: FloatArray, limits: Limits) ->
     """Camera 0's subsets, looked for along camera 1's curves."""
     reference = pair.reference[rows]
     templates = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
-    return _search_again(pair, pair.rig, templates, pair.pictures[1], limits, A)
+    return _search_twice(pair, pair.rig, templates, pair.pictures[1], limits, A)
 
 
 def _match_back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: Limits) -> Candidates:
@@ -300,10 +300,10 @@ def _match_back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, lim
     turned = replace(pair.rig, cameras=(second, first), covariance=None)
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
     limits = float(np.min(span)), float(np.max(span))
-    return _search_again(pair, turned, templates, pair.pictures[0], limits, inverse)
+    return _search_twice(pair, turned, templates, pair.pictures[0], limits, inverse)
 
 
-def _search_again(
+def _search_twice(
     pair: Pair,
     rig: StereoRig,
     templates: Subsets,

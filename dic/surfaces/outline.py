@@ -121,7 +121,7 @@ def _means(
         yield frame.astype(np.int64), means[0], means[1], np.sqrt(variance)
 
 
-BESIDE = 1.5, 3.5
+LATERAL = 1.5, 3.5
 """Distances from the centre plane between which points lie beside the strip, in its half widths [-]: clear of
 it, and where the radius is still seen nearly along itself."""
 FEWEST_POINTS = 2
@@ -151,7 +151,7 @@ def departures(
         noise = np.hypot(position[..., 0] * surface.sigma[..., 0], position[..., 2] * surface.sigma[..., 2])
         noise = noise / radius
         away = np.abs(position[..., 0]) / half_width
-    lateral = surface.valid & (away >= BESIDE[0]) & (away <= BESIDE[1])
+    lateral = surface.valid & (away >= LATERAL[0]) & (away <= LATERAL[1])
     departure, sigma = np.full((2, line.Z.size), np.nan)
     for k in np.unique(line.frame).tolist():
         at = np.flatnonzero(line.frame == k)

@@ -217,10 +217,10 @@ class Neighbours:
     """The nearest points of every point in the material picture."""
 
     index: IntArray
-    """Rows of the neighbours, nearest first, shape [n, k]; where `there` is False the point itself."""
+    """Rows of the neighbours, nearest first, shape [n, k]; where `exists` is False the point itself."""
     step: FloatArray
     """From the neighbours to the point [px], shape [n, k, 2]."""
-    there: BoolArray
+    exists: BoolArray
     """True where there is such a neighbour, shape [n, k]."""
 
     @cached_property
@@ -256,14 +256,14 @@ class Neighbours:
         which of them have been found, shape [n]. ``rows``: points with at least one neighbour among those.
         """
         index = self.index[rows]
-        score = np.where(self.there[rows] & usable[index], zncc[index], -np.inf)
+        score = np.where(self.exists[rows] & usable[index], zncc[index], -np.inf)
         pick = np.argmax(score, axis=1)
         indices = np.arange(len(rows))
         return neighbour_warp(warp[index[indices, pick]], self.step[rows][indices, pick])
 
     def any(self, usable: BoolArray) -> BoolArray:
         """Points that have a neighbour among the `usable` ones, shape [n]."""
-        return np.asarray((self.there & usable[self.index]).any(axis=1))
+        return np.asarray((self.exists & usable[self.index]).any(axis=1))
 
     def votes(
         self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
@@ -279,7 +279,7 @@ class Neighbours:
         shift, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
         u = near[0] + near[2] * x + near[3] * y - shift[:, :1]
         v = near[1] + near[4] * x + near[5] * y - shift[:, 1:]
-        counted = self.there[rows] & usable[index]
+        counted = self.exists[rows] & usable[index]
         agree = counted & (u * u + v * v <= gate * gate)
         return np.count_nonzero(agree, axis=1), np.count_nonzero(counted, axis=1)
 
@@ -440,7 +440,7 @@ class FrameMatch:
         gate = self.settings.neighbour_gate
         votes, voters = self.neighbours.votes(self.warp, self.valid, valid, gate)
         surprising = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T) > gate
-        crowded = np.sum(self.neighbours.there[valid], axis=1) >= 3
+        crowded = np.sum(self.neighbours.exists[valid], axis=1) >= 3
         wrong = (votes < 2) & ((voters >= 3) | (crowded & surprising))
         self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
 

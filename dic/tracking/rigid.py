@@ -181,7 +181,7 @@ def _matches(
         guesses.append(guess)
         # in most frames of a body that is still to come, no point is in view
         rows.append(np.flatnonzero(_in_view(points, guess, current.shape, settings)))
-    matches = [_nothing(guess) for guess in guesses]
+    matches = [_out_of_view(guess) for guess in guesses]
     each = max(1, MOST_TOGETHER // len(points))
     for first in range(0, len(moves), each):
         some = range(first, min(first + each, len(moves)))
@@ -212,7 +212,7 @@ def _in_view(
     return np.asarray(np.all((place > -beyond) & (place < np.array(shape[::-1]) - 1.0 + beyond), axis=1))
 
 
-def _nothing(guess: FloatArray) -> Match:
+def _out_of_view(guess: FloatArray) -> Match:
     """Match of these warps where no subset reaches into the picture."""
     n = len(guess)
     return Match(

@@ -170,10 +170,10 @@ class GaussianProcess:
             if best is None or optimum.fun < best[0]:
                 best = float(optimum.fun), Hyperparameters.of(kind, optimum.x)
         assert best is not None  # there is at least one start
-        return cls.given(unit_points, values, best[1])
+        return cls.with_hyperparameters(unit_points, values, best[1])
 
     @classmethod
-    def given(
+    def with_hyperparameters(
         cls,
         unit_points: FloatArray,
         values: FloatArray,
@@ -354,7 +354,9 @@ class ProcessSurrogate:
             # The runs' own values, which a nugget lets the mean miss.
             predicted[: len(process.unit_points)] = process.values
             groups.append(
-                GaussianProcess.given(u, predicted, process.hyperparameters, variance=process.variance)
+                GaussianProcess.with_hyperparameters(
+                    u, predicted, process.hyperparameters, variance=process.variance
+                )
             )
         return ProcessSurrogate(self.box, np.concatenate([self.points, x]), self.components, tuple(groups))
 

@@ -49,10 +49,10 @@ class Profile:
     """Most likely discrepancies there, shape [n, n_channels]."""
     interval: Interval
     """Where the rise stays below the level, about the optimum."""
-    alone: Interval
+    conditional: Interval
     """The same with all other parameters held at the optimum: what the data would say of this parameter
     if the others were known."""
-    elsewhere: tuple[float, ...]
+    other_optima: tuple[float, ...]
     """Values beyond the interval whose rise is below the level again: another optimum."""
     not_converged: int
     """Fits that were cut short; their rise is an upper bound."""
@@ -234,8 +234,8 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], fixed: _Walk,
         points=np.stack([fit.point for fit in fits]),
         discrepancies=np.stack([fit.discrepancies for fit in fits]),
         interval=interval,
-        alone=single,
-        elsewhere=outside,
+        conditional=single,
+        other_optima=outside,
         not_converged=sum(not fit.converged for fit in fits),
         level=level,
     )
@@ -339,7 +339,7 @@ def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
 def _verdict(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> Verdict:
     made_up = any(
         end is None and single is not None
-        for end, single in zip(profile.interval, profile.alone, strict=True)
+        for end, single in zip(profile.interval, profile.conditional, strict=True)
     )
     if profile.closed:
         kind = VerdictKind.IDENTIFIED
@@ -357,7 +357,7 @@ def _verdict(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> Ve
 
 
 def _inflation(profile: Profile) -> float | None:
-    (lower, upper), (below, above) = profile.interval, profile.alone
+    (lower, upper), (below, above) = profile.interval, profile.conditional
     if lower is None or upper is None or below is None or above is None:
         return None
     return (upper - lower) / (above - below)
@@ -387,8 +387,8 @@ def _sentence(
         if inflation is not None:
             text += f"; its interval is {inflation:.1f} times longer than with the others known"
             text += f" ({path})" if path else ""
-    if profile.elsewhere:
-        text += f"; values about {', '.join(f'{value:.4g}' for value in profile.elsewhere)} fit as well"
+    if profile.other_optima:
+        text += f"; values about {', '.join(f'{value:.4g}' for value in profile.other_optima)} fit as well"
     if profile.not_converged:
         text += f"; {profile.not_converged} fits were cut short"
     return text

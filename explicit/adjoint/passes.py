@@ -109,7 +109,7 @@ class Source(NamedTuple):
 
     early: int
     """The step in which the earlier one left; -1 if nothing returns yet."""
-    later: int
+    following: int
     """The step in which the later one left."""
     share: float
     """Share of the later one [-]."""
@@ -142,7 +142,7 @@ class ReturnedWave:
             k = int(place)
             source = Source(self._stored[k], self._stored[k + 1], place - k)
             wave = self.outgoing[source.early]
-            wave += source.share * (self.outgoing[source.later] - wave)
+            wave += source.share * (self.outgoing[source.following] - wave)
         self.sources.append(source)
         self.returned.append(wave)
         return wave
@@ -155,7 +155,7 @@ class ReturnedWave:
 
     def check_segments(self, n_steps: int) -> None:
         """Refuse segments of `n_steps` steps if a wave returns within the segment that it left in."""
-        last_step = np.array([source.later for source in self.sources], dtype=np.int64)
+        last_step = np.array([source.following for source in self.sources], dtype=np.int64)
         inside = np.flatnonzero(
             (last_step >= 0) & (last_step >= np.arange(len(last_step)) // n_steps * n_steps)
         )

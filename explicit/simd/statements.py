@@ -232,7 +232,7 @@ class Statements(Memory):
             if not isinstance(value, tuple) or len(value) != len(target.elts):
                 raise self.refuse(node, "as many values as names are wanted")
             # Every right-hand side is a temporary or a name already, so the order does not matter.
-            for part, item in zip(target.elts, [self._held(v) for v in value], strict=True):
+            for part, item in zip(target.elts, [self._in_temporary(v) for v in value], strict=True):
                 self._assign(part, item, node)
         elif isinstance(target, ast.Name):
             self.assign_name(target.id, value, node)
@@ -245,11 +245,11 @@ class Statements(Memory):
         else:
             raise self.refuse(target, "cannot be assigned over lanes")
 
-    def _held(self, value: Value) -> Value:
+    def _in_temporary(self, value: Value) -> Value:
         if isinstance(value, Scalar) and value.const is None:
             return self.temporary(value.kind, value.code, value.varying, lane=value.lane)
         if isinstance(value, Vector) and not value.bank:
-            return Vector(tuple(self._held(item) for item in value.items))  # type: ignore[misc]
+            return Vector(tuple(self._in_temporary(item) for item in value.items))  # type: ignore[misc]
         return value
 
     def _do_augassign(self, node: ast.AugAssign) -> None:
@@ -398,7 +398,7 @@ class Control(Statements):
         if len(call.args) > 2 or call.keywords or node.orelse or not isinstance(node.target, ast.Name):
             raise self.refuse(node, "a range has one or two bounds, and its loop no else")
         # Held: the body may change what the bounds were made of.
-        bounds: list[Scalar] = [self._held(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
+        bounds: list[Scalar] = [self._in_temporary(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
         if any(bound.kind != "i32" for bound in bounds):
             raise self.refuse(call, "bounds are integers")
         first, last = bounds if len(bounds) == 2 else (literal(0, "i32"), bounds[0])

@@ -184,10 +184,10 @@ class NextStepFunctions:
     a new size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
-    again: Any
-    """``again(planned, control, step) -> Step``: the same once more, where the record has come since."""
-    as_read: Any
-    """``as_read(planned, control, step) -> Step``: what was read before."""
+    reload_step: Any
+    """``reload_step(planned, control, step) -> Step``: read again, where the record has come since."""
+    keep_step: Any
+    """``keep_step(planned, control, step) -> Step``: what was read before."""
 
 
 @cache
@@ -337,14 +337,14 @@ def next_step_functions(
         )
 
     @wp.func
-    def again(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+    def reload_step(planned: Step, control: wp.array(dtype=wp.float64), step: int):
         return read(control, step)
 
     @wp.func
-    def as_read(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+    def keep_step(planned: Step, control: wp.array(dtype=wp.float64), step: int):
         return planned
 
-    return NextStepFunctions(start, first_step, check, next_step, read, again, as_read)
+    return NextStepFunctions(start, first_step, check, next_step, read, reload_step, keep_step)
 
 
 @cache

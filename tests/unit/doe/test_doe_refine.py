@@ -68,8 +68,8 @@ def test_the_models_optimum_is_found_in_few_runs() -> None:
     # A grid that resolves the valley (0.2 sigma) over the box would have 10^5 points.
     assert len(found.points) <= 16 + 6 * 6
     last = found.rounds[-1]
-    assert last.moved <= CONVERGED_MOVE
-    assert last.predicted == pytest.approx(last.found, abs=1.0)  # far below the 3.84 of an interval
+    assert last.shift <= CONVERGED_MOVE
+    assert last.predicted == pytest.approx(last.confirmed, abs=1.0)  # far below the 3.84 of an interval
     # Every run is there, in the order it was made, and each is what the function gives.
     assert len(found.points) == 16 + sum(len(each.points) for each in found.rounds)
     np.testing.assert_array_equal(found.responses, model(found.points))

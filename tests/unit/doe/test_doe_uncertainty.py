@@ -44,11 +44,11 @@ def test_quadratic_profile_is_gauss_newton() -> None:
         half = np.sqrt(LEVEL * C[j, j])
         np.testing.assert_allclose(profile.interval, best[j] + half * np.array([-1, 1]), atol=1e-6)
         np.testing.assert_allclose(
-            profile.alone, best[j] + np.sqrt(LEVEL) * alone[j] * np.array([-1, 1]), atol=1e-6
+            profile.conditional, best[j] + np.sqrt(LEVEL) * alone[j] * np.array([-1, 1]), atol=1e-6
         )
         exact = (profile.values - best[j]) ** 2 / C[j, j]
         np.testing.assert_allclose(profile.rise, exact, rtol=1e-6, atol=1e-6)
-        assert profile.elsewhere == ()
+        assert profile.other_optima == ()
         assert profile.not_converged == 0
     assert [v.kind for v in verdicts(likelihood, profiles)] == [VerdictKind.IDENTIFIED] * 2
     unit = likelihood.jacobian(profiles.optimum.unit_point, profiles.optimum.discrepancies)
@@ -142,7 +142,7 @@ def test_a_second_optimum_is_told_and_a_better_one_is_taken() -> None:
     assert profiles.restarts == 1
     assert profiles.optimum.point[0] == pytest.approx(1.0, abs=1e-6)
     # At -1 the second entry alone costs (0.05 * 2 / 0.1)^2 = 1 < 3.84: it fits as well.
-    assert min(abs(value + 1.0) for value in profiles["x"].elsewhere) < 0.05
+    assert min(abs(value + 1.0) for value in profiles["x"].other_optima) < 0.05
     (verdict,) = verdicts(likelihood, profiles)
     assert "fit as well" in verdict.text
 

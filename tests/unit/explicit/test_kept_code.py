@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from explicit.simd import kernel
-from explicit.simd.kernel import kept
+from explicit.simd.kernel import cached_translation
 
 
 @pytest.fixture
@@ -42,8 +42,8 @@ def never() -> str:
 
 
 def test_a_translation_is_made_once(folder: Path) -> None:
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
-    assert kept(kernel_of(1), "worker 8 fp64", never) == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", never) == "code"
     (file,) = (folder / "lanes").iterdir()
     assert file.read_text() == "code"
 
@@ -51,12 +51,12 @@ def test_a_translation_is_made_once(folder: Path) -> None:
 def test_another_constant_function_choice_or_source_is_another_translation(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept(kernel_of(1), "worker 8 fp64", lambda: "first")
-    assert kept(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
-    assert kept(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"
-    assert kept(kernel_of(1), "worker 16 fp64", lambda: "choice") == "choice"
+    cached_translation(kernel_of(1), "worker 8 fp64", lambda: "first")
+    assert cached_translation(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
+    assert cached_translation(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"
+    assert cached_translation(kernel_of(1), "worker 16 fp64", lambda: "choice") == "choice"
     monkeypatch.setattr(kernel, "_package", lambda: b"another source")
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "source") == "source"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "source") == "source"
     assert len(list((folder / "lanes").iterdir())) == 5
 
 
@@ -74,8 +74,8 @@ def test_the_source_of_the_package_is_hashed_whole(monkeypatch: pytest.MonkeyPat
 
 def test_a_cache_that_cannot_be_written_keeps_nothing(folder: Path) -> None:
     (folder / "lanes").write_text("no folder")
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "again") == "again"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "again") == "again"
     assert [path.name for path in folder.iterdir()] == ["lanes"]
 
 
@@ -84,5 +84,5 @@ def test_what_fails_is_not_kept(folder: Path) -> None:
         raise TypeError("no meaning over lanes")
 
     with pytest.raises(TypeError, match="no meaning"):
-        kept(kernel_of(1), "worker 8 fp64", fails)
+        cached_translation(kernel_of(1), "worker 8 fp64", fails)
     assert not (folder / "lanes").exists()

@@ -12,7 +12,7 @@ from explicit import drivers
 from explicit.device import select_device
 from explicit.materials import neo_hookean
 from explicit.simd import team
-from explicit.simd.team import DONE, ELEMENTS_EACH, MOST_SEATS, SharedRun
+from explicit.simd.team import ELEMENTS_EACH, FINISHED, MOST_SEATS, SharedRun
 
 END = 6e-4
 MANY = ELEMENTS_EACH * MOST_SEATS
@@ -38,7 +38,7 @@ class Launches:
             if self.error:
                 raise self.error
         else:  # as the time loop does
-            while not team.words.numpy()[DONE]:
+            while not team.words.numpy()[FINISHED]:
                 time.sleep(1e-4)
 
 
