@@ -141,7 +141,7 @@ class LinearData:
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
     def select(self, rows: NDArray[np.bool_]) -> LinearData:
-        """Some of the data, `kept` of shape [k]."""
+        """Some of the data, `rows` of shape [k]."""
         return LinearData(self.names, self.jacobian[rows], self.sigma[rows], self.scale)
 
 

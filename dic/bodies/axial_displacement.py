@@ -61,7 +61,7 @@ class ObservedPoints:
     def of(
         cls, camera: Camera, track: Track, k: int, places: FloatArray, finite: BoolArray
     ) -> "ObservedPoints":
-        """The `known` points that were found in frame `k`."""
+        """The `finite` points that were found in frame `k`."""
         rows = np.flatnonzero(finite & (track.outcome[k] == PointOutcome.VALID))
         pixels = apply(track.points[rows], track.warp[k, rows])
         return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
@@ -463,7 +463,7 @@ def combine_rest(by_frames: tuple[float, float], by_end: tuple[float, float]) ->
     By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
     what was seen counts.
 
-    ``seen``, ``by_end``: place and standard deviation [m].
+    ``by_frames``, ``by_end``: place and standard deviation [m].
     """
     apart = by_frames[0] - by_end[0]
     if abs(apart) > MOST_APART * float(np.hypot(by_frames[1], by_end[1])):

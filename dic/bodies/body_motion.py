@@ -410,8 +410,8 @@ def body_motion(
 
     ``reconstructions``: points of the body, all in the same frames; one for each material picture that points
     were chosen in, if there are several. ``frame``: the test frame. ``at``: the body's point whose
-    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest``: frames in which the body
-    rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
+    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest_frames``: frames in which the
+    body rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
     variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
     [n_frames, n_points]. ``shared``: share of a point's variance that is the same in all frames, being the
     noise of its material picture: it moves the point on the body, not the body [-]. ``rig``, ``tracks``: the

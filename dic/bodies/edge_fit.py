@@ -163,7 +163,7 @@ def _side(u: FloatArray, v: FloatArray, end: float, blur: float, *, below: bool)
     within = 0 <= cell < v.size
     at_end = density[:, cell + 1 if below else cell] / blur if within else None
     return _Side(
-        seen=np.diff(ndtr(z), axis=1),
+        response=np.diff(ndtr(z), axis=1),
         by_blur=-np.diff(z * density, axis=1),
         end=None if at_end is None else (cell, at_end if below else -at_end),
     )

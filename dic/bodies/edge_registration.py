@@ -87,7 +87,7 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
 def least_zncc(values: Sequence[float]) -> float:
     """Least ZNCC at which a strip is taken for the body.
 
-    ``known``: those of frames in which its translation is known.
+    ``values``: those of frames in which its translation is known.
     """
     if not values:
         return LEAST_ZNCC
@@ -249,9 +249,10 @@ class EdgeRegistration:
         """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
         no strip that looks much less like the body than these frames.
 
-        ``known``: pairs of pictures, shape [rows, columns] each, with the body's translation in them [m],
-        shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`];
-        0 where unknown. Returns: its standard deviation, from the scatter of the frames [m], same shape.
+        ``matched_frames``: pairs of pictures, shape [rows, columns] each, with the body's translation in
+        them [m], shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape
+        [2, `EDGE_ROWS`]; 0 where unknown. Returns: its standard deviation, from the scatter of the frames
+        [m], same shape.
         """
         frames = [self._row_offsets(pictures, move) for pictures, move in matched_frames]
         self._least = least_zncc([zncc for _, zncc in frames if zncc > 0.0])
@@ -301,9 +302,9 @@ class EdgeRegistration:
     ) -> float | None:
         """Error with which the row at the region's end shows the body where its translation is known [m].
 
-        ``known``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view
-        there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show
-        it, or it is more than `LARGEST_EDGE`.
+        ``matched_frames``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is
+        in view there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames
+        show it, or it is more than `LARGEST_EDGE`.
         """
         end = self._masks[0] & ~self._masks[1]
         steps = []

@@ -141,8 +141,8 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
 def material_frame(health: tuple[IntArray, IntArray], preferred: int) -> int:
     """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
 
-    ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``wanted``: the frame
-    in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
+    ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``preferred``: the
+    frame in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
     """
     usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
     if not usable.size:

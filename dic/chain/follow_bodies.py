@@ -316,7 +316,7 @@ def displacement_of(
     """Axial displacement of the flyer, if there is one.
 
     ``inputs``, ``flyer``, ``placement``: the pictures, the flyer followed, and the specimen at rest. ``rim``,
-    ``seen``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
+    ``motion``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
     """
     if flyer is None:
         return None

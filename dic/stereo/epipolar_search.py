@@ -178,7 +178,7 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
 def gradient(facet: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
     """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
 
-    ``seen``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
+    ``facet``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
     facets' normals, shape [..., 3]; of any length, not across the ray.
     """
     q = normal / np.sum(normal * facet.d, axis=-1, keepdims=True)

@@ -55,12 +55,12 @@ def propagate(
     attempt: Callable[[IntArray, FloatArray], tuple[Match, BoolArray]],
     matched: BoolArray,
 ) -> BoolArray:
-    """Match the points that are not found yet, from neighbours; `match` and `found` are filled in place.
+    """Match the points that are not found yet, from neighbours; `match` and `matched` are filled in place.
 
     ``match``: of all points; rows of points not found yet are overwritten by their last attempt. ``points``:
     places in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points. ``attempts``:
     guesses that a point tries before it is given up. ``attempt``: matches the points of these rows from these
-    guesses, and which of them are accepted. ``found``: points that may propagate their warps, shape [n].
+    guesses, and which of them are accepted. ``matched``: points that may propagate their warps, shape [n].
     Returns: points that had a guess, shape [n].
     """
     guessed, spent = matched.copy(), np.zeros(len(points), dtype=np.int64)

@@ -363,7 +363,7 @@ class FrameMatch:
         skipped: BoolArray,
         before: IntArray,
     ) -> "FrameMatch":
-        """Match the points with a guess (`known`, shape [n]), then all that these lead to.
+        """Match the points with a guess (`predicted`, shape [n]), then all that these lead to.
 
         Points `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
         """

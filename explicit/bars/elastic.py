@@ -466,7 +466,7 @@ def pulse_on_mesh(
     Parameters
     ----------
     sections, step, n, sensor, seen
-        As of `pulse_on_bars`; `seen` lies on the outer surface. A sensor at 0 is the face itself.
+        As of `pulse_on_bars`; `observed` lies on the outer surface. A sensor at 0 is the face itself.
     size
         Largest side of an element [m].
     radius

@@ -400,9 +400,9 @@ _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
     const unsigned place = (unsigned)__cvta_generic_to_shared(&barrier);
-    if (what == BEGIN) {{
+    if (event == BEGIN) {{
         if (threadIdx.x == 0) {_INIT.replace("COUNT", "1")}
-    }} else if (what == ANNOUNCE) {{
+    }} else if (event == ANNOUNCE) {{
         __syncwarp();
         for (int k = threadIdx.x & 31; k < (BLOCKS - 1) * SENT; k += 32) {{
             const int slot = k % SENT, number = slot < SIZE ? PLANS + SIZE * (step & 1) + slot

@@ -33,7 +33,7 @@ Launch = Callable[["Lane", int], None]
 def fill(buffer: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
     """Write rows of columns one column after the other; the count of numbers written.
 
-    ``given``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
+    ``buffer``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
     """
     begin = 0
     for column in columns:
