@@ -485,7 +485,7 @@ def _check(
         raise ValueError(f"{len(overlaps)} overlaps for {len(reconstructions)} reconstructions")
     n = frames.pop()
     if not len(rest_frames) or min(rest_frames) < 0 or max(rest_frames) >= n:
-        raise ValueError(f"rest must name frames in 0..{n - 1}, got {list(rest_frames)}")
+        raise ValueError(f"rest_frames must name frames in 0..{n - 1}, got {list(rest_frames)}")
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError(f"at must be a point [m] of 3 finite components, got {at}")
     if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in prior):

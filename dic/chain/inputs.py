@@ -155,13 +155,13 @@ def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> 
     started = perf_counter()
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
 
-    def other() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
+    def second_camera() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
         return _inspect_one(1, series[1], static), dict(series[1].in_memory)
 
     if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
-        with background(other) as later:
+        with background(second_camera) as joined:
             health0, grey0 = _inspect_one(0, series[0], static)
-            (health1, grey1), read = later()
+            (health1, grey1), read = joined()
         series[1].hold(read)
     else:
         (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static) for k in (0, 1))

@@ -346,7 +346,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     choices = {"bound": stepping.bound, "volumetric": model.volumetric}
     loop = time_loop_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
-    batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
+    batch = batch_of(loop, model, samples, _no_samples(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
     batch.solids.requires_grad = True
     batch.friction.requires_grad = True
@@ -396,7 +396,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     )
 
 
-def _nothing(model: Model) -> Sampling:
+def _no_samples(model: Model) -> Sampling:
     return Sampling(np.array([model.start]), np.array([model.start]))
 
 

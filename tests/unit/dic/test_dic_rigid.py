@@ -173,14 +173,14 @@ def test_bodies_that_cannot_be_followed_are_refused():
     nothing = seen(x, NOISE, np.zeros(x.shape[:2], dtype=bool), np.random.default_rng(0))
     for given, options, message in (
         ([], {}, "no points"),
-        ([data], {"rest": [FRAMES]}, "rest must name frames"),
+        ([data], {"rest_frames": [FRAMES]}, "rest_frames must name frames"),
         ([data], {"shared": 1.0}, "shared must be"),
         ([data], {"rotation_change": 0.0}, "rotation_change"),
         ([data], {"at": [0.0, np.nan, 0.0]}, "at must be"),
         ([nothing], {}, "no frame sees"),
     ):
         with pytest.raises(ValueError, match=message):
-            body_motion(given, FRAME, **({"at": AT, "rest": range(STATIC)} | options))
+            body_motion(given, FRAME, **({"at": AT, "rest_frames": range(STATIC)} | options))
 
 
 def test_the_covariance_of_a_motion_is_that_of_the_frames_with_a_pose():
