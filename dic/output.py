@@ -316,7 +316,12 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
 
 
 def write_full_field_history(path: Path, result: FullField) -> None:
-    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say."""
+    """Write the table of `full_field_columns`; NaN is an empty cell."""
+    write_history(path, full_field_columns(result))
+
+
+def full_field_columns(result: FullField) -> dict[str, NDArray[Any]]:
+    """One row a frame: points found, mean strains, and what extensometers and cylinder say."""
     unit, mean = result.unit, result.mean_strain
     columns = {
         "frame": np.arange(result.surface.n_frames),
@@ -339,7 +344,7 @@ def write_full_field_history(path: Path, result: FullField) -> None:
             "sigma of the radius (m)": result.cylinder.sigma,
             "rms from the cylinder (m)": result.cylinder.rms,
         }
-    write_history(path, columns)
+    return columns
 
 
 COMPONENTS = ("x", "y", "Z")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from explicit.model import Model, Samples, Sampling, Stepping
     from explicit.platens import RIGID, CharacteristicBar, MovingSupport, PlatenMotion
     from explicit.response import Ending, EnergyLedger, Outcome, Response
-    from explicit.run_batch import Problem, compile_time_loops, load_time_loop, run, run_side_by_side
+    from explicit.run_batch import Problem, compile_time_loops, run, run_side_by_side
 
 _HOME = {
     "CharacteristicBar": "explicit.platens",
@@ -40,7 +40,6 @@ _HOME = {
     "ahead_of_time": "explicit.aot",
     "compile_time_loops": "explicit.run_batch",
     "cylinder": "explicit.mesh",
-    "load_time_loop": "explicit.run_batch",
     "run": "explicit.run_batch",
     "run_nearly_incompressible": "explicit.incompressible",
     "run_side_by_side": "explicit.run_batch",

@@ -22,8 +22,6 @@ from explicit.drivers import (
     HISTORIES,
     PreparedBatch,
     collect_from_gpu,
-    constants_of,
-    lane_jobs,
     launch_on_gpu,
     packs,
     run_all_in_lanes,
@@ -105,23 +103,6 @@ def run(
     else:
         histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
     return _response(model, sampling, histories, nodes)
-
-
-def load_time_loop(problem: Problem, *, device: str = "cpu") -> None:
-    """Generate and load what a CPU runs a batch with, so that `run` begins with it at once.
-
-    Of use in a thread, while simulations run. A GPU loads nothing while it works: there it does nothing.
-
-    Parameters
-    ----------
-    problem, device
-        As of `run_side_by_side`.
-    """
-    where = select_device(device)
-    if not where.is_cuda:
-        batch, _ = _prepared(problem, where, None)
-        constants_of(batch)
-        lane_jobs(batch)
 
 
 def run_side_by_side(

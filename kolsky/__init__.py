@@ -38,18 +38,13 @@ if TYPE_CHECKING:
     from kolsky.report.pages.identification import write_report
     from kolsky.report.result_folder import (
         read_identify_results,
+        tables_of,
         write_dic_results,
         write_identify_results,
-        write_waves_results,
-    )
-    from kolsky.report.study_folder import (
-        write_joint_results,
-        write_plan_results,
-        write_rate_results,
+        write_results,
         write_sweep_results,
     )
     from kolsky.results.hdf5 import read_identification, write_identification
-    from kolsky.results.tables import write_csv
     from kolsky.shot.dic import dic
     from kolsky.shot.load import check_shot, load_pictures, load_shot
     from kolsky.shot.optical_data import measured
@@ -110,22 +105,19 @@ _HOME = {
     "slow_compression": "kolsky.material.slow_compression",
     "solver_sensitivity": "kolsky.studies.global_sensitivity",
     "sweep": "kolsky.studies.sweep",
+    "tables_of": "kolsky.report.result_folder",
     "to_dataframe": "kolsky.report.notebook",
     "to_xarray": "kolsky.report.notebook",
     "trends": "kolsky.studies.trends",
     "waves": "kolsky.shot.waves",
-    "write_csv": "kolsky.results.tables",
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
-    "write_joint_results": "kolsky.report.study_folder",
-    "write_plan_results": "kolsky.report.study_folder",
-    "write_rate_results": "kolsky.report.study_folder",
     "write_report": "kolsky.report.pages.identification",
     "write_simulation": "kolsky.inverse.simulate",
-    "write_sweep_results": "kolsky.report.study_folder",
+    "write_results": "kolsky.report.result_folder",
+    "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
-    "write_waves_results": "kolsky.report.result_folder",
 }
 """Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
 

@@ -12,7 +12,7 @@ import kolsky
 if len(sys.argv) < 2:
     sys.exit("give the folders of identified shots")
 report = kolsky.rate(sys.argv[1:])
-kolsky.write_rate_results(Path("rates"), report)
+kolsky.write_results(Path("rates"), report)
 
 for group in report.groups:
     print(f"{group.name}: {len(group.counted)} shots count")

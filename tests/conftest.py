@@ -15,7 +15,7 @@ HELPERS = TESTS / "helpers"
 if str(HELPERS) not in sys.path:
     sys.path.insert(0, str(HELPERS))  # what several tests use: order.py and others
 if str(TESTS.parent) not in sys.path:
-    # `tests` and `benchmarks` are not installed. Last, so that the packages tested are the installed ones.
+    # These folders are not installed. Last, so that the packages tested are the installed ones.
     sys.path.append(str(TESTS.parent))
 
 

@@ -91,7 +91,6 @@ def measure(
     flyer: Region | None = None,
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
-    idle: Callable[[], None] = lambda: None,
     inspection: Inspection | None = None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
@@ -116,8 +115,6 @@ def measure(
         What else is known about the pictures, for the reporting table.
     progress
         Told of the frames done, stage by stage.
-    idle
-        Work of the caller's for the time in which this process waits for another one.
     inspection
         Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
 
@@ -153,7 +150,6 @@ def measure(
     ]
     with background_pool(works) as joined:
         gated = timed(gate_epipolar, inputs, body, rest_state)
-        idle()
         displacement, rim, checked = joined()
     in_time, body = clock.of("synchronisation of the cameras", checked), clock.of("gates", gated)
     before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)

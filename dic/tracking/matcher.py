@@ -182,7 +182,7 @@ ALONG = 6.0
 ACROSS = 1.0
 """κ in the direction of the largest one, there."""
 EVEN = 0.5
-"""κ in both directions of a subset that is not flattened (`benchmarks.dic_sigmas`, scenes "chosen")."""
+"""κ in both directions of a subset that is not flattened (`populations.dic_sigmas`, scenes "chosen")."""
 
 
 def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArray:

@@ -15,8 +15,8 @@ changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- grown NAME -->`` how work grows and ``<!--
 campaigns NAME -->`` how it is shared out:
-benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
-(tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
+NAME.json of benchmarks/results or populations/results, ``<!-- named inputs -->`` inputs that were once
+answered wrongly (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import importlib
@@ -113,14 +113,14 @@ def causes(package: str) -> str:
 
 def wrong(name: str) -> str:
     """The table of a study of wrong inputs; one sentence where it was not run yet."""
-    path = DOCS.parent / "benchmarks" / "results" / f"{name}.json"
-    if not path.exists():
-        return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+    made = _results(name)
+    if made is None:
+        return _not_yet(name)
     lines = [
         "| wrong input | shots | ended | called identified | error of $m$, median | corrected | evidence |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for row in json.loads(path.read_text("utf-8"))["rows"]:
+    for row in made["rows"]:
         ends = ", ".join(f"{count} {end}" for end, count in row["ends"].items())
         errors, evidence = row["errors"], [x for x in row["evidence"] if x is not None]
         error = f"{100.0 * statistics.median(errors):+.2f} %" if errors else ""
@@ -134,15 +134,18 @@ def wrong(name: str) -> str:
 
 def _results(name: str) -> dict | None:
     """A study's results; None where it was not run yet."""
-    path = DOCS.parent / "benchmarks" / "results" / f"{name}.json"
-    return json.loads(path.read_text("utf-8")) if path.exists() else None
+    for folder in ("benchmarks", "populations"):
+        path = DOCS.parent / folder / "results" / f"{name}.json"
+        if path.exists():
+            return json.loads(path.read_text("utf-8"))
+    return None
 
 
 def budget(name: str) -> str:
     """The sources of an error budget as `kolsky budget --json` prints it, the largest first."""
     made = _results(name)
     if made is None:
-        return f"There is no `benchmarks/results/{name}.json`: the budget was not made yet."
+        return _not_yet(name)
     from kolsky.studies.budget.factors import Factor
 
     one = made["budgets"][0]
@@ -192,7 +195,7 @@ def drawn(name: str) -> str:
     """The shots of a population: true and found value, uncertainty, error, verdict, time."""
     made = _results(name)
     if made is None:
-        return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+        return _not_yet(name)
     kinds = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
     counts = ", ".join(f"{made[kind]} {kind}" for kind in kinds if kind in made)
     if made.get("scatter") is not None:
@@ -228,12 +231,12 @@ def drawn(name: str) -> str:
 
 
 def _not_yet(name: str) -> str:
-    return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+    return f"There is no result `{name}.json`: the study was not run yet."
 
 
 def answers(name: str) -> str:
-    """Answers of known shots beside their truths, as `benchmarks.answers` prints them."""
-    from benchmarks.answers import table
+    """Answers of known shots beside their truths, as `populations.answers` prints them."""
+    from populations.answers import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table({one["name"]: one for one in made["answers"]})
@@ -241,7 +244,7 @@ def answers(name: str) -> str:
 
 def changes(name: str) -> str:
     """What a change of the program has done to them."""
-    from benchmarks.answers import changes
+    from populations.answers import changes
 
     made = _results(name)
     if made is None or "before" not in made:
@@ -251,40 +254,40 @@ def changes(name: str) -> str:
 
 
 def pooled(name: str) -> str:
-    """Shots of one known stiffness factor and their mean, as `benchmarks.pooled_shots` prints them."""
-    from benchmarks.pooled_shots import table
+    """Shots of one known stiffness factor and their mean, as `populations.pooled_shots` prints them."""
+    from populations.pooled_shots import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)
 
 
 def coverage(name: str) -> str:
-    """A study of coverage, as `benchmarks.coverage_table` prints it."""
-    from benchmarks.coverage_table import table
+    """A study of coverage, as `populations.coverage_counts` prints it."""
+    from populations.coverage_counts import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)
 
 
 def meshed(name: str) -> str:
-    """What the mesh does to answers, as `benchmarks.mesh_errors` prints it."""
-    from benchmarks.mesh_errors import table
+    """What the mesh does to answers, as `populations.mesh_errors` prints it."""
+    from populations.mesh_errors import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made["each"])
 
 
 def planted(name: str) -> str:
-    """Planted shots that relax, or do not, as `benchmarks.joint_coverage_counts` prints them."""
-    from benchmarks.joint_coverage_counts import table
+    """Planted shots that relax, or do not, as `populations.joint_coverage_counts` prints them."""
+    from populations.joint_coverage_counts import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)
 
 
 def advised(name: str) -> str:
-    """Single shots that relax and elastic ones, as `benchmarks.branch_advice_counts` prints them."""
-    from benchmarks.branch_advice_counts import table
+    """Single shots that relax and elastic ones, as `populations.branch_advice_counts` prints them."""
+    from populations.branch_advice_counts import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)

@@ -99,22 +99,10 @@ def compare(
     Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
     compared, or the reason is missing.
 
-    Parameters
-    ----------
-    name
-        What it is, e.g. "dispersion, incident wave".
-    key
-        Its switch.
-    before, after
-        The signal without and with it, shape [n].
-    applied
-        Whether the result has it.
-    unit
-        Unit of the signal.
-    reason
-        Why, with the values it rests on, in one sentence.
-    over
-        The samples of the pulse; all of them by default.
+    ``name``: what it is, e.g. "dispersion, incident wave". ``key``: its switch. ``before``, ``after``: the
+    signal without and with it, shape [n]. ``applied``: whether the result has it. ``unit``: unit of the
+    signal. ``reason``: why, with the values it rests on, in one sentence. ``over``: the samples of the pulse;
+    all of them by default.
     """
     key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)

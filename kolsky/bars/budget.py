@@ -142,10 +142,6 @@ class Budget:
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
         return np.asarray(student.ppf(0.5 + 0.5 * probability, nu))
 
-    def expanded(self, output: str, *, k: float = 2.0) -> FloatArray:
-        """Expanded uncertainty U = k u_c, shape [...]."""
-        return k * self.sigma(output)
-
     def history(self, output: str, unit: str) -> History:
         """An output with its combined standard uncertainty."""
         return History(self.value[self._known(output)], self.sigma(output), unit)
@@ -274,19 +270,11 @@ def propagate(
     Raises ValueError if a quantity is impossible or occurs twice, the model fails at a varied value, an
     output is not finite or changes its shape, the correlations are none, or the steps disagree.
 
-    Parameters
-    ----------
-    model
-        From values by name to outputs, which must keep their shapes.
-    quantities
-        Inputs with their standard uncertainties; those with 0 are listed and not varied.
-    noise
-        Standard deviations of outputs from the noise of signals, which the model does not vary.
-    correlations
-        Coefficients of pairs of quantities.
-    tolerance
-        Largest difference of the half step from what the contributions say, over the combined standard
-        uncertainty, in the root mean square over the samples [-].
+    ``model``: from values by name to outputs, which must keep their shapes. ``quantities``: inputs with their
+    standard uncertainties; those with 0 are listed and not varied. ``noise``: standard deviations of outputs
+    from the noise of signals, which the model does not vary. ``correlations``: coefficients of pairs of
+    quantities. ``tolerance``: largest difference of the half step from what the contributions say, over the
+    combined standard uncertainty, in the root mean square over the samples [-].
     """
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})

@@ -7,6 +7,7 @@ test.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -206,15 +207,13 @@ def map_histories(reduction: Reduction, change: Callable[[str, History], History
     def changed(kind: str) -> dict[str, History]:
         return {key: change(f"{kind}, {key}", history) for key, history in getattr(reduction, kind).items()}
 
+    shared: dict[str, Any] = {name: change(name, getattr(reduction, name)) for name in _SHARED_HISTORIES}
     return replace(
         reduction,
         strain=changed("strain"),
         rate=changed("rate"),
         stress=changed("stress"),
-        front_force=change("front_force", reduction.front_force),
-        back_force=change("back_force", reduction.back_force),
-        front_velocity=change("front_velocity", reduction.front_velocity),
-        back_velocity=change("back_velocity", reduction.back_velocity),
+        **shared,
     )
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import hashlib
+import json
 import math
 import os
 import stat
@@ -18,6 +19,7 @@ from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
 __all__ = [
+    "columns_of",
     "decode",
     "filling",
     "missing",
@@ -26,7 +28,9 @@ __all__ = [
     "remove_empty",
     "source_hash",
     "usable_folder",
+    "write_json",
     "write_table",
+    "write_tables",
 ]
 
 CURE = "give another place with --out FOLDER"
@@ -101,6 +105,25 @@ def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
         rows.writerow([text_cell(name) for name in columns])
         rows.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
     return path
+
+
+def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]) -> list[Path]:
+    """Write tables by name, see `write_table`; returns their paths."""
+    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
+
+
+def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
+    """A table of rows that name their own cells; ``headings``: those that it has without any row, too."""
+    columns: dict[str, list[Any]] = {heading: [] for heading in headings}
+    for row in rows:
+        for heading, cell in row.items():
+            columns.setdefault(heading, []).append(cell)
+    return columns
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write an object of JSON types."""
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _cell(value: Any) -> str:

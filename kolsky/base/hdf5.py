@@ -6,25 +6,29 @@ size and unit of a dataset are checked before its values. Records are joined to 
 `kolsky.base.hdf5_records`.
 """
 
+from __future__ import annotations
+
 import posixpath
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import h5py
 import numpy as np
 
 from dic.files import regular, replacing
 from kolsky.base.errors import InputError
+
+if TYPE_CHECKING:
+    import h5py  # loaded when a file is opened: the forms of records serve other files too
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
 IN_MEMORY: dict[str, Any] = {"driver": "core", "backing_store": False}
 """How a file is made before it is written as a whole: HDF5 answers a full disk with a traceback
 for every object that is still open, which nothing can catch."""
-OpenGroup: TypeAlias = h5py.Group
+OpenGroup: TypeAlias = "h5py.Group"
 """A group of an open file."""
 COMPRESSED_FROM = 4096
 """Values of a dataset from which on it is compressed."""
@@ -78,26 +82,28 @@ class Place:
         return posixpath.basename(self.path)
 
     @property
-    def parent(self) -> "Place":
+    def parent(self) -> Place:
         """The group around it."""
         return self.at("..")
 
-    def at(self, path: str) -> "Place":
+    def at(self, path: str) -> Place:
         """A place relative to this one, with the same dimensions."""
         return replace(self, path=posixpath.normpath(f"{self.path}/{path}"))
 
-    def inside(self, path: str = ".") -> "Place":
+    def inside(self, path: str = ".") -> Place:
         """A place whose new dimensions are its own; those met so far hold there too."""
         return replace(self.at(path), sizes=dict(self.sizes))
 
     def exists(self) -> bool:
         """True if anything, be it a link, has this name."""
-        return opened(self.parent, h5py.Group).get(self.name, getlink=True) is not None
+        return opened_group(self.parent).get(self.name, getlink=True) is not None
 
 
 @contextmanager
 def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
     """A new file with these attributes that takes its place at the end; an older one stays if that fails."""
+    import h5py
+
     with replacing(Path(path)) as partial:
         with h5py.File(partial, "w", **IN_MEMORY) as file:
             for key, value in attributes.items():
@@ -119,6 +125,8 @@ def writing(path: Path, form: Format, **attributes: Any) -> Iterator[Place]:
 @contextmanager
 def adding_to(path: Path) -> Iterator[OpenGroup]:
     """The group "entry" of an existing file, to write more into it."""
+    import h5py
+
     with h5py.File(path, "r+", **IN_MEMORY) as file:
         yield file["entry"]
         file.flush()
@@ -134,6 +142,8 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
     Raises InputError if the file is missing, damaged or of another format or version, or if something inside
     the block is refused. The message is one line and ends in `cure`.
     """
+    import h5py
+
     try:
         with h5py.File(regular(path), "r") as file:
             name, version = (_attribute(file, key) for key in ("format", "format_version"))
@@ -156,6 +166,8 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
 
 def stored_attribute(path: Path, form: Format, name: str) -> object:
     """One attribute of a file; None if there is no such file, format, version or attribute."""
+    import h5py
+
     try:
         with h5py.File(regular(path), "r") as file:
             found = (_attribute(file, "format"), _attribute(file, "format_version"))
@@ -200,11 +212,11 @@ def put(
 def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
-    Raises
-    ------
-    ValueError
-        If a text has a NUL character or a lone surrogate, unless `escape` writes them as escapes.
+    Raises ValueError if a text has a NUL character or a lone surrogate, unless `escape` writes them as
+    escapes.
     """
+    import h5py
+
     texts = [value] if isinstance(value, str) else list(value)
     if escape:
         texts = [text.replace("\0", "\\0").encode("utf-8", "backslashreplace").decode() for text in texts]
@@ -236,6 +248,8 @@ def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]
 
 def take(place: Place, unit: str | None, dimensions: str, kind: str) -> Any:
     """Values of a dataset, or text (kind "t"), once everything else about it is as expected."""
+    import h5py
+
     dataset, where = opened(place, h5py.Dataset), f"/{place.path}"
     if dataset.external or dataset.is_virtual:
         raise Refused(f"{where}: its values lie in another file, expected them in this one")
@@ -266,6 +280,8 @@ def _text(value: Any, where: str) -> str | tuple[str, ...]:
 
 def opened(place: Place, kind: type) -> Any:
     """The object at a place, reached over hard links only (a soft or external link could lead anywhere)."""
+    import h5py
+
     here: Any = place.file
     done = ""
     for part in place.path.split("/"):
@@ -279,3 +295,11 @@ def opened(place: Place, kind: type) -> Any:
     if not isinstance(here, kind):
         raise Refused(f"{done}: a {type(here).__name__}, expected a {kind.__name__}")
     return here
+
+
+def opened_group(place: Place) -> OpenGroup:
+    """The group at a place, as `opened`."""
+    import h5py
+
+    found: OpenGroup = opened(place, h5py.Group)
+    return found

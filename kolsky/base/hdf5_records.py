@@ -1,20 +1,19 @@
-"""A frozen dataclass as a group of an HDF5 file: one table gives unit, dimensions and place of every field.
+"""The form of a frozen dataclass: one entry a field gives its place in HDF5, JSON and tables, and its unit.
 
 A `Record` lists the fields of one dataclass. Each field has an `Item`: numbers, texts, choices or mappings,
-with their unit and dimensions.
+with their unit and dimensions, the key in JSON and the heading of the column in a table.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from typing import Any, ClassVar, Generic, TypeVar
 
-import h5py
 import numpy as np
 
 from kolsky.base import hdf5
-from kolsky.base.hdf5 import Place, Refused, opened, shape_problem, take
+from kolsky.base.hdf5 import Place, Refused, opened_group, shape_problem, take
 
 RECORD_UNIT = "unit of the record"
 """Stands for the unit that the record's own field `unit` names."""
@@ -52,6 +51,41 @@ class Item:
     """Version of the format that has it first; read from an older file the field has its default."""
     optional: bool = False
     """None is stored as nothing."""
+    derived: bool = False
+    """A property: written for other readers, and not read back."""
+    key: str | None = ""
+    """Key in JSON; "" for the field's name, None if JSON leaves it out."""
+    heading: str | tuple[str, str] = ""
+    """Heading of its column in a table, without the unit; two for a pair of numbers, "" for no column."""
+    parameter: str = ""
+    """Field that names the parameter in whose unit the numbers are, or one a number along the last dimension;
+    "names.1" is the second of its names. "" if the unit is that of no parameter."""
+
+    def json(self, value: Any) -> Any:
+        """The value in JSON, see `kolsky.base.files.jsonable`."""
+        return value
+
+    def columns(self, values: list[Any]) -> dict[str, Any]:
+        """The column of a table, by its heading: two of pairs, none without a heading."""
+        if isinstance(self.heading, tuple):
+            return {name: [pair[end] for pair in values] for end, name in enumerate(self.heading)}
+        return {self.heading: self._cells(values)} if self.heading else {}
+
+    def _cells(self, values: Any) -> Any:
+        return values
+
+    def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
+        """The value with numbers in a parameter's unit multiplied by that parameter's factor."""
+        if not self.parameter:
+            return value
+        field_name, _, number = self.parameter.partition(".")
+        names = getattr(record, field_name)
+        if number:
+            names = names[int(number)]
+        by = factor(names) if isinstance(names, str) else np.array([factor(name) for name in names])
+        if isinstance(value, Mapping):
+            return {name: one * by for name, one in value.items()}
+        return tuple(one * by for one in value) if isinstance(value, tuple) else value * by
 
     def write(self, place: Place, value: Any) -> None:
         """Write a value."""
@@ -90,6 +124,14 @@ class Values(Item):
             return value.item()
         return tuple(value.tolist()) if self.as_tuple else value
 
+    def columns(self, values: list[Any]) -> dict[str, Any]:
+        unit = "" if self.unit == RECORD_UNIT else f" ({self._column_unit})"
+        return {f"{heading}{unit}": cells for heading, cells in super().columns(values).items()}
+
+    @property
+    def _column_unit(self) -> str:
+        return self.unit
+
     def _unit(self, place: Place) -> str:
         return place.unit if self.unit == RECORD_UNIT else self.unit
 
@@ -108,9 +150,16 @@ class Integers(Values):
 
 @dataclass(frozen=True)
 class Flags(Values):
-    """Bool."""
+    """Bool; 0 or 1 in a table."""
 
     kind = "b"
+
+    @property
+    def _column_unit(self) -> str:
+        return "0/1"
+
+    def _cells(self, values: Any) -> Any:
+        return np.asarray(values).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -153,6 +202,9 @@ class Choice(Item):
         value = self._text.read(place)
         return by_text[value] if isinstance(value, str) else tuple(by_text[text] for text in value)
 
+    def _cells(self, values: Any) -> Any:
+        return [self._said(value) for value in values]
+
     @property
     def _text(self) -> Text:
         return Text(self.dims, among=tuple(map(self._said, self.enum)))
@@ -193,7 +245,7 @@ class IntegerAttribute(Item):
         place.file[place.parent.path].attrs[place.name] = value
 
     def read(self, place: Place) -> Any:
-        found = opened(place.parent, h5py.Group).attrs.get(place.name)
+        found = opened_group(place.parent).attrs.get(place.name)
         if found is None and self.optional:
             return None
         array = np.asarray(found)
@@ -212,7 +264,7 @@ class Pairs(Item):
     """The values, likewise."""
     group: Group | None = None
     """Group that holds the two; None for the record's own, then `at` is "."."""
-    key: Callable[[Any], Any] | None = None
+    as_key: Callable[[Any], Any] | None = None
     """Makes a key of what was stored; None if that is the key."""
 
     def write(self, place: Place, value: Any) -> None:
@@ -224,12 +276,27 @@ class Pairs(Item):
         place = place.inside() if self.group else place
         keys = self.keys.read(place.at(self.keys.at))
         values = self.values.read(place.at(self.values.at)).tolist()
-        return dict(zip(map(self.key, keys) if self.key else keys, values, strict=True))
+        return dict(zip(map(self.as_key, keys) if self.as_key else keys, values, strict=True))
+
+
+@dataclass(frozen=True)
+class _ByParameter(Pairs):
+    """Numbers by the parameter in whose unit each is."""
+
+    def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
+        return {name: one * factor(name) for name, one in value.items()}
 
 
 def numbers(unit: str, **where: Any) -> Pairs:
     """Named numbers of one unit: a group with the datasets "names" and "values"."""
     return Pairs(Text("entries", at="names"), Floats(unit, "entries", at="values"), COLLECTION, **where)
+
+
+def by_parameter(**where: Any) -> Pairs:
+    """Numbers by parameter, each in the parameter's unit; otherwise as `numbers`."""
+    return _ByParameter(
+        Text("entries", at="names"), Floats("SI", "entries", at="values"), COLLECTION, **where
+    )
 
 
 def begin(group: Group | None, place: Place) -> Place:
@@ -261,30 +328,26 @@ class Record(Generic[T]):
     """One entry a field, in the order of writing and reading."""
     groups: Mapping[str, Group] = field(default_factory=dict, kw_only=True)
     """Further groups that the `at` of fields lead to: path -> group."""
-    derived: Mapping[str, Item] = field(default_factory=dict, kw_only=True)
-    """Properties that are written for other readers and not read back."""
     links: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     """Second names of datasets: new path -> path."""
 
     def __post_init__(self) -> None:
         known = {f.name for f in fields(self.make)}  # type: ignore[arg-type]
-        if known != set(self.fields):
-            differ = sorted(known ^ set(self.fields))
+        listed = {name for name, item in self.fields.items() if not item.derived}
+        if known != listed:
+            differ = sorted(known ^ listed)
             raise TypeError(f"fields of {self.make.__name__} and of its table differ: {', '.join(differ)}")
 
     def write(self, place: Place, value: T) -> None:
         """Write a record as the group `place`.
 
-        Raises
-        ------
-        ValueError
-            If shapes disagree with each other, or a text cannot be stored.
+        Raises ValueError if shapes disagree with each other, or a text cannot be stored.
         """
         place = begin(self.group, place)
         for path, made in self.groups.items():
             made.make(place.at(path))
         place = replace(place, unit=getattr(value, "unit", place.unit))
-        for name, item in (*self.fields.items(), *self.derived.items()):
+        for name, item in self.fields.items():
             found = getattr(value, name)
             if not (found is None and item.optional):
                 item.write(place.at(item.at or name), found)
@@ -294,17 +357,14 @@ class Record(Generic[T]):
     def read(self, place: Place) -> T:
         """Read a record back.
 
-        Raises
-        ------
-        kolsky.base.hdf5.Refused
-            If something is missing, not as it was written, or refused by the dataclass itself.
+        Raises `Refused` if something is missing, not as it was written, or refused by the dataclass itself.
         """
         if self.group is not None:
-            opened(place, h5py.Group)
+            opened_group(place)
             place = place.inside()
         values: dict[str, Any] = {}
         for name, item in self.fields.items():
-            if place.version < item.since:
+            if item.derived or place.version < item.since:
                 continue
             here = place.at(item.at or name)
             if item.optional and not isinstance(item, IntegerAttribute) and not here.exists():
@@ -317,6 +377,52 @@ class Record(Generic[T]):
             return self.make(**values)
         except ValueError as error:
             raise Refused(f"/{place.path}: {error}") from None
+
+    def json(self, value: T) -> dict[str, Any]:
+        """The record as an object of JSON: its fields and properties by their keys."""
+        return {
+            item.key or name: item.json(getattr(value, name))
+            for name, item in self.fields.items()
+            if item.key is not None
+        }
+
+    def columns(self, values: Iterable[T]) -> dict[str, Any]:
+        """A table with a row a record: heading, with the unit, -> cells."""
+        rows = list(values)
+        made: dict[str, Any] = {}
+        for name, item in self.fields.items():
+            made |= item.columns([getattr(row, name) for row in rows])
+        return made
+
+    def table(self, value: T, dim: str) -> dict[str, Any]:
+        """A table of the fields along one dimension, those of parts in the record's own group too."""
+        made: dict[str, Any] = {}
+        for name, item in self.fields.items():
+            found = getattr(value, name)
+            if isinstance(item, Part) and item.record.group is None:
+                made |= item.record.table(found, dim)
+            elif isinstance(item, Values | Text) and item.dims == dim:
+                made |= item.columns(found)
+        return made
+
+    def scaled(self, value: T, factor: Callable[[str], float]) -> T:
+        """The record with every number that is in a parameter's unit multiplied by the parameter's factor."""
+        made = {
+            name: item.scaled(found, value, factor)
+            for name, item in self.fields.items()
+            if not item.derived and (found := getattr(value, name)) is not None
+        }
+        return replace(value, **made)  # type: ignore[type-var]
+
+
+@dataclass(frozen=True)
+class JsonOnly(Item):
+    """A property that JSON and tables have and HDF5 has not."""
+
+    derived: bool = field(default=True, kw_only=True)
+
+    def write(self, place: Place, value: Any) -> None:
+        pass
 
 
 @dataclass(frozen=True)
@@ -332,6 +438,12 @@ class Part(Item):
     def read(self, place: Place) -> Any:
         return self.record.read(place)
 
+    def json(self, value: Any) -> Any:
+        return None if value is None else self.record.json(value)
+
+    def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
+        return self.record.scaled(value, factor)
+
 
 @dataclass(frozen=True)
 class Parts(Item):
@@ -339,6 +451,10 @@ class Parts(Item):
 
     record: Record[Any]
     """Their form."""
+    by: str = field(default="", kw_only=True)
+    """Field that is the key of each in JSON; "" for a list."""
+    only: str = field(default="", kw_only=True)
+    """Field that is all that JSON has of each; "" for the whole record."""
 
     def write(self, place: Place, value: Any) -> None:
         COLLECTION.make(place)
@@ -346,11 +462,18 @@ class Parts(Item):
             self.record.write(place.at(str(number)), one)
 
     def read(self, place: Place) -> Any:
-        found = set(opened(place, h5py.Group).keys())
+        found = set(opened_group(place).keys())
         expected = [str(number) for number in range(len(found))]
         if found != set(expected):
             raise Refused(f"/{place.path}: groups {sorted(found)[:5]}, expected them numbered from 0")
         return tuple(self.record.read(place.at(name)) for name in expected)
+
+    def json(self, value: Any) -> Any:
+        said = [self.record.json(one)[self.only] if self.only else self.record.json(one) for one in value]
+        return dict(zip((getattr(one, self.by) for one in value), said, strict=True)) if self.by else said
+
+    def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
+        return tuple(self.record.scaled(one, factor) for one in value)
 
 
 @dataclass(frozen=True)
@@ -376,6 +499,12 @@ class Named(Item):
             if not name.isidentifier():
                 raise Refused(f"/{place.path}/names: {name!r} is no parameter name")
         return {name: self.record.read(place.at(name)) for name in names}
+
+    def json(self, value: Any) -> Any:
+        return {name: self.record.json(one) for name, one in value.items()}
+
+    def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
+        return {name: self.record.scaled(one, factor) for name, one in value.items()}
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
 """Bends, inversions and runs of the loop as CSV and JSON."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import columns_of, jsonable, write_table
 from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion, path_angle, relative_bend
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
@@ -14,61 +14,67 @@ from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 
 def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
     """Write bend.csv and line.csv (the base's middle line at the declared pressures)."""
-    bend: dict[str, list[Any]] = {}
-    line: dict[str, list[Any]] = {}
-    for one in directions:
-        run = one.pristine
-        healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
-        slopes = run.slopes()
-        for k in range(len(run.angle)):
-            row: dict[str, Any] = {"gravity": one.name}
-            for j in range(run.pressures.shape[1]):
-                row[f"pressure {j + 1} (Pa)"] = float(run.pressures[k, j])
-            row |= {
-                "angle (rad)": float(run.angle[k]),
-                "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
-                "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
-            }
-            if one.touching is not None:
-                row["contact force (N)"] = float(one.touching.force[k])
-                row["contact depth (m)"] = float(one.touching.depth[k])
-            for j in range(slopes.shape[1]):
-                row[f"slope {j + 1} (rad/Pa)"] = float(slopes[k, j])
-            _append(bend, row)
-        mesh = run.solution.model.mesh
-        if "line" not in mesh.sets:
-            continue
-        nodes = mesh.nodes("line")
-        for k in one.asked:
-            for node, where in zip(
-                nodes, mesh.points[nodes] + run.solution.displacements[k, nodes], strict=True
-            ):
-                row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max())}
-                row["node"] = int(node)
-                row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
-                _append(line, row)
-    write_table(folder / "bend.csv", bend)
+    write_table(folder / "bend.csv", columns_of(row for one in directions for row in _bend_rows(one)))
     for one in directions:
         if one.path is not None:
             columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
             write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
+    line = columns_of(row for one in directions for row in _line_rows(one))
     if line:
         write_table(folder / "line.csv", line)
 
 
-def _append(columns: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
-    for name, value in row.items():
-        columns.setdefault(name, []).append(value)
+def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
+    """A row a step of the pressure."""
+    run = one.pristine
+    healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
+    slopes = run.slopes()
+    for k, angle in enumerate(run.angle):
+        contact = {}
+        if one.touching is not None:
+            contact["contact force (N)"] = float(one.touching.force[k])
+            contact["contact depth (m)"] = float(one.touching.depth[k])
+        yield {
+            "gravity": one.name,
+            **{f"pressure {j} (Pa)": float(p) for j, p in enumerate(run.pressures[k], start=1)},
+            "angle (rad)": float(angle),
+            "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
+            "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
+            **contact,
+            **{f"slope {j} (rad/Pa)": float(x) for j, x in enumerate(slopes[k], start=1)},
+        }
+
+
+def _line_rows(one: Direction) -> Iterator[dict[str, Any]]:
+    """A row a node of the middle line at each declared pressure; none where the mesh has no such line."""
+    run, mesh = one.pristine, one.pristine.solution.model.mesh
+    if "line" not in mesh.sets:
+        return
+    nodes = mesh.nodes("line")
+    for k in one.asked:
+        places = mesh.points[nodes] + run.solution.displacements[k, nodes]
+        for node, place in zip(nodes, places, strict=True):
+            yield {
+                "gravity": one.name,
+                "pressure (Pa)": float(run.pressures[k].max()),
+                "node": int(node),
+                **{f"{axis} (m)": float(x) for axis, x in zip("xyz", place, strict=True)},
+            }
 
 
 def write_motion(path: Path, motions: Sequence[BendInTime]) -> None:
     """Write the bend over time of every direction of gravity."""
-    columns: dict[str, list[Any]] = {}
-    for one in motions:
-        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
-            row = {"gravity": one.name, "time (s)": float(time), "pressure (Pa)": float(pressure)}
-            _append(columns, {**row, "angle (rad)": float(angle)})
-    write_table(path, columns)
+    rows = (
+        {
+            "gravity": one.name,
+            "time (s)": float(time),
+            "pressure (Pa)": float(pressure),
+            "angle (rad)": float(angle),
+        }
+        for one in motions
+        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True)
+    )
+    write_table(path, columns_of(rows))
 
 
 def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -165,14 +171,20 @@ def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit |
 
 def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
     """Write measured and simulated places of every marker."""
-    columns: dict[str, list[Any]] = {}
-    for one in compared:
-        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
-            row = {"gravity": one.gravity, "pressure (Pa)": one.pressure, "marker": number}
-            row |= {"x measured (m)": float(seen[0]), "z measured (m)": float(seen[1])}
-            row |= {"x simulated (m)": float(made[0]), "z simulated (m)": float(made[1])}
-            _append(columns, row)
-    write_table(path, columns)
+    rows = (
+        {
+            "gravity": one.gravity,
+            "pressure (Pa)": one.pressure,
+            "marker": number,
+            "x measured (m)": float(seen[0]),
+            "z measured (m)": float(seen[1]),
+            "x simulated (m)": float(made[0]),
+            "z simulated (m)": float(made[1]),
+        }
+        for one in compared
+        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1)
+    )
+    write_table(path, columns_of(rows))
 
 
 def write_loop(path: Path, run: Closed) -> None:

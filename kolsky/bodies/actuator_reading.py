@@ -19,19 +19,13 @@ from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.readers.meshes import read_gmsh_volume, read_vtu
 from kolsky.schema import fields as f
-from kolsky.schema.fields import ColumnSection, LengthColumn, Section, TextLayoutSection
+from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 Count = Annotated[int, Field(ge=1, le=200)]
 Vector = Annotated[list[Acceleration], Field(min_length=3, max_length=3)]
-
-
-class PressureColumn(ColumnSection):
-    """A column of pressures."""
-
-    unit: f.StressUnit
 
 
 class GeometrySection(Section):
@@ -165,7 +159,7 @@ class MarkersSection(Section):
     x: LengthColumn
     z: LengthColumn
     gravity: f.Name = "gravity"
-    pressure: PressureColumn
+    pressure: StressColumn
     marker: f.Name = "marker"
     sigma: f.LengthDeviation
 

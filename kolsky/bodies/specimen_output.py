@@ -1,15 +1,15 @@
 """Fits, simulations and plans of whole specimens as JSON, CSV and HDF5."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import columns_of, jsonable, write_table, write_tables
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
-from kolsky.bodies.specimen_constants import law_curve, shot_lines
+from kolsky.bodies.specimen_constants import LawCurve, law_curve, shot_lines
 from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import AXES
 from kolsky.bodies.specimen_studies import Expected, StudyRow, cross_table
@@ -75,55 +75,58 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 
 
 def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
-    """Write forces.csv, constants.csv, the law's curves and specimen.h5 into a folder."""
-    rows: dict[str, list[Any]] = {name: [] for name in _FORCE_COLUMNS}
-    constants: dict[str, list[Any]] = {name: [] for name in _CONSTANT_COLUMNS}
+    """Write the tables, with the lines of a shot.toml that name the laws' curves, and specimen.h5."""
+    write_tables(folder, tables(*fits))
+    said = "# Use one of the two, with its file beside shot.toml. The tests were in tension.\n\n"
     for found in fits:
-        for one in found.tests:
-            for end in range(one.test.model.shape.ends):
-                samples = one.test.samples
-                n = len(samples.force)
-                columns = (
-                    [found.name] * n,
-                    [one.test.name] * n,
-                    [AXES[end]] * n,
-                    samples.displacement[:, end].tolist(),
-                    samples.force[:, end].tolist(),
-                    one.force[:, end].tolist(),
-                    one.band[:, end].tolist(),
-                )
-                for name, values in zip(_FORCE_COLUMNS, columns, strict=True):
-                    rows[name] += values
-        units = {spec.name: spec.unit for spec in found.constants.specs}
-        for estimate in found.intervals.estimates:
-            values = (
-                found.name,
-                estimate.name,
-                units[estimate.name],
-                estimate.value,
-                estimate.sigma if estimate.sigma is not None else "",
-                estimate.low if estimate.low is not None else "",
-                estimate.high if estimate.high is not None else "",
-                estimate.verdict.value,
-            )
-            for name, value in zip(_CONSTANT_COLUMNS, values, strict=True):
-                constants[name].append(value)
-        _write_law(folder / "curves", found)
-    write_table(folder / "forces.csv", rows)
-    write_table(folder / "constants.csv", constants)
+        lines = [shot_lines(curve, f"{name}.csv") for name, curve in _law_curves(found).items()]
+        (folder / "curves" / f"{found.name}_shot.toml").write_text(said + "\n".join(lines), encoding="utf-8")
     _write_hdf5(folder / "specimen.h5", fits)
 
 
-_FORCE_COLUMNS = (
-    "fit",
-    "test",
-    "end",
-    "displacement (m)",
-    "force measured (N)",
-    "force simulated (N)",
-    "95 % of it from the constants, half width (N)",
-)
-_CONSTANT_COLUMNS = ("fit", "constant", "unit", "value", "sigma", "low", "high", "verdict")
+def tables(*fits: SpecimenFit) -> dict[str, dict[str, Any]]:
+    """Constants, forces and the curves of the fitted laws as named columns, SI."""
+    curves: dict[str, dict[str, Any]] = {}
+    for found in fits:
+        for name, curve in _law_curves(found).items():
+            modes = {f"mode {k + 1} (Pa)": mode for k, mode in enumerate(curve.modes)}
+            curves[f"curves/{name}"] = {"strain": curve.strain, "stress (Pa)": curve.stress, **modes}
+    return {
+        "constants": columns_of(row for found in fits for row in _constant_rows(found)),
+        "forces": columns_of(row for found in fits for row in _force_rows(found)),
+        **curves,
+    }
+
+
+def _force_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
+    for one in found.tests:
+        samples = one.test.samples
+        for end in range(one.test.model.shape.ends):
+            for k in range(len(samples.force)):
+                yield {
+                    "fit": found.name,
+                    "test": one.test.name,
+                    "end": AXES[end],
+                    "displacement (m)": float(samples.displacement[k, end]),
+                    "force measured (N)": float(samples.force[k, end]),
+                    "force simulated (N)": float(one.force[k, end]),
+                    "95 % of it from the constants, half width (N)": float(one.band[k, end]),
+                }
+
+
+def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
+    units = {spec.name: spec.unit for spec in found.constants.specs}
+    for one in found.intervals.estimates:
+        yield {
+            "fit": found.name,
+            "constant": one.name,
+            "unit": units[one.name],
+            "value": one.value,
+            "sigma": one.sigma if one.sigma is not None else "",
+            "low": one.low if one.low is not None else "",
+            "high": one.high if one.high is not None else "",
+            "verdict": one.verdict.value,
+        }
 
 
 def largest_strain(found: SpecimenFit) -> float:
@@ -136,23 +139,12 @@ def largest_strain(found: SpecimenFit) -> float:
     )
 
 
-def _write_law(folder: Path, found: SpecimenFit) -> None:
-    """Write the fitted law as curves, with the lines of a shot.toml that name them."""
-    lines = []
-    for branch, end in (("tension", largest_strain(found)), ("compression", _LARGEST_COMPRESSION)):
-        curve = law_curve(
-            found.constants,
-            found.intervals.covariance,
-            branch="tension" if branch == "tension" else "compression",
-            largest_strain=end,
-        )
-        name = f"{found.name}_{branch}.csv"
-        columns = {"strain": curve.strain, "stress (Pa)": curve.stress}
-        columns |= {f"mode {k + 1} (Pa)": mode for k, mode in enumerate(curve.modes)}
-        write_table(folder / name, columns)
-        lines.append(shot_lines(curve, name))
-    said = "# Use one of the two, with its file beside shot.toml. The tests were in tension.\n\n"
-    (folder / f"{found.name}_shot.toml").write_text(said + "\n".join(lines), encoding="utf-8")
+def _law_curves(found: SpecimenFit) -> dict[str, LawCurve]:
+    """The fitted law as curves of both branches, by the names of their tables."""
+    constants, covariance = found.constants, found.intervals.covariance
+    tension = law_curve(constants, covariance, branch="tension", largest_strain=largest_strain(found))
+    compression = law_curve(constants, covariance, branch="compression", largest_strain=_LARGEST_COMPRESSION)
+    return {f"{found.name}_tension": tension, f"{found.name}_compression": compression}
 
 
 def _write_hdf5(path: Path, fits: Sequence[SpecimenFit]) -> None:

@@ -12,10 +12,7 @@ Displacement = Annotated[float, BeforeValidator(f.physical("m"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 
 
-class ForceColumn(ColumnSection):
-    """A column of forces."""
-
-    unit: Annotated[float, BeforeValidator(f.factor("N"))]
+ForceColumn = ColumnSection[Annotated[float, BeforeValidator(f.factor("N"))]]
 
 
 class MaterialSection(Section):
@@ -100,7 +97,7 @@ class TestSection(Section):
         """Independent moving ends: 2 of a cross, else 1."""
         return 2 if self.shape == "cross" else 1
 
-    def columns(self, key: str) -> list[ColumnSection]:
+    def columns(self, key: str) -> list[ColumnSection[float]]:
         """Columns of the displacement or the force, one for each end."""
         found = getattr(self, key)
         return found if isinstance(found, list) else [found]

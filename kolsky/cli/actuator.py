@@ -199,11 +199,10 @@ def _write_result(
     more: Callable[[Path], None] | None = None,
 ) -> None:
     """Write actuator.html, actuator.json, figures and what `more` writes, and print the result."""
-    from kolsky.base.files import filling
+    from kolsky.base.files import filling, write_json
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json
 
     with filling(folder) as partial:
         if more is not None:

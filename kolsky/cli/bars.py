@@ -29,7 +29,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
     from kolsky.bars.reduction.output import summary
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.report.result_folder import write_waves_results
+    from kolsky.report.result_folder import write_results
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import waves as reduced
 
@@ -37,7 +37,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
     with progress_bars() as progress:
         result = reduced(shot, results=usable_folder(place), progress=progress)
     folder = usable_folder(place)
-    write_waves_results(folder, result, formats=formats)
+    write_results(folder, result, formats=formats)
     print_result(
         _wave_rows(result),
         summary(result) if as_json else None,
@@ -96,15 +96,15 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: A
     SHOT/results.
     """
     formats = texts.figure_formats(figures)
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.schema.shot_file import folder_of
-    from kolsky.shot.waves import wave_speed_of, wave_speed_summary, write_residual
+    from kolsky.shot.waves import residual_columns, wave_speed_of, wave_speed_summary
 
     name, found, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
-        write_residual(partial / "wavespeed.csv", found)
+        write_table(partial / "wavespeed.csv", residual_columns(found))
         if formats:
             from kolsky.report.canvas import save_figures
 

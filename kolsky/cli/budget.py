@@ -77,7 +77,7 @@ def budget(
     from kolsky.base.files import jsonable, usable_folder
     from kolsky.cli.terminal import print_result, since, sweep_progress
     from kolsky.inverse.problem import Settings
-    from kolsky.report.study_folder import write_budget_results
+    from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget.budget import budget as budget_of
     from kolsky.studies.budget.factors import factors_of, usual_sizes
     from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma

@@ -84,7 +84,7 @@ def channels(
 
 def _channel_unit(channel: "ChannelInfo") -> str | None:
     """The unit that the file states, or that its heading has in brackets."""
-    from kolsky.readers.measured_tables import heading_unit
+    from kolsky.readers.header import heading_unit
 
     return channel.unit or heading_unit(channel.name)
 

@@ -126,8 +126,8 @@ def identify_shots(
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots as together
-    from kolsky.report.study_folder import write_joint_results
-    from kolsky.results.joint import STEM, to_json
+    from kolsky.report.result_folder import write_results
+    from kolsky.results.joint import to_json
     from kolsky.shot.curve import with_pull
     from kolsky.shot.load import load_shot
 
@@ -139,16 +139,16 @@ def identify_shots(
         for path in paths
     ]
     slow = () if options.slow_tests is None else read_slow_tests(options.slow_tests)
-    folder = usable_folder(out or Path(STEM))
+    folder = usable_folder(out or Path("joint"))
     folder.mkdir(parents=True, exist_ok=True)
     with progress_bars() as progress:
         try:
-            found = together(shots, settings, slow=slow, ledger=folder / f"{STEM}.sqlite", progress=progress)
+            found = together(shots, settings, slow=slow, ledger=folder / "joint.sqlite", progress=progress)
         except (ValueError, LedgerError) as error:
             raise InputError(
                 shots[0].folder, str(error), cure="give shots of one material with one set of free parameters"
             ) from error
-    write_joint_results(folder, found, formats=formats)
+    write_results(folder, found, formats=formats)
     print_result(
         _result_rows(found),
         to_json(found) if as_json else None,

@@ -189,17 +189,17 @@ def reference_curve(
     formats = texts.figure_formats(figures)
     if out.suffix != ".csv":
         raise InputError(texts.COMMAND_LINE, "is no table", key="--out", value=str(out), allowed="FILE.csv")
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
     from kolsky.material.end_friction.problem import CorrectionNumerics
     from kolsky.material.reference_curve import (
         BRANCHES,
         CONVENTIONS,
+        curve_columns,
         curve_table,
         read_uniaxial_test,
         summary,
-        write_curve,
         write_modulus,
     )
 
@@ -276,7 +276,7 @@ def reference_curve(
     names = {"first": out.stem, "conditioned": f"{out.stem}_conditioned"}
     with filling(folder) as partial:
         for pull, made in found.items():
-            write_curve(partial / f"{names[pull]}.csv", made)
+            write_table(partial / f"{names[pull]}.csv", curve_columns(made))
             write_modulus(partial / f"{names[pull]}_modulus.csv", made)
             if formats:
                 from kolsky.report.canvas import save_figures

@@ -118,7 +118,7 @@ def plan(
 
     loaded, folder = load(shot, out)
     numerics = SolverOptions(precision=precision, device=device, threads=threads).numerics(elements)
-    from kolsky.report.study_folder import write_plan_results
+    from kolsky.report.result_folder import write_results
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.information import instruments_of
@@ -136,7 +136,7 @@ def plan(
             numerics=numerics,
             progress=progress,
         )
-    write_plan_results(folder, found, formats=formats)
+    write_results(folder, found, formats=formats)
     print_result(
         output.rows(found),
         output.to_json(found) if as_json else None,

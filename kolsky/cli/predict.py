@@ -73,7 +73,7 @@ def predict(
     from kolsky.prediction.output import to_json
     from kolsky.prediction.predict import doubts, read_test
     from kolsky.prediction.predict import predict as run
-    from kolsky.report.study_folder import write_prediction_results
+    from kolsky.report.result_folder import write_prediction_results
 
     try:
         varied = [design.Varied.of(text) for text in vary or []]

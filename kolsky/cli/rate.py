@@ -48,7 +48,7 @@ def rate(
     formats = texts.figure_formats(figures)
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.report.study_folder import write_rate_results
+    from kolsky.report.result_folder import write_results
     from kolsky.studies.rates.output import summary
     from kolsky.studies.rates.rate import rate as compared
 
@@ -68,7 +68,7 @@ def rate(
             raise InputError(
                 texts.COMMAND_LINE, str(error), cure="correct the option; `kolsky rate --help` shows each"
             ) from error
-    write_rate_results(folder, report, formats=formats)
+    write_results(folder, report, formats=formats)
     several = len(report.groups) > 1
     print_result(
         {name: text for group in report.groups for name, text in _rows(group, several=several).items()},

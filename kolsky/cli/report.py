@@ -46,12 +46,12 @@ def _joint(folder: Path, out: Path | None, formats: Sequence[str], started: floa
     from kolsky.base.files import usable_folder
     from kolsky.cli.identify_shots import answer_lines
     from kolsky.cli.terminal import print_result, since
-    from kolsky.report.study_folder import write_joint_results
+    from kolsky.report.result_folder import write_results
     from kolsky.results.joint import read_joint_hdf5
 
     found = read_joint_hdf5(folder / "joint.h5")
     place = usable_folder(out or folder)
-    write_joint_results(place, found, formats=formats)
+    write_results(place, found, formats=formats)
     rows = {"shots": ", ".join(part.name for part in found.shots), "report": str(place / "joint.html")}
     print_result(
         rows,

@@ -119,7 +119,7 @@ def sweep(
     numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(elements)
     place = records.place(folder)
     from kolsky.base.files import jsonable
-    from kolsky.report.study_folder import write_sweep_results
+    from kolsky.report.result_folder import write_sweep_results
     from kolsky.results.tables import failed_runs
     from kolsky.studies import sweep as sweeping
     from kolsky.studies.sweep_analysis import analyse_sweep, surface_optimum

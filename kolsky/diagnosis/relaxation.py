@@ -116,8 +116,8 @@ unit box, and the next step at which a search is at rest, in standard deviations
 HALF = 0.5
 """Share of what an elastic model leaves from which on a branch explains more than it leaves [-].
 
-In seven shots of a planted branch (draws 0 to 6 of seed 41907 of `benchmarks.branch_advice`) it was 0.89 to
-0.99; in five elastic ones that were searched all the same (0 to 4 of seed 50923 of `benchmarks.coverage`)
+In seven shots of a planted branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to
+0.99; in five elastic ones that were searched all the same (0 to 4 of seed 50923 of `populations.coverage`)
 -0.23 to -0.005."""
 
 

@@ -29,7 +29,8 @@ from kolsky.material.uniaxial import (
     remarks_of,
     resample,
 )
-from kolsky.readers.measured_tables import read_columns
+from kolsky.readers.contents import Layout
+from kolsky.readers.measured_tables import WantedColumn, read_columns
 
 Pull = Literal["first", "conditioned"]
 
@@ -281,9 +282,11 @@ def read_uniaxial_test(
     path = Path(path)
     values, digest = read_columns(
         path,
-        {what: (column, COLUMNS[what]) for what, column in columns.items()},
-        units=dict(units or {}),
-        header_line=header_line,
+        {
+            what: WantedColumn(column, COLUMNS[what], (units or {}).get(column))
+            for what, column in columns.items()
+        },
+        Layout(header_line=header_line),
     )
     compression = branch == "compression"
     sign = 1.0 if compression == (convention == "compression-positive") else -1.0
@@ -304,22 +307,19 @@ def read_uniaxial_test(
     return test, digest
 
 
-def write_curve(path: Path, made: ReferenceCurve) -> None:
-    """Write a table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
+def curve_columns(made: ReferenceCurve) -> dict[str, list[float]]:
+    """A table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
     band = made.band
     modes = {
         f"{MODE} {number}: {name} (Pa)": row.tolist()
         for number, (name, row) in enumerate(zip(band.names, band.modes, strict=True), start=1)
     }
-    write_table(
-        path,
-        {
-            "nominal strain (1)": band.strain.tolist(),
-            "nominal stress (Pa)": band.stress.tolist(),
-            "independent sigma (Pa)": band.noise.tolist(),
-            **modes,
-        },
-    )
+    return {
+        "nominal strain (1)": band.strain.tolist(),
+        "nominal stress (Pa)": band.stress.tolist(),
+        "independent sigma (Pa)": band.noise.tolist(),
+        **modes,
+    }
 
 
 def write_modulus(path: Path, made: ReferenceCurve) -> None:

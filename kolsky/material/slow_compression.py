@@ -77,22 +77,11 @@ def slow_tests(
     Raises ValueError if the strains are not ascending inside (0, 1), or a simulation does not complete; the
     message says how, when and where it ended.
 
-    Parameters
-    ----------
-    laws
-        A material for each test, all of one class, shape [n_tests].
-    specimen
-        Its undeformed size; the density has no part in it.
-    strain
-        Nominal compressive strains to record, ascending, > 0 [-], shape [n].
-    faces
-        Contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`.
-    side
-        Contact law of the side surface; that of the faces if left out.
-    friction
-        Coulomb's coefficient where the law is "coulomb" [-], scalar or shape [n_tests].
-    numerics
-        Mesh and duration.
+    ``laws``: a material for each test, all of one class, shape [n_tests]. ``specimen``: its undeformed size;
+    the density has no part in it. ``strain``: nominal compressive strains to record, ascending, > 0 [-],
+    shape [n]. ``faces``: contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`. ``side``:
+    contact law of the side surface; that of the faces if left out. ``friction``: coulomb's coefficient where
+    the law is "coulomb" [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
     """
     numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():

@@ -234,19 +234,11 @@ def correlate(
     progress: Progress,
     *,
     cameras: Callable[[Progress], Calibrated] | None = None,
-    idle: Callable[[], None] = lambda: None,
 ) -> StereoResult:
     """The stereo result of a shot.
 
-    Parameters
-    ----------
-    pictures, device, progress, cameras, idle
-        As of `kolsky.shot.optical_data.surfaces`.
-
-    Raises
-    ------
-    InputError
-        As `kolsky.shot.optical_data.surfaces`.
+    ``pictures``, ``device``, ``progress``, ``cameras``: as of `kolsky.shot.optical_data.surfaces`.
+    Raises InputError as `kolsky.shot.optical_data.surfaces`.
     """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
@@ -295,7 +287,6 @@ def correlate(
                 **({"refinement": refinement} if refinement else {}),
             },
             progress=progress,
-            idle=idle,
             inspection=inspection,
         )
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}

@@ -109,7 +109,7 @@ OUTLINE = Record(
             Integers("1", "outcomes", at="left_out_outcome"),
             Integers("1", "outcomes", at="left_out_count"),
             at=".",
-            key=PointOutcome,
+            as_key=PointOutcome,
         ),
     },
 )
@@ -222,11 +222,8 @@ def stored_key(path: Path) -> str | None:
 def read_stereo_result(path: Path) -> StereoResult:
     """Read a stereo result back.
 
-    Raises
-    ------
-    InputError
-        If it is no such file, or something in it is missing, a link, too large, of a wrong type, shape or
-        unit, or contradicts itself. The message is one line.
+    Raises InputError if it is no such file, or something in it is missing, a link, too large, of a wrong
+    type, shape or unit, or contradicts itself. The message is one line.
     """
     with reading(path, STEREO_FORMAT, cure="run `kolsky dic` again") as place:
         return STEREO_RESULT.read(place)

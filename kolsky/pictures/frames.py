@@ -12,7 +12,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
-from kolsky.readers.measured_tables import FlyerTable, FrameTimes, OutlineTable, read_flyer, read_frame_times
+from kolsky.readers.measured_tables import FrameTable, read_frame_table
 from kolsky.readers.table import Column
 from kolsky.schema.measured import FlyerSection
 from kolsky.schema.shot_file import ShotToml
@@ -84,16 +84,17 @@ MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
 
 
-def read_frames(toml: ShotToml) -> FrameTimes:
+def read_frames(toml: ShotToml) -> FrameTable:
     """[frames]: frame numbers and their times on the clock of the file.
 
     Raises InputError if the file cannot be read, or there are no frames but static ones.
     """
     section = toml.declared.frames
-    frames = read_frame_times(
+    frames = read_frame_table(
         toml.path.parent / section.file,
         frame=Column(section.frame),
         time=section.time.as_column(),
+        clock=True,
         layout=None if section.layout is None else section.layout.as_layout(),
     )
     _some_motion_frames(frames, toml)
@@ -101,18 +102,18 @@ def read_frames(toml: ShotToml) -> FrameTimes:
 
 
 def flyer_motion(
-    folder: Path, frames: FrameTimes, section: FlyerSection, toml: ShotToml
+    folder: Path, frames: FrameTable, section: FlyerSection, toml: ShotToml
 ) -> tuple[FlyerMotion, str]:
     """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
 
     Raises InputError if the file cannot be read, its frames and times are not those of [frames], or the flyer
     rests.
     """
-    table = read_flyer(
+    table = read_frame_table(
         folder / section.file,
         frame=Column(section.frame),
-        displacement=section.displacement.as_column(),
         time=None if section.time is None else section.time.as_column(),
+        columns={"displacement": section.displacement.as_column()},
         layout=None if section.layout is None else section.layout.as_layout(),
     )
     frames_agree(table, frames)
@@ -121,8 +122,8 @@ def flyer_motion(
     index = np.searchsorted(frames.frame, table.frame)
     flyer = FlyerMotion(
         time=frames.time[index] + toml.declared.frames.clock_offset,
-        displacement=sign * table.displacement,
-        sigma=np.full(table.displacement.size, section.sigma),
+        displacement=sign * table.columns["displacement"],
+        sigma=np.full(table.frame.size, section.sigma),
     )
     stray, off = stray_frames(flyer.time, flyer.displacement, flyer.sigma)
     flyer = replace(
@@ -134,7 +135,7 @@ def flyer_motion(
     return flyer, table.sha256
 
 
-def _stray_note(table: FlyerTable, row: int, off: float) -> str:
+def _stray_note(table: FrameTable, row: int, off: float) -> str:
     return (
         f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
         f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or"
@@ -142,7 +143,7 @@ def _stray_note(table: FlyerTable, row: int, off: float) -> str:
     )
 
 
-def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
+def frames_agree(table: FrameTable, frames: FrameTable) -> None:
     """Every frame number is one of the frames', and the file's own times are the frames' times.
 
     Times agree if they differ by no more than half of the last printed digit of each file.
@@ -157,7 +158,7 @@ def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
             line=table.line(row),
             cure="both files must come from the same test; are two columns swapped?",
         )
-    if table.time is None:
+    if not table.time.size:
         return
     expected = frames.time[index]
     tolerance = 0.5 * (table.digit + frames.digit)
@@ -175,7 +176,7 @@ def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
         )
 
 
-def _some_motion_frames(frames: FrameTimes, toml: ShotToml) -> None:
+def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:
     """There are more frames than static ones."""
     if toml.declared.frames.static >= frames.frame.size:
         raise toml.error(
@@ -186,7 +187,7 @@ def _some_motion_frames(frames: FrameTimes, toml: ShotToml) -> None:
         )
 
 
-def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
+def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
     """Every frame up to the end of the window has a flyer displacement."""
     missing = np.setdiff1d(frames.frame, table.frame)
     end = toml.declared.window.end
@@ -214,7 +215,7 @@ def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
 
 
 def flyer_moves(
-    table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
+    table: FrameTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
 ) -> None:
     """At rest in the static frames, then toward the specimen, by less than its length; stray frames apart."""
     n_static = toml.declared.frames.static

@@ -116,19 +116,9 @@ def measure_file(
 ) -> FullField:
     """Correlate the pictures of a measurement.
 
-    Parameters
-    ----------
-    measurement
-        As `read_measurement` gives it.
-    device
-        Where pictures are correlated, "cpu" or a CUDA device.
-    progress
-        Told of the frames done, stage by stage.
-
-    Raises
-    ------
-    InputError
-        If region, mask, calibration or settings do not fit the pictures, or nothing can be measured.
+    ``measurement``: as `read_measurement` gives it. ``device``: where pictures are correlated, "cpu" or a
+    CUDA device. ``progress``: told of the frames done, stage by stage. Raises InputError if region, mask,
+    calibration or settings do not fit the pictures, or nothing can be measured.
     """
     result = _measure(measurement, device=device, progress=progress)
     return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))

@@ -17,7 +17,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import regular
 from kolsky.pictures.frames import read_frames
-from kolsky.readers.measured_tables import FrameTimes
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.pictures import PicturesSection, SeriesSection
 from kolsky.schema.shot_file import ShotToml
 
@@ -87,7 +87,7 @@ class PictureSet:
 
     toml: ShotToml
     """The shot file."""
-    frames: FrameTimes
+    frames: FrameTable
     """Frame numbers and times; row k is picture k."""
     series: tuple[Pictures, Pictures]
     """The series of both cameras, with the bits and offsets that were declared."""
@@ -119,16 +119,13 @@ class PictureSet:
         }
 
 
-def open_pictures(toml: ShotToml, frames: FrameTimes) -> PictureSet:
+def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
     """Open both series of a shot: headers, and the last picture of a series that is too short.
 
     A file that was cut off keeps its frames; the missing ones end as UNREADABLE when they are correlated.
 
-    Raises
-    ------
-    InputError
-        If a series is missing or holds no pictures, the number of pictures is not that of the frames, a crop
-        is not the one its file states, or the cameras' pictures differ in size.
+    Raises InputError if a series is missing or holds no pictures, the number of pictures is not that of the
+    frames, a crop is not the one its file states, or the cameras' pictures differ in size.
     """
     from dic.images import PictureError
     from dic.images import open_pictures as open_series
@@ -218,7 +215,7 @@ def digest(files: list[Path]) -> str:
     return hashlib.sha256(listed.encode("utf-8", errors="surrogateescape")).hexdigest()
 
 
-def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
+def _miscounted(pictures: Pictures, frames: FrameTable) -> str | None:
     """Complaint about the number of pictures; a file that was cut off may have too few."""
     count = frames.frame.size
     if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
@@ -248,7 +245,7 @@ def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
 
 
 def _declared(
-    pictures: Pictures, section: PicturesSection, series: SeriesSection, frames: FrameTimes
+    pictures: Pictures, section: PicturesSection, series: SeriesSection, frames: FrameTable
 ) -> Pictures:
     from dic.images import declared
 

@@ -37,11 +37,8 @@ class Calibrated:
 def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
     """The rig for a shot's pictures.
 
-    Raises
-    ------
-    InputError
-        If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
-        lies outside the sensor that the calibration is for.
+    Raises InputError if the file holds no two cameras, the target is not found or cannot determine the
+    cameras, or a crop lies outside the sensor that the calibration is for.
     """
     with calibrate_in_background(pictures) as cameras:
         return cameras(progress)
@@ -98,10 +95,7 @@ def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
 def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
     """The rig that a table [calibration] declares, for pictures of the whole sensors.
 
-    Raises
-    ------
-    InputError
-        If the file holds no two cameras, or as `calibration_of`.
+    Raises InputError if the file holds no two cameras, or as `calibration_of`.
     """
     if section.file is not None:
         return Calibrated(*_from_file(toml, section))

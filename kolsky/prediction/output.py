@@ -1,12 +1,11 @@
 """A prediction as CSV tables and JSON."""
 
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import jsonable
 from kolsky.prediction.design import Aim, Scan
 from kolsky.prediction.predict import Numbers, Prediction, doubts
 
@@ -64,20 +63,6 @@ def events_table(found: Prediction) -> dict[str, Any]:
     }
 
 
-def _outline_table(found: Prediction) -> dict[str, Any]:
-    """The specimen's outline at every recorded time; empty columns without finite elements."""
-    response = found.response
-    if response is None:
-        return {}
-    n, k = response.surface_r.shape[1:]
-    return {
-        "time (s)": np.repeat(response.surface_times, k),
-        "node": np.tile(np.arange(k), n),
-        "r (m)": response.surface_r[0].ravel(),
-        "y (m)": response.surface_y[0].ravel(),
-    }
-
-
 def scan_table(found: Scan) -> dict[str, Any]:
     """One row a point of a scan."""
     columns: dict[str, Any] = {
@@ -104,11 +89,16 @@ def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = 
     return made
 
 
-def write_tables(folder: Path, found: Prediction, scanned: Scan | None = None) -> None:
-    """Write signals.csv, events.csv, with finite elements outline.csv, of a scan scan.csv."""
-    write_table(folder / "signals.csv", signals(found))
-    write_table(folder / "events.csv", events_table(found))
-    if found.response is not None:
-        write_table(folder / "outline.csv", _outline_table(found))
-    if scanned is not None:
-        write_table(folder / "scan.csv", scan_table(scanned))
+def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
+    """Signals, events, with finite elements the outline at every recorded time, of a scan its points."""
+    made = {"signals": signals(found), "events": events_table(found)}
+    response = found.response
+    if response is not None:
+        n, k = response.surface_r.shape[1:]
+        made["outline"] = {
+            "time (s)": np.repeat(response.surface_times, k),
+            "node": np.tile(np.arange(k), n),
+            "r (m)": response.surface_r[0].ravel(),
+            "y (m)": response.surface_y[0].ravel(),
+        }
+    return made if scanned is None else {**made, "scan": scan_table(scanned)}

@@ -19,6 +19,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.prediction.schema import ShaperTable
 from kolsky.readers.table import Column, read_table
+from kolsky.virtual.motion import disc, loading
 
 LEAST_POINTS = 8
 """Fewest points of a law's loading."""
@@ -26,22 +27,6 @@ LAW_POINTS = 400
 """Most points of a law from a pulse, evenly in compression."""
 LOADED = (0.01, 0.03)
 """Shares of the largest force of a pulse between which a line is laid: where it has none, loading begins."""
-
-
-def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
-    """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam) to a stretch of 0.2.
-
-    ``diameter``, ``height``: before the test [m]. ``shear_modulus``: at the rate of the test [Pa].
-    """
-    stretch = np.linspace(1.0, 0.2, 161)
-    force = shear_modulus * np.pi * (0.5 * diameter) ** 2 * (stretch**-2 - stretch)
-    return loading(height * (1.0 - stretch), force)
-
-
-def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
-    """A law from its loading curve; it unloads along its steepest slope unless another is given [N/m]."""
-    steepest = float((np.diff(force) / np.diff(compression)).max())
-    return PulseShaper(compression, force, steepest if unloading is None else unloading)
 
 
 def closing(

@@ -1,20 +1,13 @@
 """Delimited text of any oscilloscope or recorder: metadata, names, units, samples."""
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from kolsky.base.errors import InputError
-from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Contents, Layout, head_of
-from kolsky.readers.header import heading_keys, key_lines, names_by_key, uncommented
-from kolsky.readers.sheet import Sheet, first_samples, names_and_units, signal_table
-from kolsky.readers.text import decode_text, find_dialect, lines_of
+from kolsky.readers.header import heading_keys, key_lines, names_by_key
+from kolsky.readers.sheet import find_table, signal_table
+from kolsky.readers.text import read_text
 
-BINARY = False
-
-LONGEST_HEADER = 5000
-"""Most lines above the samples."""
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
 """Endings of text; many programs write it with tabs and call it .xls."""
 
@@ -30,15 +23,10 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a text file with any metadata above its samples.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, has no samples, or a stated layout does not fit.
+    Raises InputError if it cannot be read, has no samples, or a stated layout does not fit.
     """
-    data = read_bytes(path)
-    text, encoding = decode_text(path, data, layout.encoding)
-    facts = {"format": "delimited", "encoding": encoding}
-    return read_lines(path, hashlib.sha256(data).hexdigest(), lines_of(path, text), layout, facts)
+    sha256, lines, encoding = read_text(path, layout)
+    return read_lines(path, sha256, lines, layout, {"format": "delimited", "encoding": encoding})
 
 
 def read_lines(
@@ -56,27 +44,17 @@ def read_lines(
     their cells. ``layout``: what has been said of it. ``facts``: what has been found so far. ``word``: what a
     line is called in messages: "line" or "row". Raises InputError as `read`.
     """
-    dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal)
-    if dialect.delimiter == " ":
-        lines = [line.strip() for line in lines]
-    first = first_samples(path, lines, dialect, layout)
-    if first > LONGEST_HEADER:
-        raise InputError(
-            path,
-            f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read",
-            line=first + 1,
-            cure="is it the right file? if so, export the samples alone",
-        )
-    above = [uncommented(line, layout.comment) for line in lines[:first]]
-    names, units, found, headings = names_and_units(path, above, first, dialect, layout)
+    found = find_table(path, lines, layout, word=word)
+    dialect, above, headings = found.dialect, found.above, found.headings
     metadata = key_lines(dialect, [line for i, line in enumerate(above) if i not in headings])
     metadata |= heading_keys(dialect, [above[i] for i in sorted(headings)])
-    names, units = names_by_key(metadata, dialect.numeric, names, units)
-    sheet = Sheet(path, dialect, lines[first:], first + 1, names, units, metadata, word)
+    names, units = names_by_key(metadata, dialect.numeric, found.names, found.units)
+    sheet = found.sheet(path, names, units, metadata=metadata, word=word)
+    first = {"first samples": str(found.first + 1), "counted in": f"{word}s"}
     return Contents(
         path=path,
         sha256=sha256,
         channels=signal_table(sheet, layout).channels(),
-        facts={**facts, **dialect.facts, **found, "first samples": str(first + 1), "counted in": f"{word}s"},
+        facts={**facts, **dialect.facts, **found.facts, **first},
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )

@@ -6,7 +6,7 @@ The column names of each program are in `LAYOUTS`.
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 
@@ -14,11 +14,9 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
-from kolsky.readers.header import uncommented
-from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.text import LONGEST_FIELD, decode_text, find_dialect, lines_of
+from kolsky.readers.sheet import Sheet, find_table
+from kolsky.readers.text import LONGEST_FIELD, read_text
 
 
 @dataclass(frozen=True)
@@ -158,22 +156,11 @@ def read(
     of the reference frame or of the current one is told from the numbers: the former stay, the latter move
     with the displacements.
 
-    Parameters
-    ----------
-    paths
-        The files; their names have the frame numbers.
-    layout
-        A key of `LAYOUTS`.
-    unit
-        Unit of length of coordinates and displacements.
-    delimiter, decimal
-        As in `kolsky.readers.contents.Layout`; found if None.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or lacks a column, names have no frame numbers, a point is there twice, rows
-        cannot be told apart, or coordinates are of neither kind.
+    ``paths``: the files; their names have the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``: unit
+    of length of coordinates and displacements. ``delimiter``, ``decimal``: as in
+    `kolsky.readers.contents.Layout`; found if None. Raises InputError if a file cannot be read or lacks a
+    column, names have no frame numbers, a point is there twice, rows cannot be told apart, or coordinates are
+    of neither kind.
     """
     if layout not in LAYOUTS or unit not in UNITS:
         raise InputError(
@@ -224,25 +211,13 @@ class _File:
     state: IntArray
 
 
-def _one(path: Path, layout: str, said: Layout) -> _File:
+def _one(path: Path, layout: str, declared: Layout) -> _File:
     """The points of one frame."""
-    data = read_bytes(path)
-    text, _ = decode_text(path, data)
-    lines = lines_of(path, text)
-    dialect = find_dialect(path, lines, delimiter=said.delimiter, decimal=said.decimal)
+    sha256, lines, _ = read_text(path, declared)
     # Columns that are NaN or empty in most rows still are columns of numbers.
-    lines = [line.strip() if dialect.delimiter == " " else line for line in lines]
-    first = first_samples(path, lines, replace(dialect, empty=()), said)
-    above = [uncommented(line, None) for line in lines[:first]]
-    names, *_ = names_and_units(path, above, first, dialect, said)
-    sheet = Sheet(
-        path,
-        dialect,
-        lines[first:],
-        first + 1,
-        tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in names),
-        (),
-    )
+    table = find_table(path, lines, declared, sparse=True)
+    names = tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in table.names)
+    sheet = table.sheet(path, names, ())
     chosen = next((form for form in LAYOUTS[layout] if _has(sheet, form)), None)
     if chosen is None:
         forms = " or ".join(
@@ -251,7 +226,7 @@ def _one(path: Path, layout: str, said: Layout) -> _File:
         raise InputError(
             path,
             f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}",
-            line=first or None,
+            line=table.first or None,
             cure=f"export {forms}",
         )
 
@@ -272,9 +247,7 @@ def _one(path: Path, layout: str, said: Layout) -> _File:
             raise sheet.error(
                 f"has the point {chosen.key} = {twice} twice", keys.index(twice), "export each point once"
             )
-    return _File(
-        path, hashlib.sha256(data).hexdigest(), chosen.program, keys, coordinates, displacements, state
-    )
+    return _File(path, sha256, chosen.program, keys, coordinates, displacements, state)
 
 
 def _has(sheet: Sheet, form: ExportLayout) -> bool:

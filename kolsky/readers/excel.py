@@ -15,8 +15,6 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of
 from kolsky.readers.delimited import read_lines
 
-BINARY = True
-
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""
 UNPACKED_LIMIT = 500_000_000
@@ -37,11 +35,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises
-    ------
-    InputError
-        If it is no workbook, is too large unpacked, declares XML entities, has several sheets with data and
-        none is named, or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is no workbook, is too large unpacked, declares XML entities, has several sheets
+    with data and none is named, or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
     """
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)

@@ -5,8 +5,6 @@ from pathlib import Path
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
 from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_contents, sheet_lines
 
-BINARY = True
-
 _HEAD = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
@@ -18,11 +16,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises
-    ------
-    InputError
-        If it is no workbook, is damaged, or has several sheets with data and none is named; and as
-        `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is no workbook, is damaged, or has several sheets with data and none is named; and
+    as `kolsky.readers.delimited.read_lines`.
     """
     sha256, title, rows = _chosen(path, layout.sheet)
     return sheet_contents(path, sha256, "excel 97", title, rows, layout)

@@ -25,7 +25,7 @@ from kolsky.readers.contents import (
     head_of,
     stated_clock,
 )
-from kolsky.readers.header import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key, si_unit, time_factor
+from kolsky.readers.header import HeaderClock, clock_of_numbers, si_unit, time_factor
 
 
 @dataclass(frozen=True)
@@ -95,27 +95,19 @@ def array_channels(
         raise InputError(path, "holds no array of numbers but times", cure="save the signals as plain arrays")
 
     def clock_of(signal: NamedArray) -> Clock:
-        keys = {bare_key(_last(key)): (key, value) for key, value in {**scalars, **signal.keys}.items()}
-        interval, source = layout.interval, "stated"
-        if interval is None:
-            found = next((keys[k] for k in INTERVAL_KEYS if k in keys), None)
-            rate = next((keys[k] for k in RATE_KEYS if k in keys), None)
-            interval, source = _interval(path, found, rate)
-        begin = next((keys[k] for k in START_KEYS if k in keys), None)
-        start = layout.start if layout.start is not None else None if begin is None else begin[1]
-        if begin is not None and layout.start is None:
-            source += f", {begin[0]}"
+        header = clock_of_numbers(path, {**scalars, **signal.keys}, layout)
+        interval, start = header.interval, header.start
         name = stated.get(signal.name) if isinstance(stated, Mapping) else None
         near = [str(name)] if name is not None else [t for t in times if by_name[t].samples == signal.samples]
         if interval is not None and (start is not None or not near):
-            return stated_clock(interval, start, source)
+            return stated_clock(interval, start, header.source)
         if not near:
             raise InputError(
                 path,
                 f"has no times for '{signal.name}' ({signal.samples} samples) and no interval",
                 cure='say in the layout time = "NAME", or interval = "100 ns"',
             )
-        return _array_clock(path, by_name[near[0]], layout, interval, source)
+        return clock_of_array(path, by_name[near[0]], layout, header)
 
     for signal in signals:
         check_samples(path, signal.name, signal.samples)
@@ -132,7 +124,11 @@ def array_channels(
     )
 
 
-def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float | None, source: str) -> Clock:
+def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
+    """The clock of an array of times, with what is stated beside it.
+
+    Raises InputError if it holds no such times, or they contradict the stated interval.
+    """
     unit = layout.time_unit or array.unit or "s"
     factor = time_factor(path, unit, f"the array '{array.name}'")
     values = array.values()
@@ -143,23 +139,11 @@ def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float 
     def fault(message: str, sample: int | None, cure: str) -> InputError:
         return InputError(path, message, cure=cure)
 
-    clock = array_clock(values, name=array.name, fault=fault, interval=interval, source=source)
+    clock = array_clock(values, name=array.name, fault=fault, interval=header.interval, source=header.source)
     words = clock.source if layout.time_unit or array.unit else f"{clock.source}, taken as seconds"
     start = clock.start if layout.start is None else layout.start
     measured = None if clock.measured is None else clock.measured + (start - clock.start)
     return Clock(start, clock.interval, words, measured)
-
-
-def _interval(
-    path: Path, found: tuple[str, float] | None, rate: tuple[str, float] | None
-) -> tuple[float | None, str]:
-    """Interval [s] and the key it comes from."""
-    key, value = found or rate or ("", 1.0)
-    if not key:
-        return None, ""
-    if not 0.0 < value < float("inf"):
-        raise InputError(path, f"says {key} = {value:g}", allowed="> 0", cure="state the interval")
-    return (value if found else 1.0 / value), key
 
 
 def columns_of(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, int | None]]:
@@ -195,8 +179,6 @@ def _last(name: str) -> str:
     return name.rsplit("/", 1)[-1].lower()
 
 
-BINARY = True
-
 _MOST = 2000
 """Most objects in a file that are looked at."""
 
@@ -209,10 +191,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read what a file holds; a channel's name is its path, "/scope/CH1".
 
-    Raises
-    ------
-    InputError
-        If it is no HDF5 file or damaged, has too many objects, or a dataset lies in another file.
+    Raises InputError if it is no HDF5 file or damaged, has too many objects, or a dataset lies in another
+    file.
     """
     sha256 = file_hash(path)
     arrays, scalars, metadata = inside(path)

@@ -7,6 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.base.units import DIMENSIONS, dimension_of
+from kolsky.readers.contents import Layout
 from kolsky.readers.text import LONGEST_PAIR, Dialect, full_match
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
@@ -63,6 +65,32 @@ def split_unit(heading: str) -> tuple[str, str | None]:
         if of_time or _TAIL_UNITS.fullmatch(unit) is not None:
             return name, unit
     return heading.strip(), None
+
+
+_BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
+_NAMED_UNIT = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+)|\s+in\s+(\S+)|_([A-Za-zµ%]+))\s*")
+"""A unit in brackets, behind a stroke, "in", or a last underscore."""
+
+
+def heading_unit(heading: str) -> str | None:
+    """The unit of any kind that a heading has in brackets, "mm" of "Travel (mm)"; None if none is known."""
+    match = full_match(_BRACKETED, heading)
+    text = match.group(2) if match else ""
+    return ("1" if text == "-" else text) if dimension_of(text, DIMENSIONS) else None
+
+
+def likely_unit(heading: str) -> str:
+    """The unit that a heading seems to name, of a quantity in a shot's tables; empty if none: for drafts."""
+    match = full_match(_NAMED_UNIT, heading)
+    text = next((group for group in match.groups() if group), "") if match else ""
+    text = "1" if text == "-" else text
+    return text if dimension_of(text) else ""
+
+
+def name_without_unit(heading: str) -> str:
+    """A heading without what stands in brackets at its end."""
+    match = full_match(_BRACKETED, heading)
+    return match.group(1) if match else heading
 
 
 def time_factor(path: Path, unit: str | None, what: str) -> float:
@@ -174,6 +202,32 @@ def header_clock(
                 sources.append(key)
                 break
     return HeaderClock(interval, digit, start, "header: " + ", ".join(sources) if sources else "")
+
+
+def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
+    """The clock that numbers state by their names, as "dt" and "t0" or "wf_increment" do, in seconds.
+
+    ``numbers``: by name, or by path with the name last. ``layout``: what is declared counts before them.
+    Raises InputError if an interval is not positive.
+    """
+    by_key = {bare_key(name.rsplit("/", 1)[-1].lower()): (name, value) for name, value in numbers.items()}
+
+    def first(keys: Sequence[str]) -> tuple[str, float] | None:
+        return next((by_key[key] for key in keys if key in by_key), None)
+
+    interval, source = layout.interval, "stated"
+    if interval is None:
+        step, rate = first(INTERVAL_KEYS), first(RATE_KEYS)
+        name, value = step or rate or ("", 1.0)
+        if not 0.0 < value < float("inf"):
+            raise InputError(path, f"says {name} = {value:g}", allowed="> 0", cure="state the interval")
+        if name:
+            interval = value if step else 1.0 / value
+        source = name
+    begin = first(START_KEYS)
+    if layout.start is not None or begin is None:
+        return HeaderClock(interval, 0.0, layout.start, source)
+    return HeaderClock(interval, 0.0, begin[1], f"{source}, {begin[0]}")
 
 
 def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:

@@ -5,17 +5,13 @@ lines to "***End_of_Header***", for each segment a second such header with one v
 column names, samples. The header names separator and decimal sign; X_Columns is No, One or Multi.
 """
 
-import hashlib
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.header import add_key
 from kolsky.readers.sheet import Sheet, SignalTable
-from kolsky.readers.text import Dialect, decode_text, lines_of
-
-BINARY = False
+from kolsky.readers.text import Dialect, read_text
 
 _END = "***End_of_Header***"
 
@@ -33,14 +29,10 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the one segment of a file.
 
-    Raises
-    ------
-    InputError
-        If a header has no end, there are no samples or several segments, or X_Columns is none of the three.
+    Raises InputError if a header has no end, there are no samples or several segments, or X_Columns is none
+    of the three.
     """
-    data = read_bytes(path)
-    text, encoding = decode_text(path, data, layout.encoding)
-    lines = lines_of(path, text)
+    sha256, lines, encoding = read_text(path, layout)
     ends = [i for i, line in enumerate(lines) if line.strip().startswith(_END)]
     if len(ends) < 2:
         raise InputError(
@@ -91,7 +83,7 @@ def read(path: Path, layout: Layout) -> Contents:
     }
     return Contents(
         path=path,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=sha256,
         channels=SignalTable(sheet, layout, times).channels(),
         facts=facts,
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},

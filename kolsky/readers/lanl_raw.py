@@ -12,8 +12,6 @@ from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 
 def sniff(path: Path) -> bool:
     """True if a file ends in .raw and its first line has at least three fields between tabs."""
@@ -23,10 +21,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all signals, and the metadata as they are written.
 
-    Raises
-    ------
-    InputError
-        If a line has fewer fields than the first, or a start or interval is no number.
+    Raises InputError if a line has fewer fields than the first, or a start or interval is no number.
     """
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count("\t") + 1

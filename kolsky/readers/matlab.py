@@ -17,8 +17,6 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
 from kolsky.readers.hdf5 import NamedArray, array_channels, array_lines, column_of, columns_of, inside
 
-BINARY = True
-
 LIMIT = 400_000_000
 """Largest file before 7.3 [bytes]."""
 _HDF5_OFFSET = 512
@@ -33,10 +31,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the numeric arrays of a file.
 
-    Raises
-    ------
-    InputError
-        If it is no .mat file or damaged, or holds nothing but objects, cells or structures.
+    Raises InputError if it is no .mat file or damaged, or holds nothing but objects, cells or structures.
     """
     sha256 = file_hash(path)
     arrays, scalars, others, version = _arrays(path)

@@ -1,6 +1,6 @@
 """Channels of a recorder's file by name: format, checks, SI units, an exactly uniform clock.
 
-A new format is one module with `BINARY`, `sniff` and `read`, and one line in `FORMATS`. Every channel is
+A new format is one module with `sniff` and `read`, and one line in `FORMATS`. Every channel is
 checked: its samples must be finite, must change, and must not be clipped.
 """
 
@@ -40,9 +40,6 @@ from kolsky.readers.table import Column, Table, read_table
 
 class RecorderFormat(Protocol):
     """The functions of a module that reads one format."""
-
-    BINARY: bool
-    """Whether its files are no text: they have no lines to name and no digits that were printed."""
 
     def sniff(self, path: Path) -> bool:
         """True if a file looks like this format, by its ending and first bytes."""

@@ -18,8 +18,6 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, file_hash, head_of
 
-BINARY = True
-
 SUFFIXES = (".wfm", ".isf", ".trc", ".hdr", ".wvf", ".bin")
 SCOPE_LIMIT = 400_000_000
 """Largest file that is read [bytes]."""
@@ -33,11 +31,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises
-    ------
-    InputError
-        If RigolWFM is missing, the make is not known, the file is damaged or cut off, or declares XML
-        entities.
+    Raises InputError if RigolWFM is missing, the make is not known, the file is damaged or cut off, or
+    declares XML entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     companion = _companion(path)

@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +30,9 @@ from kolsky.readers.header import (
     stated_samples,
     time_factor,
     time_unit,
+    uncommented,
 )
-from kolsky.readers.text import Dialect, full_match
+from kolsky.readers.text import Dialect, find_dialect, full_match
 
 
 @dataclass(frozen=True)
@@ -269,6 +271,60 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
             line=number + 1,
             cure="correct the line, or say header_line in the layout",
         )
+
+
+LONGEST_HEADER = 5000
+"""Most lines above the samples."""
+
+
+@dataclass(frozen=True)
+class FoundTable:
+    """Lines of unknown make, recognised as a table."""
+
+    dialect: Dialect
+    """How they are divided."""
+    lines: list[str]
+    """All of them; without outer blanks where blanks separate."""
+    first: int
+    """Index of the first line of samples."""
+    above: list[str]
+    """The lines above it, without signs of comments."""
+    names: tuple[str, ...]
+    """Column names."""
+    units: tuple[str | None, ...]
+    """Units as written, or None."""
+    facts: dict[str, str]
+    """Lines of names and units, counted from 1, in words."""
+    headings: set[int]
+    """Indices of the lines that names and units stand on."""
+
+    def sheet(self, path: Path, names: tuple[str, ...], units: tuple[str | None, ...], **more: Any) -> Sheet:
+        """Its samples under these names and units; ``more``: further fields of the sheet."""
+        return Sheet(path, self.dialect, self.lines[self.first :], self.first + 1, names, units, **more)
+
+
+def find_table(
+    path: Path, lines: list[str], layout: Layout, *, sparse: bool = False, word: str = "line"
+) -> FoundTable:
+    """Recognise a table in the lines of a text: delimiter, decimal sign, samples, names and units.
+
+    ``layout``: what is declared; the rest is found. ``sparse``: whether a column may be empty in most rows
+    and still hold numbers. ``word``: what a line is called in messages. Raises InputError if no column is
+    numeric, nothing has the form of samples, or a declaration does not fit.
+    """
+    dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal)
+    if dialect.delimiter == " ":
+        lines = [line.strip() for line in lines]
+    first = first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
+    if first > LONGEST_HEADER:
+        raise InputError(
+            path,
+            f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read",
+            line=first + 1,
+            cure="is it the right file? if so, export the samples alone",
+        )
+    above = [uncommented(line, layout.comment) for line in lines[:first]]
+    return FoundTable(dialect, lines, first, above, *names_and_units(path, above, first, dialect, layout))
 
 
 _TIME_NAME = re.compile(

@@ -10,18 +10,18 @@ import hashlib
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
+from kolsky.base.files import decode, read_bytes
 from kolsky.base.units import dimension_of
 from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
 from kolsky.readers.contents import Layout, file_hash
 from kolsky.readers.header import uncommented
-from kolsky.readers.sheet import Sheet, first_samples, names_and_units
+from kolsky.readers.sheet import Sheet, find_table
 from kolsky.readers.text import (
     Dialect,
     check_one_column,
@@ -29,7 +29,6 @@ from kolsky.readers.text import (
     declared_delimiter,
     decode_text,
     delimiter_of,
-    find_dialect,
     lines_of,
 )
 
@@ -40,7 +39,7 @@ TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The layout of a table; `PLAIN` if it is that, or nothing better can be told."""
+    """The layout of a table; `PLAIN` if it is that, or nothing better is found."""
     try:
         text, encoding = decode_text(path, data)
         return _layout_of(path, lines_of(path, text), encoding)
@@ -50,12 +49,8 @@ def detect_layout(path: Path, data: bytes) -> Layout:
 
 def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
     """The layout of lines; raises InputError if none is found."""
-    dialect = find_dialect(path, lines)
-    bare = Layout()
-    if dialect.delimiter == " ":
-        lines = [line.strip() for line in lines]
-    first = first_samples(path, lines, dialect, bare)
-    _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
+    table = find_table(path, lines, Layout())
+    dialect, facts = table.dialect, table.facts
     if not facts["header"].isdecimal():
         return PLAIN
     header = int(facts["header"])
@@ -71,7 +66,7 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
         decimal=dialect.decimal,
         header_line=header,
         units_line=units,
-        first_line=first + 1,
+        first_line=table.first + 1,
     )
 
 
@@ -106,6 +101,10 @@ class Column:
     """Its name in the header line, or its number where the file has none."""
     factor: float = 1.0
     """SI units per unit of the file, e.g. 1e-3 for "mm"."""
+    bound: Literal["", "> 0", ">= 0"] = ""
+    """What its numbers must be."""
+    cure: str | None = None
+    """What to do where one is not."""
 
 
 @dataclass(frozen=True)
@@ -137,12 +136,21 @@ class Table:
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
 
-        Raises InputError if the column is missing or named twice, or holds anything but finite numbers.
+        Raises InputError if the column is missing or named twice, or holds anything but finite numbers
+        inside its bound.
         """
         index = self._index(column)
         if self.sheet.dialect.decimal == ",":
             self._check_no_points(column, index)
         numbers = self.sheet.values(index)
+        least = float(numbers.min()) if column.bound else 1.0
+        if least < 0.0 or (least == 0.0 and column.bound == "> 0"):
+            row = int(np.argmin(numbers))
+            raise self.error(
+                f"column '{column.name}' is '{self.field(column, row)}'; it must be {column.bound}",
+                row=row,
+                cure=column.cure,
+            )
         return np.asarray(numbers * column.factor, dtype=np.float64)
 
     def integers(self, column: Column) -> IntArray:
@@ -239,17 +247,16 @@ class Table:
         )
 
 
-def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
+def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
     A text is UTF-8 with commas, points and one header line, or as is declared or found.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
     and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
-    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. ``limit``:
-    largest size that is read [bytes]. Raises InputError if the file cannot be read (see
-    `kolsky.readers.text`), has no data, or a line that is empty or has another number of fields than the
-    header; or if the layout is impossible or does not fit.
+    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. Raises
+    InputError if the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or
+    has another number of fields than the header; or if the layout is impossible or does not fit.
     """
     source = _source(path)
     if source is not None:
@@ -257,11 +264,11 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         sha256 = file_hash(path)
         layout = replace(layout or _sheet_layout(path, lines), encoding=None, delimiter="tab", decimal=".")
     else:
-        data = read_bytes(path, limit=limit)
+        data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
         layout = layout or detect_layout(path, data)
         text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
-        lines = _lines(path, text)
+        lines = lines_of(path, text, strict=True)
     dialect = _dialect(path, layout)
     header_line = 1 if layout.header_line is None else layout.header_line
     first = layout.first_line or max(header_line, layout.units_line or 0) + 1
@@ -304,24 +311,6 @@ def _sheet_layout(path: Path, lines: list[str]) -> Layout:
         return _layout_of(path, lines, "utf-8")
     except InputError:
         return PLAIN
-
-
-def _lines(path: Path, text: str) -> list[str]:
-    # Not splitlines(): it also splits at characters that are no line ends in a text file.
-    lines = [line.removesuffix("\r") for line in text.split("\n")]
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if not lines:
-        raise InputError(path, "is empty", cure="export it again")
-    broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
-    if broken is not None:
-        raise InputError(
-            path,
-            "has a carriage return inside the line",
-            line=broken,
-            cure="end lines with a line feed (Unix) or with both (Windows)",
-        )
-    return lines
 
 
 def _plural(delimiter: str) -> str:

@@ -16,14 +16,16 @@ from kolsky.readers.contents import (
     Clock,
     Contents,
     Layout,
-    array_clock,
     check_samples,
     file_hash,
     head_of,
     stated_clock,
 )
+from kolsky.readers.hdf5 import NamedArray, clock_of_array
+from kolsky.readers.header import clock_of_numbers
 
-BINARY = True
+_CLOCK = ("wf_increment", "wf_start_offset")
+"""Properties of a waveform that state its clock."""
 
 
 def sniff(path: Path) -> bool:
@@ -34,11 +36,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all numeric channels; a channel's name is "group/channel".
 
-    Raises
-    ------
-    InputError
-        If npTDMS is missing, the file is damaged or its last segment is cut off, or it has no channel of
-        numbers.
+    Raises InputError if npTDMS is missing, the file is damaged or its last segment is cut off, or it has no
+    channel of numbers.
     """
     try:
         from nptdms import TdmsFile
@@ -82,23 +81,16 @@ def _channel(
     check_samples(path, name, samples)
 
     def clock() -> Clock:
-        interval = layout.interval if layout.interval is not None else properties.get("wf_increment")
-        start = layout.start if layout.start is not None else properties.get("wf_start_offset")
-        if interval is None and layout.time is not None:
-            times = _values(path, str(layout.time))
-
-            def fault(message: str, sample: int | None, cure: str) -> InputError:
-                return InputError(path, message, cure=cure)
-
-            return array_clock(times, name=str(layout.time), fault=fault)
-        if interval is None:
+        stated = {key: float(properties[key]) for key in _CLOCK if properties.get(key) is not None}
+        header = clock_of_numbers(path, stated, layout)
+        if header.interval is None and layout.time is not None:
+            times = NamedArray(str(layout.time), samples, lambda: _values(path, str(layout.time)))
+            return clock_of_array(path, times, layout, header)
+        if header.interval is None:
             raise InputError(
                 path, f"channel '{name}' has no wf_increment", cure='say in the layout interval = "100 ns"'
             )
-        if not 0.0 < float(interval) < float("inf"):
-            raise InputError(path, f"channel '{name}' says wf_increment = {interval}", allowed="> 0 s")
-        source = "stated" if layout.interval is not None else "wf_increment, wf_start_offset"
-        return stated_clock(float(interval), None if start is None else float(start), source)
+        return stated_clock(header.interval, header.start, header.source)
 
     unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
     return Channel(

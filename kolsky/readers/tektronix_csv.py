@@ -11,8 +11,6 @@ from kolsky.readers.header import bare_key, check_width, keys_beside
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 _BLOCK = 5
 """Columns of a block: key, value, unit, time, volts; exports end each line of a block with a comma or not."""
 
@@ -30,10 +28,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all blocks of a file.
 
-    Raises
-    ------
-    InputError
-        If a line has fewer fields than the first block needs.
+    Raises InputError if a line has fewer fields than the first block needs.
     """
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count(",") + 1

@@ -102,16 +102,26 @@ def _without_mark(data: bytes) -> str:
     return "utf-8"
 
 
-def lines_of(path: Path, text: str) -> list[str]:
-    """The lines of a text without empty ones at its end; lines end with LF, CR LF or CR.
+def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
+    """The lines of a text without empty ones at its end; lines end with LF, CR LF or, unless strict, CR.
 
-    Raises InputError if there is nothing but blanks.
+    Raises InputError if there is nothing but blanks, or a carriage return stands inside a strict line.
     """
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    # Not splitlines(): it also splits at characters that are no line ends in a text file.
+    text = text.replace("\r\n", "\n")
+    lines = (text.removesuffix("\r") if strict else text.replace("\r", "\n")).split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
         raise InputError(path, "is empty", cure="export it again")
+    broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
+    if broken is not None:
+        raise InputError(
+            path,
+            "has a carriage return inside the line",
+            line=broken,
+            cure="end lines with a line feed (Unix) or with both (Windows)",
+        )
     return lines
 
 
@@ -209,19 +219,8 @@ def find_dialect(
 ) -> Dialect:
     """The dialect in which the most columns at the end of a file are numbers.
 
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    lines
-        Its lines.
-    delimiter, decimal
-        What has been stated; the rest is found.
-
-    Raises
-    ------
-    InputError
-        If something stated is not allowed, or no column is numeric.
+    ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: what has been stated;
+    the rest is found. Raises InputError if something stated is not allowed, or no column is numeric.
     """
     characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)

@@ -121,9 +121,8 @@ class SheetView:
             )
         if self.stiffness is not None and not self.stiffness.explained:
             said.append(
-                "no map of stiffness explains the field within its noise: chi-square over its degrees "
-                "of freedom "
-                f"falls from {self.stiffness.uniform / self.stiffness.degrees:.3g} to "
+                "no map of stiffness explains the field within its noise: chi-square over its degrees of "
+                f"freedom falls from {self.stiffness.uniform / self.stiffness.degrees:.3g} to "
                 f"{self.stiffness.chi2 / self.stiffness.degrees:.3g}"
             )
         return said

@@ -141,7 +141,7 @@ def _style() -> matplotlib.RcParams:
 
 
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
-    """Draw one figure in its journal size.
+    """Draw one figure in its journal size; its label is its caption.
 
     ``kind``: an entry of one of the registries in `figures`. ``shown``: result to show; `kind.applies` must
     be true for it.
@@ -150,9 +150,8 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     with matplotlib.rc_context(_style()):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
-        mosaic: list[Any] = kind.panels(shown)
         drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
-        kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
+        figure.set_label(kind.draw_into(figure, drawn))
         for ax in figure.axes:
             for spine in ax.spines.values():
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
@@ -174,23 +173,10 @@ def save_figures(
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; created if absent.
-    shown : Identification or another result
-        Result that the figures show.
-    formats : iterable of str
-        Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
-    registry : mapping
-        The figures; those of `kolsky.report.figures.figures_of` if not given.
-
-    Raises
-    ------
-    ValueError
-        If a format is not one of these.
-    TypeError
-        If no figure shows things of this class.
+    ``folder``: created if absent. ``shown``: result that the figures show. ``formats``: any of "pdf", "svg",
+    "png" (600 dots per inch) and "csv", the data that the figure shows. ``registry``: the figures; those of
+    `kolsky.report.figures.figures_of` if not given. Raises ValueError if a format is not one of these, and
+    TypeError if no figure shows things of this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]
@@ -214,15 +200,14 @@ def save_figures(
     return written
 
 
-def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> str:
-    """One figure as SVG to stand inside an HTML page.
+def inline_svg(figure: Figure, name: str) -> str:
+    """A drawn figure as SVG to stand inside an HTML page.
 
-    Ids carry the figure's name, or the given one, so that several figures of a page cannot clash. Namespaces,
-    metadata and the document head are left out: HTML needs none, and nothing in the page then names another
-    address.
+    Ids carry the given name, so that several figures of a page cannot clash. Namespaces, metadata and the
+    document head are left out: HTML needs none, and nothing in the page then names another address.
     """
     buffer = io.StringIO()
-    _save(build(kind, shown), buffer, "svg", dpi=_ON_PAGE)
+    _save(figure, buffer, "svg", dpi=_ON_PAGE)
     root = ElementTree.fromstring(buffer.getvalue())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
@@ -233,7 +218,7 @@ def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> st
         "stroke-linejoin": "round",
         "stroke-linecap": "butt",
     }
-    prefix = f"{name or kind.name}-"
+    prefix = f"{name}-"
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
         _plain_style(element)

@@ -3,32 +3,49 @@
 Films and stills of a shot's simulation are in `kolsky.report.scene`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
+from numpy.typing import NDArray
 
-from dic.files import replacing
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.actuator_bending import Direction
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solution import Solution
 from kolsky.prediction.predict import Prediction
 from kolsky.report.canvas import STYLE
-from kolsky.report.figures.actuator import BAR, draw_shape
-from kolsky.report.figures.base import GREY, MM, MS, SHAPE
+from kolsky.report.figures.actuator import draw_shape
+from kolsky.report.figures.base import BAND, BAR, GREY, MM, MS, SHAPE
 from kolsky.report.scene.drawing import offscreen_pyvista
-from kolsky.report.scene.film import writer_for
+from kolsky.report.scene.film import write_frames
 
-_PREDICTION_SIZE = (6.4, 4.8)
-"""Size of a picture [inch], at `DPI` dots each."""
-_PREDICTION_DPI = 100
-_STEEL_COLOUR, _SOFT_COLOUR = "0.75", "#56B4E9"
+_SIZE, _DPI = (6.4, 4.8), 100
+"""Size of a film's picture [inch] and its dots an inch."""
+_STEEL = "0.75"
+
+
+@contextmanager
+def _two_panels(heights: tuple[int, int]) -> Iterator[tuple[Axes, Axes, Callable[[], NDArray[np.uint8]]]]:
+    """Two panels of a picture, and the function that draws them as bytes, shape [height, width, 3]."""
+    with matplotlib.rc_context(matplotlib.rc_params_from_file(STYLE, use_default_template=False)):
+        figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+
+        def pixels() -> NDArray[np.uint8]:
+            canvas.draw()
+            return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+        side, trace = figure.subplots(2, 1, height_ratios=heights)
+        yield side, trace, pixels
 
 
 def write_prediction_film(
@@ -49,24 +66,18 @@ def write_prediction_film(
     response = found.response
     if response is None:
         raise ValueError("a film shows the specimen's finite elements: predict without the quick way")
-    writer = writer_for(path.suffix.lstrip(".").lower())
-    with replacing(path) as partial, writer(partial, rate) as film:
-        for k in range(0, len(response.surface_times), every):
-            film.append_data(_prediction_picture(found, k))
-            progress(1)
-    return path
+    frames = range(len(response.surface_times))
+    picture = partial(_prediction_picture, found)
+    return write_frames(path, picture, frames, every=every, rate=rate, progress=progress)
 
 
-def _prediction_picture(found: Prediction, k: int) -> np.ndarray:
+def _prediction_picture(found: Prediction, k: int) -> NDArray[np.uint8]:
     """One picture as an array of bytes, shape [height, width, 3]."""
     response, bars, test = found.response, found.bars, found.test.declared
     assert response is not None  # `write_prediction_film` refuses others
     time = float(response.surface_times[k])
     n = min(round(time / float(bars.times[1])), len(bars.times) - 1)
-    with matplotlib.rc_context(matplotlib.rc_params_from_file(STYLE, use_default_template=False)):
-        figure = Figure(figsize=_PREDICTION_SIZE, dpi=_PREDICTION_DPI, layout="constrained")
-        canvas = FigureCanvasAgg(figure)
-        side, trace = figure.subplots(2, 1, height_ratios=(2, 1))
+    with _two_panels((2, 1)) as (side, trace, pixels):
         length = MM * test.specimen.length
         face, rest = length - MM * bars.flyer_path[n], -MM * bars.support_path[n]
         step = float(bars.times[1])
@@ -83,15 +94,14 @@ def _prediction_picture(found: Prediction, k: int) -> np.ndarray:
             _box_patch(side, rest - depth, MM * part.length, MM * part.diameter)
         y, r = MM * response.surface_y[0, k], MM * response.surface_r[0, k]
         outline = np.concatenate([np.stack([y, r], 1), np.stack([y, -r], 1)[::-1]])
-        side.add_patch(Polygon(outline, facecolor=_SOFT_COLOUR, edgecolor="k", lw=0.6))
+        side.add_patch(Polygon(outline, facecolor=BAND, edgecolor="k", lw=0.6))
         side.set(xlim=(-12.0, end + 8.0), ylim=(-11.0, 11.0), aspect="equal", xlabel="mm")
         side.invert_xaxis()
         side.set_title(f"{MS * time:.3f} ms after the striker's touch", fontsize="medium")
         trace.plot(MS * response.force_times, _bars_force(found), color=SHAPE, lw=0.8)
         trace.axvline(MS * time, color=GREY, lw=0.8)
         trace.set(xlabel="Time (ms)", ylabel="Transmitted force (N)", xlim=(0.0, MS * bars.times[-1]))
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        return pixels()
 
 
 def _bars_force(found: Prediction) -> np.ndarray:
@@ -100,13 +110,9 @@ def _bars_force(found: Prediction) -> np.ndarray:
     return np.interp(found.response.force_times, found.bars.times, found.bars.force_transmission)
 
 
-def _box_patch(ax: matplotlib.axes.Axes, start: float, length: float, diameter: float) -> None:
+def _box_patch(ax: Axes, start: float, length: float, diameter: float) -> None:
     corner = (start, -0.5 * diameter)
-    ax.add_patch(Rectangle(corner, length, diameter, facecolor=_STEEL_COLOUR, edgecolor="k", lw=0.6))
-
-
-_ACTUATOR_SIZE, _ACTUATOR_DPI = (6.4, 4.8), 100
-"""Size of a picture [inch] and its dots an inch."""
+    ax.add_patch(Rectangle(corner, length, diameter, facecolor=_STEEL, edgecolor="k", lw=0.6))
 
 
 def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
@@ -114,23 +120,17 @@ def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> N
 
     Raises ImportError if the package that writes films is not installed.
     """
-    writer = writer_for(path.suffix.lstrip(".").lower())
-    with replacing(path) as partial, writer(partial, rate) as film:
-        for step in range(len(shown.pristine.angle)):
-            film.append_data(_actuator_picture(shown, step))
+    write_frames(path, partial(_actuator_picture, shown), range(len(shown.pristine.angle)), rate=rate)
 
 
-def _actuator_picture(shown: Direction, step: int) -> np.ndarray:
+def _actuator_picture(shown: Direction, step: int) -> NDArray[np.uint8]:
     """One picture as an array of bytes, shape [height, width, 3]."""
     run = shown.pristine
     mesh = run.solution.model.mesh
     places = MM * (mesh.points + run.solution.displacements)[..., [0, 2]]
     low, high = places.min(axis=(0, 1)) - 3.0, places.max(axis=(0, 1)) + 3.0
     bar, angle = BAR * run.pressures.max(axis=1), np.degrees(run.angle)
-    with matplotlib.rc_context(matplotlib.rc_params_from_file(STYLE, use_default_template=False)):
-        figure = Figure(figsize=_ACTUATOR_SIZE, dpi=_ACTUATOR_DPI, layout="constrained")
-        canvas = FigureCanvasAgg(figure)
-        side, trace = figure.subplots(2, 1, height_ratios=(3, 1))
+    with _two_panels((3, 1)) as (side, trace, pixels):
         draw_shape(side, run, step)
         side.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="$x$ (mm)", ylabel="$z$ (mm)")
         side.set_title(f"{shown.name}: {bar[step]:.3f} bar, {angle[step]:.1f}°", fontsize="medium")
@@ -138,8 +138,7 @@ def _actuator_picture(shown: Direction, step: int) -> np.ndarray:
         trace.plot(bar[step], angle[step], "o", color=SHAPE, ms=4)
         trace.axhline(0.0, color=GREY, lw=0.5)
         trace.set(xlabel="pressure (bar)", ylabel="bend (°)")
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        return pixels()
 
 
 _STILL_SIZE = (1200, 700)

@@ -5,9 +5,11 @@ contours; what fills a whole panel (a picture, a map, a shaded window) and guide
 are not.
 """
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection, PathCollection, QuadMesh
 from matplotlib.figure import Figure
@@ -16,8 +18,6 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
-
-from kolsky.base.arrays import FloatArray
 
 _Place = Literal["upper right", "upper left", "lower right", "lower left", "upper center", "lower center"]
 PLACES: tuple[_Place, ...] = (
@@ -38,30 +38,22 @@ TOUCH = 0.5
 def free_legends(figure: Figure) -> bool:
     """Move every legend that lies on data to a free place, or make one above the data.
 
-    Parameters
-    ----------
-    figure
-        Laid out: its axes are where they will be drawn.
-
-    Returns
-    -------
-    bool
-        True if an axis has new limits, so that the figure must be laid out again.
+    ``figure``: laid out, its axes are where they will be drawn. Returns: true if an axis has new limits, so
+    that the figure must be laid out again. A legend beside its panel stays there.
     """
     changed = False
     for ax in figure.axes:
         legend = ax.get_legend()
-        if legend is None or not _covers(legend, ax) or _move(legend, ax):
+        if legend is None or legend.get_bbox_to_anchor().bounds != ax.bbox.bounds:
             continue
-        changed |= _room_above(legend, ax)
+        if _covers(legend, ax) and not _move(legend, ax):
+            changed |= _room_above(legend, ax)
     return changed
 
 
 def _move(legend: Legend, ax: Axes) -> bool:
     """Put a legend to the first free place; leave it if there is none."""
     before = legend._loc_real  # type: ignore[attr-defined]  # Matplotlib has no public way to read it
-    if legend.get_bbox_to_anchor().bounds != ax.bbox.bounds:
-        return False  # it was put beside the panel or to a place of its own
     for place in PLACES:
         legend.set_loc(place)
         if not _covers(legend, ax):
@@ -71,18 +63,16 @@ def _move(legend: Legend, ax: Axes) -> bool:
 
 
 def _room_above(legend: Legend, ax: Axes) -> bool:
-    """Raise the upper limit of the y axis until a legend at the top is free; put all back if it never is."""
-    before, place = ax.get_ylim(), legend._loc_real  # type: ignore[attr-defined]
-    if legend.get_bbox_to_anchor().bounds != ax.bbox.bounds or ax.images:
+    """Raise the upper limit of the y axis until a legend at the top is free; put it back if it never is."""
+    if ax.images:
         return False
-    scale = ax.yaxis.get_transform()
+    before, scale = ax.get_ylim(), ax.yaxis.get_transform()
     low, high = scale.transform(np.array(before))
     for share in np.arange(ROOM, MOST_ROOM + 0.5 * ROOM, ROOM):
         ax.set_ylim(before[0], float(scale.inverted().transform(np.array([high + share * (high - low)]))[0]))
         if _move(legend, ax):
             return True
     ax.set_ylim(before)
-    legend._set_loc(place)  # type: ignore[attr-defined]
     return False
 
 
@@ -103,54 +93,46 @@ def _shared(one: Bbox, other: Bbox) -> bool:
 
 
 def _on_data(ax: Axes, box: Bbox) -> bool:
-    """True if data of a panel are inside a box."""
-    inner = Bbox.from_extents(box.x0 + TOUCH, box.y0 + TOUCH, box.x1 - TOUCH, box.y1 - TOUCH)
-    seen = Bbox.intersection(inner, ax.bbox)  # what is drawn is clipped at the panel
-    if seen is None:
+    """True if data of a panel are inside a box; what is drawn is clipped at the panel."""
+    inside = Bbox.intersection(box.padded(-TOUCH), ax.bbox)
+    if inside is None:
         return False
-    for line in ax.lines:
-        if (
-            line.get_visible()
-            and line.get_transform().contains_branch(ax.transData)
-            and _line(ax, line, seen)
-        ):
-            return True
-    return any(_collection(one, seen) for one in ax.collections if one.get_visible()) or any(
-        _shared(seen, bar.get_window_extent()) for bars in ax.containers for bar in bars if hasattr(bar, "xy")
+    drawn = [artist for artist in (*ax.lines, *ax.collections) if artist.get_visible()]
+    bars = [bar for bars in ax.containers for bar in bars if hasattr(bar, "xy")]
+    return any(_meets(path, joined, inside) for one in drawn for path, joined in _paths(one, ax)) or any(
+        _shared(inside, bar.get_window_extent()) for bar in bars
     )
 
 
-def _line(ax: Axes, line: Line2D, box: Bbox) -> bool:
-    if not all(line.get_transform().contains_branch_seperately(ax.transData)):
-        return False  # a guide from side to side
-    path = line.get_path().transformed(line.get_transform())
-    if line.get_linestyle() not in ("None", "", " ") and _crosses(path, box):
-        return True
-    return line.get_marker() not in ("None", "", " ", None) and _any_inside(_vertices(path), box)
+def _paths(artist: Artist, ax: Axes) -> Iterator[tuple[Path, bool]]:
+    """Lines of an artist in pixels, with True, and its points, with False."""
+    if isinstance(artist, QuadMesh):
+        return  # it fills the panel
+    if isinstance(artist, PathCollection) and len(artist.get_paths()) <= 1:
+        places = np.ma.filled(np.ma.asarray(artist.get_offsets(), dtype=np.float64), np.nan)
+        if len(places):
+            yield Path(artist.get_offset_transform().transform(places)), False
+            return
+    transform = artist.get_transform()
+    if not all(transform.contains_branch_seperately(ax.transData)):
+        return  # a guide from side to side
+    if isinstance(artist, Collection):
+        yield from ((path.transformed(transform), True) for path in artist.get_paths())
+        return
+    assert isinstance(artist, Line2D)
+    path = artist.get_path().transformed(transform)
+    if artist.get_linestyle() not in ("None", "", " "):
+        yield path, True
+    if artist.get_marker() not in ("None", "", " ", None):
+        yield path, False
 
 
-def _collection(one: Collection, box: Bbox) -> bool:
-    if isinstance(one, QuadMesh):
-        return False  # it fills the panel
-    places = np.ma.filled(np.ma.asarray(one.get_offsets(), dtype=np.float64), np.nan)
-    if isinstance(one, PathCollection) and len(places) and len(one.get_paths()) <= 1:
-        return _any_inside(one.get_offset_transform().transform(places), box)
-    transform = one.get_transform()
-    if not all(transform.contains_branch_seperately(one.axes.transData)):  # type: ignore[union-attr]
-        return False
-    return any(_crosses(path.transformed(transform), box) for path in one.get_paths() if len(_vertices(path)))
-
-
-def _crosses(path: Path, box: Bbox) -> bool:
-    if not np.isfinite(_vertices(path)).all():
+def _meets(path: Path, joined: bool, box: Bbox) -> bool:
+    """True if a line crosses a box, or one of its points is inside if they are not joined."""
+    vertices = np.asarray(path.vertices, dtype=np.float64)
+    if not joined:
+        x, y = vertices.T
+        return bool(np.any((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)))
+    if not np.isfinite(vertices).all():
         path = path.cleaned(remove_nans=True)
-    return bool(path.intersects_bbox(box, filled=False))
-
-
-def _vertices(path: Path) -> FloatArray:
-    return np.asarray(path.vertices, dtype=np.float64)
-
-
-def _any_inside(points: FloatArray, box: Bbox) -> bool:
-    x, y = points[:, 0], points[:, 1]
-    return bool(np.any((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)))
+    return bool(len(vertices)) and bool(path.intersects_bbox(box, filled=False))

@@ -1,123 +1,25 @@
 """Notebook views of any result: HTML for IPython, tables for pandas and xarray.
 
-The tables are those of the result's CSV files, by the names of the files. The views are functions of the
-data, which do not import them; `kolsky.report.ipython` registers them.
+The tables are those of `kolsky.report.result_folder.tables_of`, by the names of the CSV files. The views are
+functions of the data, which do not import them; `kolsky.report.ipython` registers them.
 """
 
 from __future__ import annotations
 
 from functools import singledispatch
-from importlib import import_module
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, Literal, NamedTuple
+from math import nan
+from typing import Any
+
+import numpy as np
 
 from dic import output as surface_views
 from dic.output import html_table, pandas, xarray
 from dic.surfaces.surface_history import SurfaceHistory
-from kolsky.base.files import write_table
 from kolsky.inverse.result import Identification
+from kolsky.report.result_folder import has_tables, tables_of
 from kolsky.results.printed import answer, details
-from kolsky.results.tables import tables
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
-
-
-class _Tables(NamedTuple):
-    """How the tables of a type of result are written."""
-
-    function: str
-    """Dotted name of the function that makes or writes the tables."""
-    main: str
-    """Name of the table that is meant if none is named."""
-    takes: Literal["folder", "folder and list", "file", "columns"] = "folder"
-    """What the function takes: a folder and the result or a list of results, the file of the only table and
-    the result, or the result alone ("columns"), for which it returns the columns of every table."""
-
-
-TABLES = {
-    "kolsky.bars.records.ReducedTest": _Tables("kolsky.bars.reduction.output.write_csv", "waves"),
-    "kolsky.studies.rates.records.RateReport": _Tables("kolsky.studies.rates.output.write_csv", "rate_shots"),
-    "kolsky.inverse.joint_result.JointResult": _Tables(
-        "kolsky.results.joint.write_joint", "joint_parameters"
-    ),
-    "kolsky.prediction.predict.Prediction": _Tables("kolsky.prediction.output.write_tables", "signals"),
-    "kolsky.studies.planning.plan.Plan": _Tables("kolsky.studies.planning.output.write_csv", "plan_force"),
-    "kolsky.studies.sweep.Sweep": _Tables("kolsky.studies.sweep.write_sweep", "sweep", "file"),
-    "kolsky.studies.budget.records.Budget": _Tables(
-        "kolsky.studies.budget.records.write_budget", "budget", "file"
-    ),
-    "kolsky.bodies.specimen_fit.SpecimenFit": _Tables(
-        "kolsky.bodies.specimen_output.write_fits", "constants", "folder and list"
-    ),
-    "kolsky.material.reference_curve.ReferenceCurve": _Tables(
-        "kolsky.material.reference_curve.write_curve", "curve", "file"
-    ),
-    "kolsky.bars.guides.propagation.BarsTogether": _Tables(
-        "kolsky.shot.waves.write_residual", "residual", "file"
-    ),
-    "kolsky.material.fits.compare.Comparison": _Tables(
-        "kolsky.material.fits.tables.tables", "material_laws", "columns"
-    ),
-    "kolsky.studies.rate_dependence.SlowDynamics": _Tables(
-        "kolsky.studies.rate_dependence.tables", "relaxation_moduli", "columns"
-    ),
-    "dic.result.FullField": _Tables("dic.output.write_full_field_history", "history", "file"),
-}
-"""How the tables of a type of result are written, by the type's dotted name; subclasses have the same."""
-
-
-def _known_tables(data: object) -> _Tables | None:
-    """Return how the tables of a result are written; None if it has none."""
-    names = (f"{kind.__module__}.{kind.__qualname__}" for kind in type(data).__mro__)
-    return next((TABLES[name] for name in names if name in TABLES), None)
-
-
-def _write_tables(known: _Tables, folder: Path, data: Any) -> None:
-    """Write the tables of a result into a folder."""
-    module, _, name = known.function.rpartition(".")
-    function = getattr(import_module(module), name)
-    match known.takes:
-        case "folder":
-            function(folder, data)
-        case "folder and list":
-            function(folder, [data])
-        case "file":
-            function(folder / f"{known.main}.csv", data)
-        case "columns":
-            for table, columns in function(data).items():
-                write_table(folder / f"{table}.csv", columns)
-
-
-def table_of(data: object, table: str = "") -> Any:
-    """Return a table of a result as pandas reads its file.
-
-    ``data``: a result of one of the types in `TABLES`. ``table``: name of the file without ".csv"; the main
-    one if left out. Returns: units in the headings, SI. Raises ValueError if the result has no such table.
-    Raises ImportError if pandas is not installed.
-    """
-    known, reader = _known_tables(data), pandas()
-    assert known is not None
-    with TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        _write_tables(known, folder, data)
-        found = {path.stem: path for path in sorted(folder.rglob("*.csv"))}
-        if (name := table or known.main) not in found:
-            raise ValueError(f"there is no table {name!r}; choose from {', '.join(found)}")
-        return reader.read_csv(found[name])
-
-
-def _dataset_of(data: object, table: str = "") -> Any:
-    """Return a table of a result as an xarray dataset over "row"; units are attributes of the variables."""
-    frame = table_of(data, table)
-    variables: dict[str, Any] = {}
-    for heading in frame.columns:
-        name, _, unit = str(heading).rpartition(" (")
-        known = bool(name) and unit.endswith(")") and name not in variables
-        values = ("row", frame[heading].to_numpy(), {"units": unit[:-1]} if known else {})
-        variables[name if known else str(heading)] = values
-    return xarray().Dataset(variables)
-
 
 __all__ = ["html", "to_dataframe", "to_xarray"]
 
@@ -162,9 +64,21 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ImportError
         If pandas is not installed.
     """
-    if _known_tables(data) is None:
+    if not has_tables(data):
         raise TypeError(_no_view(data, "pandas"))
-    return table_of(data, table)
+    reader = pandas()
+    known = {name.rpartition("/")[2]: columns for name, columns in tables_of(data).items()}
+    name = table or next(iter(known))
+    if name not in known:
+        raise ValueError(f"there is no table {name!r}; choose from {', '.join(known)}")
+    return reader.DataFrame({heading: _cells(cells) for heading, cells in known[name].items()})
+
+
+def _cells(cells: Any) -> Any:
+    """A column; an empty cell among numbers is a number that there is not."""
+    if isinstance(cells, np.ndarray) or all(isinstance(cell, str) for cell in cells):
+        return cells
+    return [nan if isinstance(cell, str) and not cell else cell for cell in cells]
 
 
 @singledispatch
@@ -194,9 +108,21 @@ def to_xarray(data: object, table: str = "") -> Any:
     ImportError
         If xarray is not installed.
     """
-    if _known_tables(data) is None:
+    if not has_tables(data):
         raise TypeError(_no_view(data, "xarray"))
     return _dataset_of(data, table)
+
+
+def _dataset_of(data: object, table: str = "") -> Any:
+    """Return a table of a result as an xarray dataset over "row"; units are attributes of the variables."""
+    frame = to_dataframe(data, table)
+    variables: dict[str, Any] = {}
+    for heading in frame.columns:
+        name, _, unit = str(heading).rpartition(" (")
+        known = bool(name) and unit.endswith(")") and name not in variables
+        values = ("row", frame[heading].to_numpy(), {"units": unit[:-1]} if known else {})
+        variables[name if known else str(heading)] = values
+    return xarray().Dataset(variables)
 
 
 @html.register
@@ -226,14 +152,6 @@ def _(data: ShotBase, table: str = "") -> Any:
 @to_dataframe.register
 def _(data: SurfaceHistory, table: str = "") -> Any:
     return surface_views.to_dataframe(data)
-
-
-@to_dataframe.register
-def _(data: Identification, table: str = "estimates") -> Any:
-    known = {**_summaries(data), **tables(data)}
-    if table not in known:
-        raise ValueError(f"there is no table {table!r}; choose from {', '.join(known)}")
-    return pandas().DataFrame(dict(known[table]))
 
 
 @to_xarray.register
@@ -271,30 +189,6 @@ def _(data: Identification, table: str = "") -> Any:
             **{f"{name}_sigma": e.sigma for name, e in data.estimates.items()},
         },
     )
-
-
-def _summaries(found: Identification) -> dict[str, dict[str, Any]]:
-    estimates, routes = list(found.estimates.values()), found.routes
-    names = list(found.estimates)
-    return {
-        "estimates": {
-            "parameter": names,
-            "unit": [e.unit for e in estimates],
-            "value": [e.value for e in estimates],
-            "sigma": [e.sigma for e in estimates],
-            "lower (k = 2)": [e.interval[0] for e in estimates],
-            "upper (k = 2)": [e.interval[1] for e in estimates],
-            "sigma noise": [e.sigma_noise for e in estimates],
-            "sigma mesh and step": [e.sigma_numerical for e in estimates],
-            "verdict": [e.outcome.value for e in estimates],
-        },
-        "routes": {
-            "route": [route.name for route in routes],
-            **{name: [route.parameters[name] for route in routes] for name in names},
-            **{f"sigma {name}": [route.sigma.get(name, float("nan")) for route in routes] for name in names},
-            "cost": [route.cost for route in routes],
-        },
-    }
 
 
 def _no_view(data: object, where: str) -> str:

@@ -2,7 +2,7 @@
 
 import base64
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dic.files import replacing
 from dic.result import Body, FullField
+from dic.surfaces.surface_history import SurfaceHistory
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 
@@ -163,14 +164,10 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
     epipolar distance and the standard deviation of a match [px], the correlation and the point's number.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     surface, triangles = body.surface, _grid_triangles(body.cell)
-    written = []
-    for frame in range(surface.n_frames):
+
+    def write(frame: int, path: Path, faces: NDArray[np.int64]) -> None:
         valid = surface.valid[frame]
-        number = np.cumsum(valid) - 1
-        kept = triangles[valid[triangles].all(axis=1)]
         fields = {
             "displacement [m]": surface.u[frame, valid],
             "sigma [m]": surface.sigma[frame, valid],
@@ -179,12 +176,29 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
             "correlation": np.fmin(*(z[frame, valid] for z in body.zncc)),
             "point": np.flatnonzero(valid),
         }
-        path = folder / f"{name}_{frame:05d}.vtp"
-        write_surface(path, surface.position[frame, valid], number[kept], fields)
-        written.append(path)
+        write_surface(path, surface.position[frame, valid], faces, fields)
+
+    return _write_frames(Path(folder), name, ".vtp", surface, triangles, write)
+
+
+def _write_frames(
+    folder: Path,
+    name: str,
+    suffix: str,
+    surface: SurfaceHistory,
+    triangles: NDArray[np.int64],
+    write: Callable[[int, Path, NDArray[np.int64]], None],
+) -> list[Path]:
+    """Write a file a frame, with the triangles whose corners are all valid there, and the listing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
+    for frame, path in enumerate(files):
+        valid = surface.valid[frame]
+        number = np.cumsum(valid) - 1
+        write(frame, path, number[triangles[valid[triangles].all(axis=1)]])
     listing = folder / f"{name}.pvd"
-    write_series(listing, list(surface.t), written)
-    return [*written, listing]
+    write_series(listing, list(surface.t), files)
+    return [*files, listing]
 
 
 def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
@@ -195,16 +209,12 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     Points are the current places in the result's unit; their data are displacement and sigma in that unit,
     the strains xx, yy, xy (NaN where there is none), the lowest correlation and the point's number.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     surface, triangles = result.surface, _grid_triangles(result.cell)
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
         triangles = triangles[:, ::-1]
-    written = []
-    for frame in range(surface.n_frames):
+
+    def write(frame: int, path: Path, faces: NDArray[np.int64]) -> None:
         valid = surface.valid[frame]
-        number = np.cumsum(valid) - 1
-        kept = number[triangles[valid[triangles].all(axis=1)]]
         fields = {
             f"displacement [{result.unit}]": surface.u[frame, valid],
             f"sigma [{result.unit}]": surface.sigma[frame, valid],
@@ -212,12 +222,9 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
             "correlation": result.zncc[:, frame, valid].min(axis=0),
             "point": np.flatnonzero(valid),
         }
-        path = folder / f"field_{frame:05d}.vtu"
-        write_grid(path, surface.position[frame, valid], kept, TRIANGLE, fields)
-        written.append(path)
-    listing = folder / "field.pvd"
-    write_series(listing, list(surface.t), written)
-    return [*written, listing]
+        write_grid(path, surface.position[frame, valid], faces, TRIANGLE, fields)
+
+    return _write_frames(Path(folder), "field", ".vtu", surface, triangles, write)
 
 
 def _grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:

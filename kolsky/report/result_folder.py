@@ -1,26 +1,190 @@
-"""Result folders of the commands on one shot: result, tables, page and figures, all written or none."""
+"""Result folders: result, tables, page and figures, all written or none.
+
+`RESULTS` says of each type of result which tables and files it has; `tables_of` and `write_results` are made
+of it. What needs more than the result, be it a shot or many results, has a function of its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dic.processes import background, cores
 from kolsky.base.errors import InputError
-from kolsky.base.files import filling
+from kolsky.base.files import filling, write_json, write_table, write_tables
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.results.tables import write_csv
+from kolsky.results.tables import tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
     from dic.result import FullField
-    from kolsky.bars.records import ReducedTest
     from kolsky.pictures.measurement import Measurement
+    from kolsky.prediction.design import Aim, Scan
+    from kolsky.prediction.predict import Prediction
+    from kolsky.report.figures.base import FigureKind
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
+    from kolsky.studies.budget.records import Budget, Campaign
+    from kolsky.studies.rates.records import RateReport
+    from kolsky.studies.sweep import Sweep
+    from kolsky.studies.sweep_analysis import SweepAnalysis
+
+Tables = Mapping[str, Mapping[str, Any]]
+"""Name of a table, that of its file without ".csv" -> heading, with the unit -> cells."""
+
+
+def _rate_figures(report: RateReport) -> Iterable[tuple[Any, Mapping[str, FigureKind[Any]]]]:
+    from kolsky.report.pages.rates import figures_of
+
+    return ((group, figures_of(report, index)) for index, group in enumerate(report.groups))
+
+
+@dataclass(frozen=True)
+class ResultFiles:
+    """Tables and files of a type of result; functions by their dotted names, loaded when they are used."""
+
+    tables: str
+    """Function of the result that gives its `Tables`, the main one first, or the columns of the only one."""
+    only: str = ""
+    """Name of the only table; "" if the function names them."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Name of a file -> function of its path and the result that writes it; of JSON, function of the result
+    that gives the object."""
+    figures: Callable[[Any], Iterable[tuple[Any, Any]]] = lambda result: [(result, None)]
+    """What the figures show and their registry; None for that of `kolsky.report.figures.figures_of`."""
+
+
+_WAVES = {
+    "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
+    "waves.html": "kolsky.report.pages.waves.write_page",
+}
+RESULTS = {
+    "dic.result.FullField": ResultFiles("dic.output.full_field_columns", "history"),
+    "kolsky.bars.guides.propagation.BarsTogether": ResultFiles(
+        "kolsky.shot.waves.residual_columns", "residual"
+    ),
+    "kolsky.bars.records.FlyerResult": ResultFiles("kolsky.bars.reduction.output.tables", files=_WAVES),
+    "kolsky.bars.records.WavesResult": ResultFiles(
+        "kolsky.bars.reduction.output.tables",
+        files={**_WAVES, "waves_database.csv": "kolsky.bars.reduction.output.write_database"},
+    ),
+    "kolsky.bodies.specimen_fit.SpecimenFit": ResultFiles("kolsky.bodies.specimen_output.tables"),
+    "kolsky.inverse.joint_result.JointResult": ResultFiles(
+        "kolsky.results.joint.tables",
+        files={
+            "joint.h5": "kolsky.results.joint.write_joint_hdf5",
+            "joint.json": "kolsky.results.joint.to_json",
+            "joint.html": "kolsky.report.pages.joint.write_page",
+        },
+    ),
+    "kolsky.inverse.result.Identification": ResultFiles("kolsky.results.tables.all_tables"),
+    "kolsky.material.fits.compare.Comparison": ResultFiles("kolsky.material.fits.tables.tables"),
+    "kolsky.material.reference_curve.ReferenceCurve": ResultFiles(
+        "kolsky.material.reference_curve.curve_columns", "curve"
+    ),
+    "kolsky.prediction.predict.Prediction": ResultFiles(
+        "kolsky.prediction.output.tables",
+        files={
+            "prediction.json": "kolsky.prediction.output.to_json",
+            "prediction.html": "kolsky.report.pages.prediction.write_page",
+        },
+    ),
+    "kolsky.studies.budget.records.Budget": ResultFiles("kolsky.studies.budget.records.columns", "budget"),
+    "kolsky.studies.planning.plan.Plan": ResultFiles(
+        "kolsky.studies.planning.output.tables",
+        files={
+            "plan.h5": "kolsky.studies.planning.output.write_hdf5",
+            "plan.json": "kolsky.studies.planning.output.to_json",
+        },
+    ),
+    "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
+    "kolsky.studies.rates.records.RateReport": ResultFiles(
+        "kolsky.studies.rates.output.tables",
+        files={
+            "rates.h5": "kolsky.studies.rates.output.write_hdf5",
+            "rates.html": "kolsky.report.pages.rates.write_page",
+        },
+        figures=_rate_figures,
+    ),
+    "kolsky.studies.sweep.Sweep": ResultFiles("kolsky.studies.sweep.columns", "sweep"),
+}
+"""Tables and files of a type of result, by the type's dotted name."""
+
+
+def has_tables(result: object) -> bool:
+    """Whether there are tables of a result."""
+    return _type_name(result) in RESULTS
+
+
+def tables_of(result: Any, *more: Any) -> Tables:
+    """Return every table of a result as columns, the main one first: SI, units in the headings.
+
+    Parameters
+    ----------
+    result
+        A result of a type in `RESULTS`.
+    more
+        Further arguments of its functions, e.g. the scan of a prediction.
+
+    Returns
+    -------
+    mapping of str to mapping
+        Name of a table, that of its CSV file -> heading -> cells.
+    """
+    known = RESULTS[_type_name(result)]
+    made = _function(known.tables)(result, *more)
+    return {known.only: made} if known.only else made
+
+
+def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] = ()) -> None:
+    """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures; all or none.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    result
+        A reduced test, a rate report, a plan, several shots identified together, a prediction.
+    more
+        Further arguments of its functions, e.g. the scan of a prediction and the point found in it.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    with filling(folder) as partial:
+        _write(partial, result, *more, formats=formats)
+
+
+def _write(folder: Path, result: Any, *more: Any, formats: Sequence[str]) -> None:
+    known = RESULTS[_type_name(result)]
+    write_tables(folder, tables_of(result, *more))
+    for name, function in known.files.items():
+        if name.endswith(".json"):
+            write_json(folder / name, _function(function)(result, *more))
+        else:
+            _function(function)(folder / name, result, *more)
+    if formats:
+        for shown, registry in known.figures(result):
+            save_figures_alone(folder, shown, formats, registry=registry)
+
+
+def _type_name(result: object) -> str:
+    return f"{type(result).__module__}.{type(result).__qualname__}"
+
+
+def _function(name: str) -> Callable[..., Any]:
+    module, _, function = name.rpartition(".")
+    found: Callable[..., Any] = getattr(import_module(module), function)
+    return found
+
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -71,7 +235,7 @@ def write_identify_results(
         write_identification(result, whole)
 
     with filling(folder) as partial:
-        write_csv(partial, found)
+        write_tables(partial, tables(found))
         with background(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
             write_identify_page(partial, found, recordings, formats, processes=processes)
             written()
@@ -193,7 +357,6 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
@@ -203,41 +366,98 @@ def write_full_field_results(
         write_full_field(partial / "dic.h5", result)
         write_full_field_history(partial / "history.csv", result)
         write_page(partial / "dic.html", shown, measurement.inputs)
-        if formats:
-            save_figures(partial / "figures", shown, formats=tuple(formats))
+        save_figures_alone(partial, shown, formats)
         if csv:
             write_full_field_frames(partial / "csv", result)
         if vtu:
             write_full_field_vtu(partial / "vtu", result)
 
 
-def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
-    """Write the results of `kolsky waves`: waves.h5, waves.html, tables and figures.
+def write_budget_results(
+    folder: Path, results: Sequence[Budget], campaign: Campaign | None, *, formats: Sequence[str] = ()
+) -> None:
+    """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
+
+    ``folder``, ``formats``: as of `write_results`. ``results``: a budget for each free parameter; files and
+    figures of the first are named budget, of others budget and the parameter. ``campaign``: a planned
+    campaign, if one was asked for. Raises InputError if the results cannot be written.
+    """
+    from kolsky.report.figures import BUDGETS
+    from kolsky.report.pages.budget import write_page
+    from kolsky.studies.budget.records import columns
+
+    with filling(folder) as partial:
+        write_page(partial / "budget.html", results, campaign)
+        for number, result in enumerate(results):
+            end = f"-{result.parameter}" if number else ""
+            write_table(partial / f"budget{end}.csv", columns(result))
+            registry = {key: replace(kind, name=f"{kind.name}{end}") for key, kind in BUDGETS.items()}
+            save_figures_alone(partial, result, formats, registry=registry)
+
+
+def write_sweep_results(
+    folder: Path,
+    result: Sweep,
+    analysis: SweepAnalysis,
+    *,
+    name: str = "sweep",
+    warnings: Sequence[str] = (),
+    formats: Sequence[str] = (),
+) -> None:
+    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
 
     Parameters
     ----------
     folder, formats
-        As of `write_identify_results`.
+        As of `write_results`.
     result
-        The reduced test.
+        Every run of the design.
+    analysis
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
+    name
+        Name of table and page without their endings.
+    warnings
+        Warnings at the top of the page.
 
     Raises
     ------
     InputError
         If the results cannot be written.
     """
-    from kolsky.bars.records import WavesResult
-    from kolsky.bars.reduction import output as waves_output
-    from kolsky.bars.reduction.output import write_database
-    from kolsky.report.pages.waves import write_page
+    from kolsky.report.pages.sweep import write_page
+    from kolsky.studies.sweep import columns
 
     with filling(folder) as partial:
-        waves_output.write_hdf5(partial / "waves.h5", result)
-        waves_output.write_csv(partial, result)
-        if isinstance(result, WavesResult):
-            write_database(partial / "waves_database.csv", result)
-        write_page(partial / "waves.html", result)
-        save_figures_alone(partial, result, formats)
+        write_table(partial / f"{name}.csv", columns(result))
+        write_page(partial / f"{name}.html", analysis, warnings=warnings)
+        save_figures_alone(partial, analysis, formats)
+
+
+def write_prediction_results(
+    folder: Path,
+    found: Prediction,
+    scan: Scan | None = None,
+    aim: Aim | None = None,
+    *,
+    film: str = "",
+    formats: Sequence[str] = (),
+) -> None:
+    """Write the results of a prediction with the scan that was made before, and a film if it is asked for.
+
+    ``folder``, ``formats``: as of `write_results`. ``found``: the prediction. ``scan``, ``aim``: the scan,
+    and the point found in it. ``film``: format of a film, "mp4" or "gif"; empty for none. Raises InputError
+    if the results cannot be written.
+    """
+    with filling(folder) as partial:
+        _write(partial, found, scan, aim, formats=formats)
+        if scan is not None:
+            from kolsky.report.figures import SCANS
+
+            save_figures_alone(partial, (scan, aim), formats, registry=SCANS)
+        if film:
+            from kolsky.report.films import write_prediction_film
+
+            write_prediction_film(partial / f"prediction.{film}", found)
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:

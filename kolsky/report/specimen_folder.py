@@ -1,14 +1,12 @@
 """Result folder of `kolsky specimen`: page, tables, HDF5 and VTU."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import filling
+from kolsky.base.files import filling, write_json
 from kolsky.bodies import specimen_output
 from kolsky.bodies.specimen_studies import StudyRow
 from kolsky.equilibrium.solution import Solution
@@ -29,7 +27,7 @@ def write_specimen_results(
 ) -> None:
     """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. ``view``: the fits
+    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_results`. ``view``: the fits
     with their simulations. ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last
     sample of each test for ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``:
     further tables by name. Raises InputError if the results cannot be written.
@@ -112,8 +110,3 @@ def write_solution_vtu(
 def _wide(values: FloatArray) -> FloatArray:
     """Vectors with three components, shape [n, 3]."""
     return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write an object of JSON types."""
-    path.write_text(json.dumps(content, indent=2, allow_nan=False), encoding="utf-8")

@@ -1,6 +1,7 @@
-"""An identification as an HDF5 file: unit, dimensions and place of every field, one table a record.
+"""The form of an identification: place, unit, key and heading of every field, one table a record.
 
-One file a shot, written completely or not at all; every value is checked when it is read.
+HDF5, JSON, tables and display units are derived from it. One HDF5 file a shot, written completely or not at
+all; every value is checked when it is read.
 """
 
 from dataclasses import fields, replace
@@ -20,11 +21,13 @@ from kolsky.base.hdf5_records import (
     Integers,
     Item,
     Json,
+    JsonOnly,
     Named,
     Part,
     Parts,
     Record,
     Text,
+    by_parameter,
     numbers,
     nxdata,
 )
@@ -84,12 +87,12 @@ FIT = Record(
         "weight": numbers("1"),
         "limit": Floats("1"),
         "slow_limit": Floats("1"),
-    },
-    derived={
-        "expected": Floats(RECORD_UNIT),
-        "excess": Floats("1"),
-        "slow_excess": Floats("1"),
-        "explained": Flags("1"),
+        "expected": Floats(RECORD_UNIT, derived=True),
+        "over_noise": JsonOnly(),
+        "over_peak": JsonOnly(),
+        "excess": Floats("1", derived=True),
+        "slow_excess": Floats("1", derived=True),
+        "explained": Flags("1", derived=True),
     },
 )
 CLOCK = Record(
@@ -103,6 +106,7 @@ CLOCK = Record(
         "explains": Flags("1"),
         "file": Text(),
         "key": Text(),
+        "significance": JsonOnly(),
     },
 )
 CAUSE = Record(
@@ -127,6 +131,8 @@ CAUSE = Record(
         "declared_sigma": Floats(RECORD_UNIT, optional=True),
         "solved": numbers("SI"),
         "solved_sigmas": numbers("SI"),
+        "change": JsonOnly(),
+        "within": JsonOnly(),
     },
 )
 
@@ -140,49 +146,52 @@ ESTIMATE = Record(
     Estimate,
     COLLECTION,
     {
-        "name": GroupName(),
-        "unit": Text(),
-        "value": Floats(RECORD_UNIT),
-        "sigma_noise": Floats(RECORD_UNIT),
-        "sigma_numerical": Floats(RECORD_UNIT),
-        "sigma_systematic": Floats(RECORD_UNIT),
-        "mesh_shift": Floats(RECORD_UNIT),
-        "noise_parts": numbers(RECORD_UNIT),
-        "numerical_parts": numbers(RECORD_UNIT, since=2),
-        "mesh_correction": Floats(RECORD_UNIT, since=3),
-        "searched": Floats(RECORD_UNIT, "2", as_tuple=True, since=4),
-        "outcome": Choice(Verdict),
-    },
-    derived={
-        "sigma": Floats(RECORD_UNIT),
-        "interval": Floats(RECORD_UNIT, "2", attributes={"coverage_factor": 2}),
-        "on_mesh": Floats(RECORD_UNIT),
+        "name": GroupName(key=None, heading="parameter"),
+        "unit": Text(heading="unit"),
+        "value": Floats(RECORD_UNIT, heading="value", parameter="name"),
+        "sigma": Floats(RECORD_UNIT, heading="sigma", derived=True),
+        "interval": Floats(
+            RECORD_UNIT,
+            "2",
+            attributes={"coverage_factor": 2},
+            heading=("lower (k = 2)", "upper (k = 2)"),
+            derived=True,
+        ),
+        "sigma_noise": Floats(RECORD_UNIT, heading="sigma noise", parameter="name"),
+        "sigma_numerical": Floats(RECORD_UNIT, heading="sigma mesh and step", parameter="name"),
+        "sigma_systematic": Floats(RECORD_UNIT, parameter="name"),
+        "mesh_shift": Floats(RECORD_UNIT, parameter="name"),
+        "noise_parts": numbers(RECORD_UNIT, parameter="name"),
+        "numerical_parts": numbers(RECORD_UNIT, since=2, parameter="name"),
+        "on_mesh": Floats(RECORD_UNIT, derived=True),
+        "mesh_correction": Floats(RECORD_UNIT, since=3, parameter="name"),
+        "searched": Floats(RECORD_UNIT, "2", as_tuple=True, since=4, parameter="name"),
+        "outcome": Choice(Verdict, heading="verdict"),
     },
 )
-CONTRIBUTION = Record(Contribution, COLLECTION, {"source": Text(), "sigma": numbers("SI")})
+CONTRIBUTION = Record(Contribution, COLLECTION, {"source": Text(), "sigma": by_parameter()})
+BUDGET = Parts(CONTRIBUTION, by="source", only="sigma")
 ROUTE = Record(
     Route,
     COLLECTION,
     {
         "name": Text(),
-        "parameters": numbers("SI"),
+        "parameters": by_parameter(),
         "cost": Floats("1"),
-        "sigma": numbers("SI"),
-        "correction": numbers("SI", since=3),
-        "budget": Parts(CONTRIBUTION, since=3),
+        "sigma": by_parameter(),
+        "correction": by_parameter(since=3),
+        "budget": replace(BUDGET, since=3),
     },
 )
 DIFFERENCE = Record(
-    RouteDifference,
-    COLLECTION,
-    {"values": numbers("SI"), "sigma": numbers("SI"), "budget": Parts(CONTRIBUTION)},
+    RouteDifference, COLLECTION, {"values": by_parameter(), "sigma": by_parameter(), "budget": BUDGET}
 )
 METHOD = Record(
     Method,
     COLLECTION,
     {
         "name": Text(),
-        "values": numbers("SI"),
+        "values": by_parameter(),
         "distances": numbers("1"),
         "runs": Integers("1"),
         "shared_runs": Integers("1"),
@@ -198,16 +207,16 @@ def _term(name: str) -> Item:
     return Floats("N" if name in ("phi_force", "sigma_phi_force") else "1")
 
 
-TERMS = Record(Terms, COLLECTION, {f.name: _term(f.name) for f in fields(Terms)})
+TERMS = Record(Terms, COLLECTION, {**{f.name: _term(f.name) for f in fields(Terms)}, "chi2": JsonOnly()})
 OUTLINE = Record(
     CentreLine,
     None,
     {
-        "time": Floats("s", "points"),
         "frame": Integers("1", "points"),
-        "y": Floats("m", "points"),
-        "Z": Floats("m", "points"),
-        "sigma": Floats("m", "points"),
+        "time": Floats("s", "points", heading="time"),
+        "y": Floats("m", "points", heading="y"),
+        "Z": Floats("m", "points", heading="Z measured"),
+        "sigma": Floats("m", "points", heading="sigma Z"),
         "modes": Floats("m", "modes points", optional=True),
     },
 )
@@ -224,13 +233,13 @@ COMPARISON = Record(
     Comparison,
     None,
     {
-        "force_time": Floats("s", "bins", at="force/force_time"),
-        "force_measured": Floats("N", "bins", at="force/force_measured"),
-        "force_sigma": Floats("N", "bins", at="force/force_sigma"),
-        "force_model": Floats("N", "bins", at="force/force_model"),
+        "force_time": Floats("s", "bins", at="force/force_time", heading="time"),
+        "force_measured": Floats("N", "bins", at="force/force_measured", heading="measured force"),
+        "force_sigma": Floats("N", "bins", at="force/force_sigma", heading="sigma"),
+        "force_model": Floats("N", "bins", at="force/force_model", heading="simulated force"),
         "centre_line": Part(OUTLINE, at="profile"),
-        "Z_model": Floats("m", "points", at="profile/Z_model"),
-        "inside": Flags("1", "points", at="profile/inside"),
+        "Z_model": Floats("m", "points", at="profile/Z_model", heading="Z simulated"),
+        "inside": Flags("1", "points", at="profile/inside", heading="inside"),
         "recorded": Part(RECORDED, at="recorded"),
     },
     groups={"force": nxdata("force_measured", "force_time"), "profile": nxdata("Z", "time")},
@@ -240,18 +249,18 @@ DESIGN = Record(
     nxdata("chi2_force", "."),
     {
         "names": Text("parameters"),
-        "points": Floats("SI", "runs parameters"),
-        "lower": Floats("SI", "parameters"),
-        "upper": Floats("SI", "parameters"),
-        "outcomes": Text("runs", among=tuple(Outcome.__members__)),
-        "end_times": Floats("s", "runs"),
+        "points": Floats("SI", "runs parameters", parameter="names"),
+        "lower": Floats("SI", "parameters", parameter="names"),
+        "upper": Floats("SI", "parameters", parameter="names"),
+        "outcomes": Text("runs", among=tuple(Outcome.__members__), heading="outcome"),
+        "phi_force": Floats("N", "runs", heading="Phi_F"),
+        "phi_shape": Floats("1", "runs", heading="Phi_S"),
+        "chi2_force": Floats("1", "runs", heading="chi2 force"),
+        "chi2_shape": Floats("1", "runs", heading="chi2 shape"),
+        "end_times": Floats("s", "runs", heading="end"),
         "failed_elements": Integers("1", "runs"),
         "failed_places": Floats("m", "runs 2"),
         "stage": Text("runs"),
-        "phi_shape": Floats("1", "runs"),
-        "phi_force": Floats("N", "runs"),
-        "chi2_shape": Floats("1", "runs"),
-        "chi2_force": Floats("1", "runs"),
     },
 )
 CURVE = Record(
@@ -259,7 +268,7 @@ CURVE = Record(
     nxdata("chi2", "x"),
     {
         "parameter": Text(),
-        "x": Floats("SI", "x"),
+        "x": Floats("SI", "x", parameter="parameter"),
         "chi2": Floats("1", "x"),
         "phi_shape": Floats("1", "x"),
         "phi_force": Floats("N", "x"),
@@ -299,14 +308,14 @@ PROFILE = Record(
     ParameterProfile,
     nxdata("rise", "values"),
     {
-        "name": Text(),
-        "values": Floats("SI", "values"),
-        "rise": Floats("1", "values"),
-        "points": Floats("SI", "values parameters"),
+        "name": Text(key=None),
+        "values": Floats("SI", "values", key=None, parameter="name"),
+        "rise": Floats("1", "values", key=None),
+        "points": Floats("SI", "values parameters", key=None),
         "level": Floats("1"),
-        "correlation": Floats("1"),
-        "interval": Floats("SI", "2", as_tuple=True),
-        "alone": Floats("SI", "2", as_tuple=True),
+        "correlation": Floats("1", key=None),
+        "interval": Floats("SI", "2", as_tuple=True, parameter="name"),
+        "alone": Floats("SI", "2", as_tuple=True, key="interval_others_known", parameter="name"),
         "verdict": Text(),
         "text": Text(),
         "error": Floats("1"),
@@ -315,37 +324,42 @@ PROFILE = Record(
 RIDGE = Record(
     PairMap,
     nxdata("rise", "y", "x"),
-    {"names": Text("2"), "x": Floats("SI", "x"), "y": Floats("SI", "y"), "rise": Floats("1", "y x")},
+    {
+        "names": Text("2"),
+        "x": Floats("SI", "x", parameter="names.0"),
+        "y": Floats("SI", "y", parameter="names.1"),
+        "rise": Floats("1", "y x"),
+    },
 )
 DECLARED = Record(
     Declaration,
     COLLECTION,
     {
-        "key": Text(),
+        "key": Text(key=None),
         "sigma": Floats("SI"),
         "unit": Text(),
-        "shifts": numbers("SI"),
+        "shifts": by_parameter(),
         "status": Text(),
-        "amount": Floats("SI", since=3),
-        "moves": numbers("SI", since=3),
-        "visible": Floats("1", since=3),
-        "alike": Text("alike", since=3),
+        "amount": Floats("SI", since=3, key=None),
+        "moves": by_parameter(since=3, key=None),
+        "visible": Floats("1", since=3, key=None),
+        "alike": Text("alike", since=3, key=None),
     },
 )
 VARIATION = Record(
     Variation,
     COLLECTION,
-    {"key": Text(), "value": Floats("s"), "shifts": numbers("SI"), "status": Text()},
+    {"key": Text(), "value": Floats("s"), "shifts": by_parameter(), "status": Text()},
 )
 POSTERIOR = Record(
     PosteriorSummary,
     COLLECTION,
     {
         "names": Text("coordinates"),
-        "samples": Floats("SI", "samples coordinates"),
-        "median": Floats("SI", "coordinates"),
-        "lower": Floats("SI", "coordinates"),
-        "upper": Floats("SI", "coordinates"),
+        "samples": Floats("SI", "samples coordinates", key=None, parameter="names"),
+        "median": Floats("SI", "coordinates", parameter="names"),
+        "lower": Floats("SI", "coordinates", parameter="names"),
+        "upper": Floats("SI", "coordinates", parameter="names"),
         "converged": Flags("1"),
         "autocorrelation": Floats("1"),
         "steps": Integers("1"),
@@ -359,32 +373,32 @@ IDENTIFICATION = Record(
     Group("NXentry", {"default": "force"}),
     {
         "shot": Text(),
-        "mesh": Integers("1", "2", as_tuple=True),
-        "refined_mesh": Integers("1", "2", as_tuple=True),
+        "mesh": Integers("1", "2", as_tuple=True, key=None),
+        "refined_mesh": Integers("1", "2", as_tuple=True, key=None),
         "warnings": Text("warnings"),
         "provenance": Json(),
-        "estimates": Named(ESTIMATE),
-        "fixed": numbers("SI"),
+        "estimates": Named(ESTIMATE, key=None),
+        "fixed": by_parameter(),
         "routes": Parts(ROUTE),
         "terms": Part(TERMS),
-        "comparison": Part(COMPARISON, at="."),
-        "response": Part(RESPONSE),
-        "design": Part(DESIGN),
-        "curves": Parts(CURVE),
+        "comparison": Part(COMPARISON, at=".", key=None),
+        "response": Part(RESPONSE, key=None),
+        "design": Part(DESIGN, key=None),
+        "curves": Parts(CURVE, key=None),
         "surrogate": numbers("SI"),
         "seconds": numbers("s"),
         "methods": Parts(METHOD),
-        "profiles": Parts(PROFILE, at="knowledge/profiles"),
-        "systematic": Parts(DECLARED, at="knowledge/systematic"),
+        "profiles": Parts(PROFILE, by="name", at="knowledge/profiles"),
+        "systematic": Parts(DECLARED, by="key", at="knowledge/systematic"),
         "variations": Parts(VARIATION, at="knowledge/variations", since=2),
-        "ridge": Part(RIDGE, at="knowledge/ridge", optional=True),
+        "ridge": Part(RIDGE, at="knowledge/ridge", optional=True, key=None),
         "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
         "route_difference": Part(DIFFERENCE, optional=True, since=3),
-        "fit": Parts(FIT, since=3),
-        "clocks": Parts(CLOCK, since=3),
+        "fit": Parts(FIT, by="channel", since=3),
+        "clocks": Parts(CLOCK, by="recording", since=3),
         "held_answer": Part(FIXED_PARAMETER, at="knowledge/held_answer", optional=True),
         "causes": Parts(CAUSE, since=3),
-        "image_correlation": numbers("SI", since=2),
+        "image_correlation": numbers("SI", since=2, key=None),
     },
     groups={"knowledge": COLLECTION},
 )

@@ -1,11 +1,10 @@
 """A joint identification as files: joint.json, CSV tables of parameters, shots and curve, and one HDF5
 file."""
 
-import json
 from pathlib import Path
 from typing import Any
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import jsonable
 from kolsky.base.hdf5 import Format, reading, writing
 from kolsky.base.hdf5_records import (
     COLLECTION,
@@ -32,18 +31,18 @@ SHOT = Record(
     ShotPart,
     COLLECTION,
     {
-        "name": Text(),
+        "name": Text(heading="shot"),
         "inputs": Json(),
-        "factor": Floats("1"),
-        "sigma_factor": Floats("1"),
-        "gain": Floats("1"),
-        "sigma_gain": Floats("1"),
-        "clock": Floats("s"),
-        "sigma_clock": Floats("s"),
-        "chi2_force": Floats("1"),
-        "chi2_outline": Floats("1"),
-        "discrepancy_force": Floats("N"),
-        "discrepancy_outline": Floats("m"),
+        "factor": Floats("1", heading="m"),
+        "sigma_factor": Floats("1", heading="sigma of its own part"),
+        "gain": Floats("1", heading="gain"),
+        "sigma_gain": Floats("1", heading="sigma gain"),
+        "clock": Floats("s", heading="late by"),
+        "sigma_clock": Floats("s", heading="sigma late by"),
+        "chi2_force": Floats("1", heading="chi2 per force bin"),
+        "chi2_outline": Floats("1", heading="chi2 per outline point"),
+        "discrepancy_force": Floats("N", heading="discrepancy of the force"),
+        "discrepancy_outline": Floats("m", heading="discrepancy of the outline"),
     },
 )
 SCATTER = Record(Scatter, COLLECTION, {"value": Floats("1"), "interval": Floats("1", "2", as_tuple=True)})
@@ -67,28 +66,28 @@ CURVE = Record(
     {
         "strain": Floats("1", "nodes"),
         "factor": Floats("1", "nodes"),
-        "sigma_log": Floats("1", "nodes"),
-        "prior_share": Floats("1", "nodes"),
-        "stretch": Floats("1", "points"),
-        "stress": Floats("Pa", "points"),
-        "band": Floats("Pa", "2 points"),
+        "sigma_log": Floats("1", "nodes", key="sigma_log_factor"),
+        "prior_share": Floats("1", "nodes", key="share_of_smoothness"),
+        "stretch": Floats("1", "points", key=None),
+        "stress": Floats("Pa", "points", key=None),
+        "band": Floats("Pa", "2 points", key=None),
     },
 )
 JOINT = Record(
     JointResult,
     COLLECTION,
     {
-        "estimates": Named(ESTIMATE),
+        "estimates": Named(ESTIMATE, key=None),
         "fixed": numbers("SI"),
-        "correlation": Floats("1", "estimates estimates"),
-        "expanded": numbers("SI"),
+        "correlation": Floats("1", "estimates estimates", key=None),
+        "expanded": numbers("SI", key=None),
         "shots": Parts(SHOT),
-        "scatter": Part(SCATTER, optional=True),
-        "slow": numbers("1"),
-        "choice": Part(CHOICE, optional=True),
+        "scatter": Part(SCATTER, optional=True, key="scatter_between_shots"),
+        "slow": numbers("1", key="slow_tests"),
+        "choice": Part(CHOICE, optional=True, key="model_choice"),
         "curve": Part(CURVE, optional=True),
-        "mesh": Integers("1", "2", as_tuple=True),
-        "refined_mesh": Integers("1", "2", as_tuple=True),
+        "mesh": Integers("1", "2", as_tuple=True, key=None),
+        "refined_mesh": Integers("1", "2", as_tuple=True, key=None),
         "runs": Integers("1"),
         "warnings": Text("warnings"),
     },
@@ -111,67 +110,34 @@ def read_joint_hdf5(path: Path) -> JointResult:
         return JOINT.read(place)
 
 
-STEM = "joint"
+_OF_ONE_SHOT = ("interval", "mesh_shift", "sigma_systematic")
+"""What an estimate tells of one shot only."""
 
 
 def to_json(found: JointResult) -> dict[str, Any]:
     """The result as one object of JSON types; numbers that are not finite become null."""
     names = list(found.estimates)
-    said = {
-        "estimates": {
-            name: {
-                "value": e.value,
-                "interval_95": interval(e, found.expanded[name]),
-                "searched": e.searched,
-                "sigma": e.sigma,
-                "sigma_noise": e.sigma_noise,
-                "sigma_numerical": e.sigma_numerical,
-                "on_mesh": e.on_mesh,
-                "mesh_correction": e.mesh_correction,
-                "noise_parts": e.noise_parts,
-                "numerical_parts": e.numerical_parts,
-                "unit": e.unit,
-                "outcome": e.outcome.value,
-            }
-            for name, e in found.estimates.items()
-        },
+    estimates: dict[str, dict[str, Any]] = {}
+    for name, e in found.estimates.items():
+        said = {key: value for key, value in ESTIMATE.json(e).items() if key not in _OF_ONE_SHOT}
+        estimates[name] = {**said, "interval_95": interval(e, found.expanded[name])}
+    whole = {
+        "estimates": estimates,
         "reference_curve": reference_words((*names, *found.fixed)) or "the quasi-static curve",
-        "fixed": found.fixed,
         "correlation": {"names": names, "matrix": found.correlation},
-        "shots": [vars(part) for part in found.shots],
-        "scatter_between_shots": None if found.scatter is None else vars(found.scatter),
-        "slow_tests": found.slow,
-        "model_choice": None if found.choice is None else vars(found.choice),
-        "curve": None
-        if found.curve is None
-        else {
-            "strain": found.curve.strain,
-            "factor": found.curve.factor,
-            "sigma_log_factor": found.curve.sigma_log,
-            "share_of_smoothness": found.curve.prior_share,
-        },
         "mesh": {"search": found.mesh, "refined": found.refined_mesh},
-        "runs": found.runs,
-        "warnings": found.warnings,
+        **JOINT.json(found),
     }
-    return {key: jsonable(value, key) for key, value in said.items()}
+    return {key: jsonable(value, key) for key, value in whole.items()}
 
 
-def write_joint(folder: Path, found: JointResult) -> None:
-    """Write joint.h5, joint.json, joint_parameters.csv, joint_shots.csv; of a free curve, joint_curve.csv.
-
-    Raises InputError if a file cannot be written.
-    """
-    write_joint_hdf5(folder / f"{STEM}.h5", found)
-    text = json.dumps(to_json(found), indent=1, allow_nan=False)
-    (folder / f"{STEM}.json").write_text(text, encoding="utf-8")
-    write_table(folder / f"{STEM}_parameters.csv", parameters(found))
-    write_table(folder / f"{STEM}_shots.csv", shots(found))
-    if found.curve is not None:
-        write_table(folder / f"{STEM}_curve.csv", curve(found))
+def tables(found: JointResult) -> dict[str, dict[str, Any]]:
+    """Shared parameters, shots and, of a free curve, what the impacts ask for: named columns, SI."""
+    made = {"joint_parameters": _parameters(found), "joint_shots": SHOT.columns(found.shots)}
+    return made if found.curve is None else {**made, "joint_curve": _curve(found.curve)}
 
 
-def parameters(found: JointResult) -> dict[str, list[Any]]:
+def _parameters(found: JointResult) -> dict[str, list[Any]]:
     """Columns of the shared parameters, SI."""
     rows = found.estimates.values()
     ends = [interval(e, found.expanded[e.name]) for e in rows]
@@ -187,28 +153,7 @@ def parameters(found: JointResult) -> dict[str, list[Any]]:
     }
 
 
-def shots(found: JointResult) -> dict[str, list[Any]]:
-    """Columns of the shots."""
-    parts = found.shots
-    return {
-        "shot": [p.name for p in parts],
-        "m (1)": [p.factor for p in parts],
-        "sigma of its own part (1)": [p.sigma_factor for p in parts],
-        "gain (1)": [p.gain for p in parts],
-        "sigma gain (1)": [p.sigma_gain for p in parts],
-        "late by (s)": [p.clock for p in parts],
-        "sigma late by (s)": [p.sigma_clock for p in parts],
-        "chi2 per force bin (1)": [p.chi2_force for p in parts],
-        "chi2 per outline point (1)": [p.chi2_outline for p in parts],
-        "discrepancy of the force (N)": [p.discrepancy_force for p in parts],
-        "discrepancy of the outline (m)": [p.discrepancy_outline for p in parts],
-    }
-
-
-def curve(found: JointResult) -> dict[str, list[float]]:
-    """Columns of the curve that the impacts ask for."""
-    assert found.curve is not None  # the caller saw to it
-    c = found.curve
+def _curve(c: CurveFound) -> dict[str, list[float]]:
     return {
         "nominal strain (1)": (c.stretch - 1.0).tolist(),
         "nominal stress (Pa)": c.stress.tolist(),

@@ -13,16 +13,8 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def measured(value: float, uncertainty: float) -> tuple[str, str]:
     """Return a value and its expanded uncertainty, both to the second significant digit of the uncertainty.
 
-    Parameters
-    ----------
-    value, uncertainty : float
-        In the same unit; the uncertainty not negative.
-
-    Returns
-    -------
-    tuple of str
-        For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). Four digits and "–" if the
-        uncertainty is zero or not finite, since the number of significant digits is then unknown.
+    For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). Four digits and "–" if the uncertainty
+    is zero or not finite, since the number of significant digits is then unknown.
     """
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value), plain(uncertainty) if math.isfinite(uncertainty) else NOTHING

@@ -123,17 +123,12 @@ MESHED = 1.0 / 6.0
 """Largest side of an element over the smallest diameter of a part, where none is declared [-]."""
 
 
-def _check_inside(key: str, depth: float | None, length: float) -> None:
+def _check_inside(
+    depth: float | None, length: float, what: str = "the parts' length", key: str = "transducer_depth"
+) -> None:
     """Refuse a place that is not between both ends of the parts."""
     if depth is not None and not depth < length:
-        raise f.problem("is not allowed", key=key, allowed=f"below the parts' length, {length:g} m")
-
-
-def _without(section: Section, keys: tuple[str, ...], why: str, cure: str) -> None:
-    """Refuse keys that would have no effect."""
-    for key in keys:
-        if getattr(section, key):
-            raise f.problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
+        raise f.problem("is not allowed", key=key, allowed=f"below {what}, {length:g} m")
 
 
 class TransmissionSection(Section):
@@ -149,53 +144,31 @@ class TransmissionSection(Section):
     """Distance of the force transducer behind the platen's face, along the bar or the parts."""
 
     @model_validator(mode="after")
-    def _transducer_on_the_bar(self) -> "TransmissionSection":
-        depth, bar = self.transducer_depth, self.bar
-        if depth is not None and self.support == "rigid":
-            raise f.problem(
-                'is given, but support = "rigid": nothing moves, and the force is the same everywhere',
-                key="transducer_depth",
-                cure='remove it, or write support = "bar"',
-            )
-        if depth is not None and bar is not None and not depth < 0.5 * bar.length:
-            raise f.problem(
-                "is not allowed",
-                key="transducer_depth",
-                allowed=f"below half the bar, {0.5 * bar.length:g} m",
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _bar_where_it_acts(self) -> "TransmissionSection":
-        if self.support == "bar" and self.bar is None:
-            raise f.problem(
-                'is missing; support = "bar" needs it',
-                key="bar",
-                cure="add a table [transmission.bar] with diameter, length, youngs_modulus, density",
-            )
-        if self.support != "bar" and self.bar is not None:
-            raise f.problem(
-                f'is given, but support = "{self.support}", so it would have no effect',
-                key="bar",
-                cure='remove the table, or write support = "bar"',
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _parts_where_they_act(self) -> "TransmissionSection":
-        if self.support != "mesh":
-            _without(self, ("parts", "element_size"), f'support = "{self.support}"', 'write support = "mesh"')
-        elif not self.parts:
-            raise f.problem(
-                'is missing; support = "mesh" needs it',
-                key="parts",
-                cure="add tables [transmission.parts.platen], [transmission.parts.bar] with diameter, "
-                "length, youngs_modulus, density, the specimen's side first",
+    def _keys_of_the_support(self) -> "TransmissionSection":
+        support, other = f'support = "{self.support}"', "remove it, or write support = "
+        if self.support == "rigid":
+            why = f"{support}: nothing moves, and the force is the same everywhere"
+            self.without(("transducer_depth",), why, f'{other}"bar"')
+        if self.support == "bar":
+            self.needs(
+                "bar",
+                support,
+                "add a table [transmission.bar] with diameter, length, youngs_modulus, density",
             )
         else:
-            _check_inside(
-                "transducer_depth", self.transducer_depth, sum(p.length for p in self.parts.values())
-            )
+            self.without(("bar",), support, f'{other}"bar"')
+        if self.bar is not None:
+            _check_inside(self.transducer_depth, 0.5 * self.bar.length, "half the bar")
+        if self.support != "mesh":
+            self.without(("parts", "element_size"), support, f'{other}"mesh"')
+            return self
+        self.needs(
+            "parts",
+            support,
+            "add tables [transmission.parts.platen], [transmission.parts.bar] with diameter, "
+            "length, youngs_modulus, density, the specimen's side first",
+        )
+        _check_inside(self.transducer_depth, sum(p.length for p in self.parts.values()))
         return self
 
 
@@ -216,19 +189,18 @@ class FlyerBodySection(Section):
     def _parts_where_they_act(self) -> "FlyerBodySection":
         if self.model == "rigid":
             keys = ("parts", "element_size", "transducer_depth", "seen_at")
-            _without(self, keys, 'model = "rigid": all of it moves as one', 'write model = "bar" or "mesh"')
+            self.without(keys, 'model = "rigid": all of it moves as one', 'write model = "bar" or "mesh"')
             return self
-        if not self.parts:
-            raise f.problem(
-                f'is missing; model = "{self.model}" needs it',
-                key="parts",
-                cure="add tables [flyer_body.parts.platen] and so on with diameter, length, youngs_modulus, "
-                "density, the specimen's side first",
-            )
+        self.needs(
+            "parts",
+            f'model = "{self.model}"',
+            "add tables [flyer_body.parts.platen] and so on with diameter, length, youngs_modulus, "
+            "density, the specimen's side first",
+        )
         if self.model == "bar":
-            _without(self, ("element_size",), 'model = "bar" has no elements', 'write model = "mesh"')
+            self.without(("element_size",), 'model = "bar" has no elements', 'write model = "mesh"')
         for key in ("transducer_depth", "seen_at"):
-            _check_inside(key, getattr(self, key), sum(part.length for part in self.parts.values()))
+            _check_inside(getattr(self, key), sum(part.length for part in self.parts.values()), key=key)
         return self
 
 

@@ -28,12 +28,7 @@ class PronySection(Section):
 
     @model_validator(mode="after")
     def _one_time_each(self) -> "PronySection":
-        if len(self.moduli) != len(self.times):
-            raise f.problem(
-                f"has {len(self.times)} entries, moduli has {len(self.moduli)}",
-                key="times",
-                cure="give one relaxation time for each modulus",
-            )
+        self.alike(("times",), "moduli", "give one relaxation time for each modulus")
         return self
 
 
@@ -52,15 +47,11 @@ class WaveBarSection(Section):
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "WaveBarSection":
-        ways = ("youngs_modulus", "wave_speed", "prony")
-        given = [key for key in ways if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise f.problem(
-                f"is given beside {given[0]}" if given else "is missing",
-                key=given[1] if given else "wave_speed",
-                cure='give one of wave_speed = "5188 m/s" (E follows from it and the density), '
-                'youngs_modulus = "210 GPa" and, for a polymer, a table prony',
-            )
+        self.exactly_one(
+            ("wave_speed", "youngs_modulus", "prony"),
+            'give one of wave_speed = "5188 m/s" (E follows from it and the density), '
+            'youngs_modulus = "210 GPa" and, for a polymer, a table prony',
+        )
         return self
 
     @property
@@ -180,27 +171,20 @@ class GaugeSection(Section):
 
     @model_validator(mode="after")
     def _as_many_as_channels(self) -> "GaugeSection":
-        for key in ("recorder", "compression"):
-            stated = getattr(self, key)
-            if isinstance(stated, list) and len(stated) != len(self.channels):
-                raise f.problem(
-                    f"has {len(stated)} entries, channels has {len(self.channels)}",
-                    key=key,
-                    cure="give one for both channels, or one for each of two opposed gauges",
-                )
+        self.alike(
+            ("recorder", "compression"),
+            "channels",
+            "give one for both channels, or one for each of two opposed gauges",
+        )
         return self
 
     @model_validator(mode="after")
     def _one_calibration(self) -> "GaugeSection":
-        ways = ("strain_per_volt", "bridge", "strain")
-        given = [key for key in ways if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise f.problem(
-                "is missing" if not given else f"is given beside {given[0]}",
-                key=given[1] if given else "strain_per_volt",
-                cure='give one of strain_per_volt = "0.0005 1/V", a table bridge, or strain = true where the '
-                "file holds strain already",
-            )
+        self.exactly_one(
+            ("strain_per_volt", "bridge", "strain"),
+            'give one of strain_per_volt = "0.0005 1/V", a table bridge, or strain = true where the '
+            "file holds strain already",
+        )
         return self
 
 

@@ -3,7 +3,7 @@ out."""
 
 from collections.abc import Callable, Iterable
 from pathlib import PurePosixPath
-from typing import Annotated
+from typing import Annotated, Generic, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -320,46 +320,59 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
+    def exactly_one(self, keys: tuple[str, ...], cure: str) -> None:
+        """Refuse tables with none or several of some keys, of which the first is the usual one."""
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise problem(
+                f"is given beside {given[0]}" if given else "is missing",
+                key=given[1] if given else keys[0],
+                cure=cure,
+            )
 
-class ColumnSection(Section):
+    def needs(self, key: str, why: str, cure: str) -> None:
+        """Refuse a table that lacks a key; ``why``: what needs it."""
+        if not getattr(self, key):
+            raise problem(f"is missing; {why} needs it", key=key, cure=cure)
+
+    def without(self, keys: tuple[str, ...], why: str, cure: str) -> None:
+        """Refuse keys that would have no effect."""
+        for key in keys:
+            if getattr(self, key):
+                raise problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
+
+    def alike(self, keys: tuple[str, ...], model: str, cure: str) -> None:
+        """Refuse lists that have another length than that of a key."""
+        for key in keys:
+            stated, wanted = getattr(self, key), getattr(self, model)
+            if isinstance(stated, list | tuple) and len(stated) != len(wanted):
+                raise problem(
+                    f"has {len(stated)} entries, {model} has {len(wanted)}",
+                    key=key,
+                    cure=cure,
+                )
+
+
+Unit = TypeVar("Unit", bound=float)
+
+
+class ColumnSection(Section, Generic[Unit]):
     """A column of a text file; once read, `unit` is the factor that leads to SI."""
 
     column: Name
-    unit: float
+    unit: Unit
 
     def as_column(self) -> Column:
         """The declaration as readers take it."""
         return Column(name=self.column, factor=self.unit)
 
 
-class TimeColumn(ColumnSection):
-    """A column of times."""
-
-    unit: TimeUnit
-
-
-class LengthColumn(ColumnSection):
-    """A column of lengths."""
-
-    unit: LengthUnit
-
-
-class VoltageColumn(ColumnSection):
-    """A column of voltages."""
-
-    unit: VoltageUnit
-
-
-class StressColumn(ColumnSection):
-    """A column of stresses."""
-
-    unit: StressUnit
-
-
-class RatioColumn(ColumnSection):
-    """A column of plain ratios; the unit is "1" or "%"."""
-
-    unit: RatioUnit
+TimeColumn = ColumnSection[TimeUnit]
+LengthColumn = ColumnSection[LengthUnit]
+VoltageColumn = ColumnSection[VoltageUnit]
+StressColumn = ColumnSection[StressUnit]
+RatioColumn = ColumnSection[RatioUnit]
+"""A column of plain ratios; the unit is "1" or "%"."""
 
 
 class ModeColumns(Section):

@@ -1,5 +1,6 @@
 """The tables of shot.toml about the material: [curve], [law] and [relaxation]."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -186,16 +187,26 @@ _NETWORK = (*_CONSTANTS, "sigma_ratio", "sigma_resistance")
 _EXAMPLES = {"strengths": "[0.3]", "times": '["400 us"]', "ratio": "0.5", "resistance": '"10 kPa"'}
 
 
-def _numbers(values: object) -> tuple[float, ...]:
-    if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
-        raise f.problem("is not a list of 1 to 3 numbers", cure="write e.g. [0.3], a number a branch")
-    return tuple(f.number(value) for value in values)
+def _branches(
+    entry: Callable[[object], float], what: str, cure: str
+) -> Callable[[object], tuple[float, ...]]:
+    """A validator for a list with an entry a branch."""
+
+    def validate(values: object) -> tuple[float, ...]:
+        if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
+            raise f.problem(f"is not a list of 1 to 3 {what}", cure=cure)
+        return tuple(entry(value) for value in values)
+
+    return validate
 
 
-def _times(values: object) -> tuple[float, ...]:
-    if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
-        raise f.problem("is not a list of 1 to 3 times", cure='write e.g. ["400 us"], a time a branch')
-    return tuple(f.seconds(value) for value in values)
+_Numbers = Annotated[
+    tuple[float, ...], BeforeValidator(_branches(f.number, "numbers", "write e.g. [0.3], a number a branch"))
+]
+_Times = Annotated[
+    tuple[float, ...],
+    BeforeValidator(_branches(f.seconds, "times", 'write e.g. ["400 us"], a time a branch')),
+]
 
 
 class RelaxationSection(Section):
@@ -203,10 +214,10 @@ class RelaxationSection(Section):
 
     kind: Literal["prony", "bergstrom_boyce"]
     free: bool = False
-    strengths: Annotated[tuple[float, ...], BeforeValidator(_numbers)] | None = None
-    times: Annotated[tuple[float, ...], BeforeValidator(_times)] | None = None
-    sigma_strengths: Annotated[tuple[float, ...], BeforeValidator(_numbers)] | None = None
-    sigma_times: Annotated[tuple[float, ...], BeforeValidator(_times)] | None = None
+    strengths: _Numbers | None = None
+    times: _Times | None = None
+    sigma_strengths: _Numbers | None = None
+    sigma_times: _Times | None = None
     ratio: f.Number | None = None
     resistance: f.Stress | None = None
     exponent: f.Number | None = None
@@ -218,35 +229,19 @@ class RelaxationSection(Section):
     @model_validator(mode="after")
     def _complete(self) -> "RelaxationSection":
         own, other = (_PRONY, _NETWORK) if self.kind == "prony" else (_NETWORK, _PRONY)
-        for name in other:
-            if getattr(self, name) is not None:
-                raise f.problem(
-                    f'is given, but kind = "{self.kind}" does not have it, so it would have no effect',
-                    key=name,
-                    cure=f"remove it; the keys here are {', '.join(own)}",
-                )
+        kind = f'kind = "{self.kind}"'
+        self.without(other, f"{kind} does not have it", f"remove it; the keys here are {', '.join(own)}")
         for name in own[:2]:
             if getattr(self, name) is None:
                 raise f.problem(
-                    f'is missing; kind = "{self.kind}" needs it, free or not: a search starts there',
+                    f"is missing; {kind} needs it, free or not: a search starts there",
                     key=name,
                     cure=f"add e.g. {name} = {_EXAMPLES[name]}",
                 )
-        self._lengths()
+        if self.kind == "prony":
+            self.alike(("times", "sigma_strengths", "sigma_times"), "strengths", "give one a branch")
         self._possible()
         return self
-
-    def _lengths(self) -> None:
-        if self.kind != "prony" or self.strengths is None:
-            return
-        for name in ("times", "sigma_strengths", "sigma_times"):
-            given = getattr(self, name)
-            if given is not None and len(given) != len(self.strengths):
-                raise f.problem(
-                    f"has {len(given)} entries, strengths has {len(self.strengths)}",
-                    key=name,
-                    cure="give one a branch",
-                )
 
     def _possible(self) -> None:
         """Refuse constants that the solver's own laws refuse, and uncertainties that are none."""

@@ -121,12 +121,10 @@ class CentreLineSection(Section):
 
     @model_validator(mode="after")
     def _one_sigma(self) -> "CentreLineSection":
-        if (self.sigma is None) == (self.sigma_column is None):
-            raise f.problem(
-                "is missing" if self.sigma is None else "is given twice, once as sigma_column",
-                key="sigma",
-                cure='give either sigma = "4 um" for all points or sigma_column with column and unit',
-            )
+        self.exactly_one(
+            ("sigma", "sigma_column"),
+            'give either sigma = "4 um" for all points or sigma_column with column and unit',
+        )
         return self
 
 

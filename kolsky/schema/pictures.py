@@ -19,12 +19,10 @@ class SeriesSection(Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> "SeriesSection":
-        if (self.file is None) == (self.pattern is None):
-            raise f.problem(
-                "is missing" if self.file is None else "is given beside pattern",
-                key="file",
-                cure='give either file = "cam0.tif" or, for numbered pictures, pattern = "cam0/*.png"',
-            )
+        self.exactly_one(
+            ("file", "pattern"),
+            'give either file = "cam0.tif" or, for numbered pictures, pattern = "cam0/*.png"',
+        )
         return self
 
     @property
@@ -234,14 +232,11 @@ class MeasuredSeries(Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> "MeasuredSeries":
-        given = [key for key in ("file", "pattern", "files") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise f.problem(
-                f"is given beside {given[0]}" if given else "is missing",
-                key=given[1] if given else "file",
-                cure='give one of file = "cam0.tif", pattern = "cam0/*.png" for numbered pictures, or '
-                'files = ["a.png", "b.png"] in their order',
-            )
+        self.exactly_one(
+            ("file", "pattern", "files"),
+            'give one of file = "cam0.tif", pattern = "cam0/*.png" for numbered pictures, or '
+            'files = ["a.png", "b.png"] in their order',
+        )
         return self
 
     @property

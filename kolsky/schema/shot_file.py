@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile, parse_toml
@@ -32,8 +32,8 @@ from kolsky.schema.measured import (
 from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 
 
-class ShotFile(Section):
-    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+class CommonTables(Section):
+    """What every shot that is identified declares, in SI, however it was measured."""
 
     format: Literal[1]
     name: f.Name | None = None
@@ -42,6 +42,33 @@ class ShotFile(Section):
     rig: f.Name | None = None
     specimen: SpecimenSection
     interface: InterfaceSection
+    curve: CurveSection | None = None
+    law: LawSection | None = None
+    model: ModelSection
+    relaxation: RelaxationSection | None = None
+    window: WindowSection = WindowSection()
+    uncertainty: UncertaintySection | None = None
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "CommonTables":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
+
+
+class BarDrivenShotFile(CommonTables):
+    """Tables for `identify` beside bars and gauges; those are in `kolsky.schema.bars`."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+
+class ShotFile(CommonTables):
+    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+
     transmission: TransmissionSection
     force: ForceSection
     incident_force: IncidentForceSection | None = None
@@ -58,17 +85,6 @@ class ShotFile(Section):
     recorders: dict[str, RecorderSection] = Field(default_factory=dict)
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
-    uncertainty: UncertaintySection | None = None
-    curve: CurveSection | None = None
-    law: LawSection | None = None
-    model: ModelSection
-    relaxation: RelaxationSection | None = None
-    window: WindowSection = WindowSection()
-
-    @model_validator(mode="after")
-    def _one_baseline(self) -> "ShotFile":
-        one_baseline(self.curve, self.law)
-        return self
 
     @model_validator(mode="after")
     def _incident_force_where_it_is_known(self) -> "ShotFile":
@@ -90,20 +106,14 @@ class ShotFile(Section):
             )
         return self
 
-    @property
-    def baseline(self) -> CurveSection | LawSection:
-        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
-        return chosen_baseline(self.curve, self.law)
-
     @model_validator(mode="after")
     def _pictures_where_they_act(self) -> "ShotFile":
-        for name in ("calibration", "dic", "reporting"):
-            if self.pictures is None and getattr(self, name) is not None:
-                raise f.problem(
-                    "is given, but there are no [pictures], so it would have no effect",
-                    key=name,
-                    cure="remove the table, or add [pictures]",
-                )
+        if self.pictures is None:
+            self.without(
+                ("calibration", "dic", "reporting"),
+                "there are no [pictures]",
+                "remove the table, or add [pictures]",
+            )
         return self
 
     def data_files(self) -> dict[str, str]:
@@ -198,11 +208,8 @@ def parsed(source: Source) -> TomlFile:
 def shot_toml(source: Source) -> ShotToml:
     """A whole shot file, validated.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
-        several problems come as one `InputErrors`.
+    Raises InputError if it cannot be read, is no TOML, or declares anything unknown, incomplete or
+    impossible; several problems come as one `InputErrors`.
     """
     file = parsed(source)
     if isinstance(file, ShotToml):

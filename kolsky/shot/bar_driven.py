@@ -1,38 +1,17 @@
 """A shot whose bars are its only instruments: bar waves drive the simulation, and the force identifies."""
 
-from dataclasses import fields
-from typing import Any, Literal
-
 import numpy as np
-from pydantic import ConfigDict, model_validator
 
 from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front_velocity
 from kolsky.bars.records import FaceWaves, Reduction
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.apparatus import Bar
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
-from kolsky.schema import fields as f
-from kolsky.schema.apparatus import (
-    InterfaceSection,
-    ModelSection,
-    SpecimenSection,
-    UncertaintySection,
-    WindowSection,
-)
-from kolsky.schema.fields import Section
-from kolsky.schema.material import (
-    CurveSection,
-    LawSection,
-    RelaxationSection,
-    chosen_baseline,
-    declared_relaxation,
-    one_baseline,
-)
-from kolsky.schema.shot_file import Source, parsed
+from kolsky.schema.shot_file import BarDrivenShotFile, Source, parsed
 from kolsky.shot.bars import load_waves
-from kolsky.shot.curve import read_curve
-from kolsky.shot.records import ModelSettings, Shot, ShotBase
+from kolsky.shot.curve import shot_fields
+from kolsky.shot.records import Shot, ShotBase, fields_of
 
 REACH = 0.9
 """Largest approach of the faces over the specimen's length that is simulated [-]."""
@@ -82,30 +61,7 @@ def driven_by_waves(
             f"the faces approach by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
             f" length of {length * 1e3:.4g} mm: end the window earlier, or check the gauge factors"
         )
-    declared: dict[str, Any] = {field.name: getattr(base, field.name) for field in fields(ShotBase)}
-    return Shot(**declared, flyer=motion, centre_line=centre_line, window=(path.start, last))
-
-
-class BarDrivenShotFile(Section):
-    """Tables for `identify` beside bars and gauges; those are in `kolsky.schema.bars`."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
-
-    format: Literal[1]
-    name: f.Name | None = None
-    specimen: SpecimenSection
-    interface: InterfaceSection
-    curve: CurveSection | None = None
-    law: LawSection | None = None
-    model: ModelSection
-    relaxation: RelaxationSection | None = None
-    window: WindowSection = WindowSection()
-    uncertainty: UncertaintySection = UncertaintySection()
-
-    @model_validator(mode="after")
-    def _one_baseline(self) -> "BarDrivenShotFile":
-        one_baseline(self.curve, self.law)
-        return self
+    return Shot(**fields_of(base), flyer=motion, centre_line=centre_line, window=(path.start, last))
 
 
 def load_bar_driven(source: Source) -> Shot:
@@ -118,8 +74,6 @@ def load_bar_driven(source: Source) -> Shot:
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)
     given = load_waves(file)
-    folder = file.path.parent
-    curve, curve_hashes = read_curve(folder, chosen_baseline(declared.curve, declared.law))
     if declared.window.start is not None:
         raise file.error(
             "window.start",
@@ -128,22 +82,16 @@ def load_bar_driven(source: Source) -> Shot:
         )
     try:
         result = analyse(given)
+        fields = shot_fields(file, declared)
+        fields["inputs"] = {**given.inputs, **fields["inputs"]}
         base = ShotBase(
-            name=given.name,
-            folder=folder,
-            file=file,
-            specimen=Specimen(**declared.specimen.model_dump()),
-            interface=declared.interface.interface(),
+            **fields,
             support="bar",
             transmission_bar=Bar(**vars(given.bars["transmission"])),
-            model=ModelSettings(**declared.model.model_dump()),
             force=bar_force(result.reduction, result.faces),
-            curve=curve,
-            inputs={**given.inputs, **curve_hashes},
-            **declared_relaxation(declared.relaxation, declared.uncertainty),
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:
         raise InputError(
-            folder, str(error), cure="correct the gauge or bar that it names in shot.toml"
+            file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
         ) from error

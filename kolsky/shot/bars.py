@@ -375,10 +375,8 @@ class CheckedBars:
 def check_bars(source: Source) -> CheckedBars:
     """Read a shot between bars and find its pulses.
 
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, a declaration is impossible, or the signals hold no such test.
+    Raises InputError if a file is missing or damaged, a declaration is impossible, or the signals hold no
+    such test.
     """
     file = parsed(source)
     given = load_waves(file)

@@ -1,24 +1,30 @@
-"""The quasi-static curves of a shot, with their bands: of the first pull and of the conditioned material."""
+"""What a shot declares of its specimen, with its quasi-static curves and their bands: of the first pull and
+of the conditioned material."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
-from kolsky.readers.measured_tables import UniaxialTable, read_uniaxial
-from kolsky.readers.table import Column
-from kolsky.schema.material import CurveSection, LawSection
-from kolsky.shot.records import Shot, ShotBase
+from kolsky.base.toml import TomlFile
+from kolsky.readers.table import Column, Table, read_table
+from kolsky.schema.fields import ModeColumns
+from kolsky.schema.material import CurveSection, LawSection, declared_relaxation
+from kolsky.schema.shot_file import CommonTables
+from kolsky.shot.records import ModelSettings, Shot, ShotBase
 
 AnyShot = TypeVar("AnyShot", bound=ShotBase)
 
 LARGEST_STRAIN = 20.0
 """Nominal strain beyond which a column is no strain of an elastomer."""
+MOST_MODES = 1000
+"""Most columns of common uncertainties that are read."""
 SMALLEST_CURVE = 5
 """Points away from rest that a curve needs."""
 
@@ -38,6 +44,26 @@ def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[Materi
         hashes[section.conditioned] = digest
         curve = replace(curve, conditioned=other)
     return curve, hashes
+
+
+def shot_fields(file: TomlFile, declared: CommonTables) -> dict[str, Any]:
+    """The fields of `ShotBase` that do not depend on how the shot was measured.
+
+    Raises InputError as `read_curve`.
+    """
+    folder = file.path.parent
+    curve, hashes = read_curve(folder, declared.baseline)
+    return {
+        "name": declared.name or folder.resolve().name,
+        "folder": folder,
+        "file": file,
+        "specimen": Specimen(**declared.specimen.model_dump()),
+        "interface": declared.interface.interface(),
+        "model": ModelSettings(**declared.model.model_dump()),
+        "curve": curve,
+        "inputs": hashes,
+        **declared_relaxation(declared.relaxation, declared.uncertainty),
+    }
 
 
 def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
@@ -68,31 +94,40 @@ def conditioned_ratio(curve: MaterialCurve) -> float | None:
 
 
 def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
-    table = read_uniaxial(
-        path,
-        strain=section.strain.as_column(),
-        stress=section.stress.as_column(),
-        sigma=None if section.sigma is None else section.sigma.as_column(),
-        modes=None if section.modes is None else Column(section.modes.prefix, section.modes.unit),
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
+    layout = None if section.layout is None else section.layout.as_layout()
+    table = read_table(path, layout=layout)
     sign = 1.0 if section.convention == "tension positive" else -1.0
-    strain, stress = sign * table.strain, sign * table.stress
+    strain = sign * table.values(section.strain.as_column())
+    stress = sign * table.values(section.stress.as_column())
+    sigma = np.hypot(section.relative_sigma * stress, section.sigma_floor)
+    if section.sigma is not None:
+        sigma = np.hypot(sigma, table.values(replace(section.sigma.as_column(), bound=">= 0")))
+    modes = None if section.modes is None else sign * _modes(table, section.modes)
     check_curve(strain, stress, table, section)
     order = np.argsort(np.abs(strain))
-    sigma = np.hypot(section.relative_sigma * stress, section.sigma_floor)
-    if table.sigma is not None:
-        sigma = np.hypot(sigma, table.sigma)
     curve = MaterialCurve(
         stretch=1.0 + strain[order],
         stress=stress[order],
         sigma=sigma[order],
-        modes=None if table.modes is None else sign * table.modes[:, order],
+        modes=None if modes is None else modes[:, order],
     )
     return curve, table.sha256
 
 
-def check_curve(strain: FloatArray, stress: FloatArray, table: UniaxialTable, section: CurveSection) -> None:
+def _modes(table: Table, section: ModeColumns) -> FloatArray:
+    """All columns whose names begin alike, shape [n_modes, n]."""
+    names = [name for name in table.header if name.startswith(section.prefix)]
+    if not 1 <= len(names) <= MOST_MODES:
+        raise InputError(
+            table.path,
+            f"{len(names)} columns begin with '{section.prefix}', 1 to {MOST_MODES} are read",
+            line=table.header_line,
+            cure="correct the beginning in the shot file, or leave it out",
+        )
+    return np.array([table.values(Column(name, section.unit)) for name in names])
+
+
+def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: CurveSection) -> None:
     """One branch, one sign, from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
@@ -148,12 +183,12 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: UniaxialTable, se
         )
 
 
-def _rows(table: UniaxialTable, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
+def _rows(table: Table, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
     """Refuse the first bad row, saying how many there are."""
     rows = np.flatnonzero(bad)
     if rows.size:
         row = int(rows[0])
         count = f" ({rows.size} such lines)" if rows.size > 1 else ""
         raise InputError(
-            table.path, message.format(value=values[row]) + count, line=table.line(row), cure=cure
+            table.path, message.format(value=values[row]) + count, line=table.first_line + row, cure=cure
         )

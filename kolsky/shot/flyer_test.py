@@ -14,7 +14,7 @@ from kolsky.bars.budget import budget_table, merge_quantities, propagate
 from kolsky.bars.flyer.events import FlyerEvents, flyer_events
 from kolsky.bars.flyer.path import path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise
-from kolsky.bars.records import Correction, FlyerResult, History, Quantity, Reduction, Signal
+from kolsky.bars.records import FlyerResult, History, Quantity, Reduction, Signal
 from kolsky.bars.reduction.inertia import (
     axial_by_analysis,
     compensate_mass,
@@ -23,7 +23,7 @@ from kolsky.bars.reduction.inertia import (
     path_acceleration,
 )
 from kolsky.bars.reduction.validity import VALIDITY_SHARE, Validity, balanced_span, imbalance, validity
-from kolsky.bars.reduction.varied_test import varied_specimen
+from kolsky.bars.reduction.varied_test import length_quantities, varied_specimen
 from kolsky.bars.signals.transducers import ForceSignal, force_signal
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
@@ -90,7 +90,7 @@ class FlyerTest:
                     time, gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
                     apply=given.switches["mass"], source="the flyer's motion",
                 )  # fmt: skip
-                log.add(_keyed(entry, "mass"))
+                log.add(replace(entry, key="mass"))
         area = specimen.area
         stress = {
             "one wave": _scaled(back, 1.0 / area),
@@ -103,15 +103,16 @@ class FlyerTest:
         corrected, radial = correct_radial_inertia(
             plain, strain, rate, second, specimen, apply=given.switches["radial inertia"]
         )
-        log.add(_keyed(radial, "radial inertia"))
+        log.add(replace(radial, key="radial inertia"))
         stress["one wave"], axial = correct_axial_inertia(
             stress["one wave"], second, specimen, apply=given.switches["axial inertia"]
         )
-        log.add(_keyed(axial, "axial inertia"))
+        log.add(replace(axial, key="axial inertia"))
         if axial.applied:  # the other analyses lack other shares of it
             change = axial_by_analysis(second.value, specimen, 0.0)
-            stress["two waves"] = _raised(stress["two waves"], change["two waves"])
-            corrected = _raised(corrected, change["three waves"])
+            two = stress["two waves"]
+            stress["two waves"] = replace(two, value=two.value + change["two waves"])
+            corrected = replace(corrected, value=corrected.value + change["three waves"])
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
@@ -172,18 +173,9 @@ def _at(signal: Signal, time: FloatArray) -> History:
     return History(np.interp(time, signal.time, signal.value), np.full(time.size, signal.sigma), "N")
 
 
-def _raised(history: History, change: FloatArray) -> History:
-    return History(history.value + change, history.sigma, history.unit)
-
-
 def _scaled(history: History, factor: float) -> History:
     unit = {"N": "Pa", "1/s": "m/s"}[history.unit]
     return History(factor * history.value, factor * history.sigma, unit)
-
-
-def _keyed(entry: Correction, key: str) -> Correction:
-    """The entry under the switch that the shot file knows."""
-    return Correction(entry.name, key, entry.applied, entry.size, entry.rms, entry.unit, entry.reason)
 
 
 EARLY = 0.05
@@ -244,11 +236,7 @@ def _result(
     shot, r = given.shot, found.reduction
     quantities = [q for force in forces if force is not None for q in force.quantities]
     u = given.uncertainty
-    d, length = shot.specimen.diameter, shot.specimen.length
-    quantities += [
-        Quantity("specimen, diameter", d, d * u.get("specimen_diameter", 0.0), "m", "B"),
-        Quantity("specimen, length", length, length * u.get("specimen_length", 0.0), "m", "B"),
-    ]
+    quantities += length_quantities(shot.specimen, {}, u)
     if given.incident is not None and given.mass > 0.0:
         quantities.append(Quantity("flyer, mass", given.mass, given.mass * u.get("mass", 0.0), "kg", "B"))
     budget = propagate(
@@ -272,6 +260,7 @@ def _result(
     }
     if sync is not None:
         facts |= {"lag of the cameras": (sync.lag, "s"), "its standard uncertainty": (sync.sigma, "s")}
+    window = found.validity.window  # of one averaging interval it is none
     judged = found.validity.sentence if given.incident is not None else UNJUDGED
     remarks = [judged] if found.validity.nearly_empty else []
     if sync is not None and sync.agreement is not Agreement.AGREES:
@@ -300,7 +289,7 @@ def _result(
         settings=given.settings,
         signals=tuple(force.signal for force in forces if force is not None),
         events=_flyer_events(events, shot, pictured=given.pictured),
-        valid=_time_span(found.validity),
+        valid=window if window is not None and window[1] > window[0] else None,
         validity=judged,
         synchronisation=None if sync is None else sync.sentence,
         inertia={
@@ -324,12 +313,6 @@ def _flyer_events(
     frame = float(np.median(np.diff(shot.flyer.time)))
     how = "the flyer leaves its first direction, by its flight in the pictures"
     return (*rows, ("end of symmetry", shot.symmetry_end, frame / sqrt(12.0), how))
-
-
-def _time_span(found: Validity) -> tuple[float, float] | None:
-    """The validity window, if it is more than one averaging interval."""
-    window = found.window
-    return window if window is not None and window[1] > window[0] else None
 
 
 def _synchronised(

@@ -4,26 +4,25 @@ The window is the part of the shot that is simulated and compared: from rest unt
 """
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.records import MaterialCurve, Recording
+from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.pictures.frames import body_moves, flyer_motion, read_frames, sound_at_rest
 from kolsky.pictures.picture_set import PictureSet, open_pictures
 from kolsky.pictures.specimen_length import RimAtRest, conditioned_length, length_notes
-from kolsky.readers.measured_tables import FrameTimes
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.apparatus import elastic_body
-from kolsky.schema.material import declared_relaxation
 from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, parsed, shot_toml
-from kolsky.shot.curve import read_curve
+from kolsky.shot.curve import shot_fields
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.outline import check_outline, each_once, read_outline
-from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
+from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
 
 if TYPE_CHECKING:
     from kolsky.shot.bars import CheckedBars
@@ -45,25 +44,11 @@ def window(
     """The window on the shot's clock: as declared, else from the last static frame to the last covered one
     before symmetry ends.
 
-    Parameters
-    ----------
-    toml
-        The shot file.
-    frame_time
-        Frame times on the shot's clock [s], shape [n_frames].
-    flyer_end
-        Time of the last flyer displacement [s].
-    scope
-        The force channel.
-    scope_time
-        Its sample times on the shot's clock [s], shape [n_samples].
-    symmetry_end
-        Time at which the flyer leaves its first direction [s], None if it does not or is not known.
-
-    Raises
-    ------
-    InputError
-        If the specimen already moves at the start, or the recordings do not cover the window.
+    ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
+    ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
+    sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
+    its first direction [s], None if it does not or is not known. Raises InputError if the specimen already
+    moves at the start, or the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])
@@ -140,22 +125,18 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
         return load_bar_driven(file)
     toml, frames = _open(file)
     declared, folder = toml.declared, toml.path.parent
-    frame_time = frames.time + declared.frames.clock_offset
-    rest = float(frame_time[declared.frames.static - 1])
+    rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     if declared.surface is not None:
         return _with_surface(toml, frames, rest)
     if declared.flyer is None or declared.centre_line is None:
         return _with_pictures(toml, frames, rest, measure)
     flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml)
-    force = force_channel(folder, rest, toml)
-    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    check_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
+    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
+    base = _base(toml, frames, exports)
+    span = _compared_span(toml, frames, base["force"], flyer)
     check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
     centre_line, notes = each_once(centre_line, table)
-    curve, curve_hashes = read_curve(folder, declared.baseline)
-    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
-    base = _base(toml, frames, force, curve, curve_hashes, exports)
     base |= incident_to_compare(toml, span)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
 
@@ -199,7 +180,7 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     return load_shot(toml)
 
 
-def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
+def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
     """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
     from kolsky.shot.surface import measured_surface
 
@@ -212,20 +193,16 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
         flyer, inputs[declared.flyer.file] = flyer_motion(folder, frames, declared.flyer, toml)
     else:
         body_moves(flyer, rest, source, toml)
-    force = force_channel(folder, rest, toml)
-    frame_time = frames.time + declared.frames.clock_offset
-    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    check_sign(force.raw_force(), force.time, span, flyer, toml)
+    base = _base(toml, frames, inputs)
+    span = _compared_span(toml, frames, base["force"], flyer)
     check_outline(centre_line, source, rest, span, toml)
-    curve, curve_hashes = read_curve(folder, declared.baseline)
-    base = _base(toml, frames, force, curve, curve_hashes, inputs)
     base |= incident_to_compare(toml, span)
     fitted = declared.surface.frame == "cylinder"
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
 
 
 def _with_pictures(
-    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[PictureSet], OpticalData] | None
+    toml: ShotToml, frames: FrameTable, rest: float, measure: Callable[[PictureSet], OpticalData] | None
 ) -> Shot:
     """A shot whose flyer and outline come from its pictures."""
     shot = _with_picture_set(toml, frames, open_pictures(toml, frames))
@@ -235,20 +212,11 @@ def _with_pictures(
         measure = measured
     found = measure(shot.pictures)
     found = replace(found, flyer=sound_at_rest(found.flyer, rest))
-    assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
-    frame_time = frames.time + toml.declared.frames.clock_offset
+    assert isinstance(shot.force, ForceChannel)  # `_base` made it so
     body_moves(found.flyer, rest, found.source, toml)
-    span = window(
-        toml,
-        frame_time,
-        float(found.flyer.time[-1]),
-        shot.force.recording,
-        shot.force.time,
-        symmetry_end=found.symmetry_end,
-    )
-    check_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
+    span = _compared_span(toml, frames, shot.force, found.flyer, found.symmetry_end)
     check_outline(found.centre_line, found.source, rest, span, toml)
-    base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
+    base = fields_of(shot)
     base |= incident_to_compare(toml, span)
     base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
     loaded = Shot(
@@ -287,51 +255,56 @@ def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
     )
 
 
-def _with_picture_set(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> PicturedShot:
-    folder, declared = toml.path.parent, toml.declared
-    rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
-    force = force_channel(folder, rest, toml)
-    curve, curve_hashes = read_curve(folder, declared.baseline)
-    return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, pictures.inputs), pictures=pictures)
+def _with_picture_set(toml: ShotToml, frames: FrameTable, pictures: PictureSet) -> PicturedShot:
+    return PicturedShot(**_base(toml, frames, pictures.inputs), pictures=pictures)
 
 
-def _open(source: Source) -> tuple[ShotToml, FrameTimes]:
+def _compared_span(
+    toml: ShotToml,
+    frames: FrameTable,
+    force: ForceChannel,
+    flyer: FlyerMotion,
+    symmetry_end: float | None = None,
+) -> tuple[float, float]:
+    """The window of a shot with cameras, in which the sign of its force is right."""
+    span = window(
+        toml,
+        frames.time + toml.declared.frames.clock_offset,
+        float(flyer.time[-1]),
+        force.recording,
+        force.time,
+        symmetry_end=symmetry_end,
+    )
+    check_sign(force.raw_force(), force.time, span, flyer, toml)
+    return span
+
+
+def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
     _all_there(toml, toml.path.parent)
     return toml, read_frames(toml)
 
 
-def _base(
-    toml: ShotToml,
-    frames: FrameTimes,
-    force: ForceChannel,
-    curve: MaterialCurve,
-    curve_hashes: dict[str, str],
-    optical: dict[str, str],
-) -> dict[str, Any]:
-    """The fields of `ShotBase`; `optical` are the hashes of what tells what the cameras saw."""
+def _base(toml: ShotToml, frames: FrameTable, optical: dict[str, str]) -> dict[str, Any]:
+    """The fields of `ShotBase` of a shot with cameras; `optical` are the hashes of what they gave."""
     declared, folder = toml.declared, toml.path.parent
-    specimen, bar = declared.specimen, declared.transmission.bar
+    rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
+    force = force_channel(folder, rest, toml)
+    bar = declared.transmission.bar
+    given = shot_fields(toml, declared)
     return {
-        "name": declared.name or folder.resolve().name,
-        "folder": folder,
-        "file": toml,
-        "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
-        "interface": declared.interface.interface(),
+        **given,
         "support": declared.transmission.support,
         **_elastic(declared, None if bar is None else Bar(**bar.model_dump())),
         "transducer_depth": declared.transmission.transducer_depth or 0.0,
-        "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
-        "curve": curve,
-        **declared_relaxation(declared.relaxation, declared.uncertainty),
         "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,
             declared.frames.file: frames.sha256,
             **optical,
-            **curve_hashes,
+            **given["inputs"],
         },
     }
 

@@ -78,36 +78,15 @@ def surfaces(
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
     cameras: Callable[[Progress], Calibrated] | None = None,
-    idle: Callable[[], None] = lambda: None,
-    known: Callable[[StereoResult], None] = lambda result: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read back what they gave.
 
-    Parameters
-    ----------
-    pictures
-        The pictures.
-    folder
-        Where `RESULT_FILE` is or will be. It is used again if inputs, declarations and the version of the
-        chain are those it was made with.
-    device
-        Where pictures are correlated, "cpu" or a CUDA device.
-    again
-        Correlate even if there is such a file.
-    progress
-        Told of the frames done, stage by stage.
-    cameras
-        The cameras that `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found
-        here.
-    idle
-        Work of the caller's for the time in which this process waits for another one.
-    known
-        Told of a result that was computed now, before its flight is fitted and its file written.
-
-    Raises
-    ------
-    InputError
-        If the cameras cannot be calibrated or nothing can be measured.
+    ``pictures``: the pictures. ``folder``: where `RESULT_FILE` is or will be. It is used again if inputs,
+    declarations and the version of the chain are those it was made with. ``device``: where pictures are
+    correlated, "cpu" or a CUDA device. ``again``: correlate even if there is such a file. ``progress``: told
+    of the frames done, stage by stage. ``cameras``: the cameras that
+    `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found here. Raises
+    InputError if the cameras cannot be calibrated or nothing can be measured.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length
@@ -118,8 +97,7 @@ def surfaces(
         except InputError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
-        result = correlate(pictures, device, progress, cameras=cameras, idle=idle)
-        known(result)
+        result = correlate(pictures, device, progress, cameras=cameras)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
             with background(lambda: write_stereo_result(file, result, key=key)) as written:

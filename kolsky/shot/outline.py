@@ -1,6 +1,7 @@
 """[centre_line]: the specimen's outline at the frames, read and checked."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,7 @@ from kolsky.base.arrays import BoolArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
 from kolsky.pictures.frames import frames_agree
-from kolsky.readers import measured_tables
-from kolsky.readers.measured_tables import FrameTimes, OutlineTable
+from kolsky.readers.measured_tables import FrameTable, read_frame_table
 from kolsky.readers.table import Column
 from kolsky.schema.measured import CentreLineSection
 from kolsky.schema.shot_file import ShotToml
@@ -26,29 +26,33 @@ RADIUS_TOLERANCE = 0.2
 
 
 def read_outline(
-    folder: Path, frames: FrameTimes, section: CentreLineSection, toml: ShotToml
-) -> tuple[CentreLine, OutlineTable]:
+    folder: Path, frames: FrameTable, section: CentreLineSection, toml: ShotToml
+) -> tuple[CentreLine, FrameTable]:
     """[centre_line]: the specimen's outline at the frames, and the table it was read from.
 
     Raises InputError if the file cannot be read, or its frames and times are not those of [frames].
     """
-    table = measured_tables.read_outline(
+    sigma = None
+    if section.sigma_column is not None:
+        cure = "give every point its standard deviation, or declare one for all: centre_line.sigma"
+        sigma = replace(section.sigma_column.as_column(), bound="> 0", cure=cure)
+    table = read_frame_table(
         folder / section.file,
         frame=Column(section.frame),
-        y=section.y.as_column(),
-        Z=section.Z.as_column(),
-        sigma=None if section.sigma_column is None else section.sigma_column.as_column(),
         time=None if section.time is None else section.time.as_column(),
+        columns={"y": section.y.as_column(), "Z": section.Z.as_column(), "sigma": sigma},
+        points=True,
         layout=None if section.layout is None else section.layout.as_layout(),
     )
     frames_agree(table, frames)
     index = np.searchsorted(frames.frame, table.frame)
+    columns = table.columns
     line = CentreLine(
         time=frames.time[index] + toml.declared.frames.clock_offset,
         frame=table.frame,
-        y=table.y + section.y_offset,
-        Z=table.Z + section.Z_offset,
-        sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
+        y=columns["y"] + section.y_offset,
+        Z=columns["Z"] + section.Z_offset,
+        sigma=columns["sigma"] if sigma else np.full(table.frame.size, section.sigma),
     )
     return line, table
 
@@ -113,18 +117,13 @@ def check_outline(
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 
 
-def each_once(line: CentreLine, table: OutlineTable) -> tuple[CentreLine, tuple[str, ...]]:
+def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[str, ...]]:
     """The outline with every point counted once, and a sentence about those that the file has several times.
 
     A row that stands twice in an export is one measurement: counted twice it would weigh as much as two, and
     five hundred times it would draw the answer to itself.
 
-    Parameters
-    ----------
-    line
-        The outline, rows as in the file, shape [n].
-    table
-        The file it was read from.
+    ``line``: the outline, rows as in the file, shape [n]. ``table``: the file it was read from.
     """
     rows = np.column_stack([line.frame, line.y, line.Z])
     _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)

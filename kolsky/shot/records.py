@@ -2,9 +2,10 @@
 face."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -166,6 +167,11 @@ class ShotBase:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {len(self.inputs)} files in {str(self.folder)!r})"
+
+
+def fields_of(base: ShotBase) -> dict[str, Any]:
+    """The fields that a shot has apart from its optical measurements, to make a fuller record of them."""
+    return {field.name: getattr(base, field.name) for field in fields(ShotBase)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

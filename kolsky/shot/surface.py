@@ -8,12 +8,12 @@ import numpy as np
 
 from dic.outcome import PointOutcome
 from dic.surfaces.cylinder import Cylinder, fit_cylinder
-from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
+from dic.surfaces.surface_history import SurfaceHistory, centre_line
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.dic_export import DicExport, PointState, matching, read
-from kolsky.readers.measured_tables import FrameTimes
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.measured import SurfaceSection
 from kolsky.schema.shot_file import ShotToml
 
@@ -91,17 +91,6 @@ def surface_history(
     )
 
 
-def outline(surface: SurfaceHistory, *, half_width: float) -> CentrePoints:
-    """Points near the centre line, carried round the circle to it; the axis is that of the placement.
-
-    Raises
-    ------
-    ValueError
-        As `dic.surfaces.surface_history.centre_line`.
-    """
-    return centre_line(surface, half_width=half_width)
-
-
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
     """Mean displacement toward the specimen of the points that are valid in every frame.
 
@@ -127,7 +116,7 @@ def _unit(axis: str) -> FloatArray:
 
 
 def measured_surface(
-    toml: ShotToml, section: SurfaceSection, frames: FrameTimes
+    toml: ShotToml, section: SurfaceSection, frames: FrameTable
 ) -> tuple[CentreLine, FlyerMotion | None, dict[str, str]]:
     """The outline, the flyer's motion if its area was exported, and the hashes of the files by pattern.
 
@@ -148,7 +137,7 @@ def measured_surface(
             )
         else:
             placement = declared_placement(y=section.y, Z=section.Z, origin=section.origin)
-        points = outline(
+        points = centre_line(
             surface_history(export, placement, time, sigma=section.sigma), half_width=section.half_width
         )
     except ValueError as error:
@@ -170,7 +159,7 @@ def measured_surface(
 
 
 def _export(
-    folder: Path, pattern: str, section: SurfaceSection, frames: FrameTimes, toml: ShotToml
+    folder: Path, pattern: str, section: SurfaceSection, frames: FrameTable, toml: ShotToml
 ) -> tuple[DicExport, FloatArray]:
     """The files of a pattern and the times of their frames on the shot's clock [s]."""
     export = read(

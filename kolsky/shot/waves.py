@@ -14,7 +14,6 @@ from kolsky.bars.reduction.repeated_tests import RepeatedTests, repeated_tests
 from kolsky.bars.reduction.varied_test import station_of
 from kolsky.bars.reduction.windows import averaging_time, incident_arrival
 from kolsky.base.errors import InputError
-from kolsky.base.files import write_table
 from kolsky.schema.apparatus import UncertaintySection
 from kolsky.schema.bars import WavesSection
 from kolsky.schema.shot_file import Source, folder_of, is_bar_driven, parsed, shot_toml
@@ -223,16 +222,13 @@ def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: b
     return found
 
 
-def write_residual(path: Path, found: BarsTogether) -> Path:
-    """Write the measured strain and what the fit leaves of it over time."""
-    return write_table(
-        path,
-        {
-            "time (s)": found.time.tolist(),
-            "measured strain": found.measured.tolist(),
-            "fitted less measured": found.residual.tolist(),
-        },
-    )
+def residual_columns(found: BarsTogether) -> dict[str, list[float]]:
+    """The measured strain and what the fit leaves of it over time, as named columns."""
+    return {
+        "time (s)": found.time.tolist(),
+        "measured strain": found.measured.tolist(),
+        "fitted less measured": found.residual.tolist(),
+    }
 
 
 def wave_speed_summary(found: BarsTogether) -> dict[str, object]:

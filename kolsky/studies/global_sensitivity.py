@@ -28,6 +28,7 @@ from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import terms
 from kolsky.shot.records import Shot
+from kolsky.studies.local_sensitivity import completed_runs
 
 OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 """Scalar outputs: Eqs. (M.4), (M.3), (M.5) and the largest transmitted force."""
@@ -103,13 +104,9 @@ def _observed(
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
         columns = {name: some[:, i] for i, name in enumerate(box.names)}
-        response = prepared.forward.run({**(held or {}), **columns}, numerics or Numerics())
-        lost = np.flatnonzero(~response.completed)
-        if lost.size:
-            raise ValueError(
-                f"{lost.size} of {len(some)} runs did not complete; the one at "
-                f"{box.as_dict(some[lost[0]])} ended {response.describe(int(lost[0]))}; take a smaller box"
-            )
+        values: dict[str, FloatArray | float] = {**(held or {}), **columns}
+        cure = "; take a smaller box"
+        response = completed_runs(prepared.forward, values, numerics or Numerics(), cure=cure)
         parts.append(predict(response, prepared.observations))
     seen = Prediction(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Prediction)))
     observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))

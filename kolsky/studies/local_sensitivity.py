@@ -186,20 +186,34 @@ def _seen(
 ) -> tuple[FloatArray, FloatArray]:
     """Force of every bin and radius at every frame and height, shapes [n, n_bins], [n, n_frames, n_y]."""
     sampling = explicit.Sampling(force_times=grid.edges, surface_times=grid.frames)
-    response = replace(forward, sampling=sampling).run(columns, numerics)
-    lost = np.flatnonzero(~response.completed)
-    if lost.size:
-        at = ", ".join(f"{name} = {column[lost[0]]:.6g}" for name, column in columns.items())
-        raise ValueError(
-            f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
-            f"{response.describe(int(lost[0]))}"
-        )
+    response = completed_runs(replace(forward, sampling=sampling), columns, numerics)
     force = np.diff(response.impulse_transmission, axis=1) / np.diff(grid.edges)
     frame = np.repeat(np.arange(len(grid.frames)), len(grid.heights))
     y = np.tile(grid.heights, len(grid.frames))
     surfaces = zip(response.surface_r, response.surface_y, strict=True)
     radius = np.stack([radius_at(r, h, frame, y)[0] for r, h in surfaces])
     return force, radius.reshape(len(force), len(grid.frames), len(grid.heights))
+
+
+def completed_runs(
+    forward: Forward, columns: Mapping[str, FloatArray | float], numerics: Numerics, *, cure: str = ""
+) -> explicit.Response:
+    """Runs that must all complete.
+
+    ``columns``: values of each parameter, or one for all runs. Raises ValueError with the place and the
+    ending of the first run that did not complete, and what cures it.
+    """
+    response = forward.run(columns, numerics)
+    lost = np.flatnonzero(~response.completed)
+    if lost.size:
+        first = int(lost[0])
+        place = {name: np.broadcast_to(column, response.n_samples)[first] for name, column in columns.items()}
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in place.items())
+        raise ValueError(
+            f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
+            f"{response.describe(first)}{cure}"
+        )
+    return response
 
 
 def _line(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

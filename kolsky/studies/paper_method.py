@@ -4,7 +4,6 @@ Its cost and the surface through it, the interval where the cost cannot be told 
 (M.6)-(M.8), and the answer as text, JSON and a table of runs.
 """
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import filling, jsonable, write_table
+from kolsky.base.files import filling, jsonable, write_json, write_table
 from kolsky.inverse import simulate as single
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import MOVED, design_box
@@ -458,5 +457,4 @@ def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
     columns |= {key: [value for one in ended for value in one[key]] for key in ended[0]}
     with filling(folder) as partial:
         write_table(partial / f"{STEM}.csv", columns)
-        text = json.dumps(to_json(answer), indent=2, allow_nan=False)
-        (partial / f"{STEM}.json").write_text(text, encoding="utf-8")
+        write_json(partial / f"{STEM}.json", to_json(answer))

@@ -28,7 +28,6 @@ from kolsky.base.files import (
     read_bytes,
     remove_empty,
     source_hash,
-    write_table,
 )
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.forward import Numerics
@@ -222,13 +221,13 @@ def _table(design: Design, runs: list[Run]) -> DesignTable:
     )
 
 
-def write_sweep(path: Path, result: Sweep) -> Path:
-    """Write one row a run, atomically: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; and how, when
-    and where a run that did not complete ended."""
+def columns(result: Sweep) -> dict[str, Any]:
+    """One row a run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; and how, when and where a run
+    that did not complete ended."""
     table = result.table
-    columns: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
-    columns |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
-    columns |= {
+    made: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
+    made |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
+    return made | {
         "outcome": table.outcomes,
         "Phi_F (N)": table.phi_force,
         "Phi_S (1)": table.phi_shape,
@@ -237,7 +236,6 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         "chi2 shape (1)": table.chi2_shape,
         **end_columns(table),
     }
-    return write_table(path, columns)
 
 
 def counts(result: Sweep) -> dict[str, int]:

@@ -17,6 +17,7 @@ from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.run_table import Terms, terms
 from kolsky.shot.records import Shot
+from kolsky.studies.local_sensitivity import completed_runs
 
 POISSON = (0.49, 0.492, 0.494, 0.495, 0.496, 0.497, 0.498, 0.499, 0.4995, 0.4999)
 """Poisson's ratios of Fig. 7."""
@@ -184,13 +185,7 @@ def trends(
 def _run(
     prepared: PreparedShot, numerics: Numerics, **columns: FloatArray | float
 ) -> tuple[Response, Prediction]:
-    response = prepared.forward.run(columns, numerics)
-    lost = np.flatnonzero(~response.completed)
-    if lost.size:
-        at = ", ".join(
-            f"{k} = {np.atleast_1d(v)[min(lost[0], np.size(v) - 1)]:.6g}" for k, v in columns.items()
-        )
-        raise ValueError(f"the run at {at} ended {response.describe(int(lost[0]))}")
+    response = completed_runs(prepared.forward, columns, numerics)
     return response, predict(response, prepared.observations)
 
 

@@ -59,12 +59,8 @@ class PictureSurvey:
 def survey_pictures(folder: Path, found: Survey) -> PictureSurvey:
     """Look at the pictures in a folder and one folder below; nothing is written.
 
-    Parameters
-    ----------
-    folder
-        The shot's folder.
-    found
-        Its tables: the frames' file says how many pictures a camera took.
+    ``folder``: the shot's folder. ``found``: its tables: the frames' file says how many pictures a camera
+    took.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
     frames = found.parts.get("frames")

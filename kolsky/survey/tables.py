@@ -14,13 +14,11 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import read_bytes
 from kolsky.base.units import dimension_of, unit_factor
 from kolsky.readers.contents import Contents, Layout
+from kolsky.readers.header import likely_unit
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text, full_match
+from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text
 
-_HEADING_UNIT = re.compile(
-    r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+)|\s+in\s+(\S+)|_([A-Za-zµ%]+))\s*"
-)
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
 _TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
 
@@ -99,14 +97,6 @@ class TableEntry:
             return np.full(3, np.nan)
         t = time.values * unit_factor(time.unit, "s")
         return np.array([t[0], t[-1], np.median(np.diff(np.unique(t)))])
-
-
-def unit_in(heading: str) -> str:
-    """The unit that a heading names: in brackets, behind a stroke, "in", or a last underscore."""
-    match = full_match(_HEADING_UNIT, heading)
-    text = next((group for group in match.groups() if group), "") if match else ""
-    text = "1" if text == "-" else text
-    return text if dimension_of(text) else ""
 
 
 def quoted(text: str) -> str:
@@ -239,7 +229,7 @@ def _read_table_entry(path: Path) -> TableEntry:
             values = table.sheet.values(i)
         except InputError:
             continue  # a column of words
-        unit = unit_in(name) or (units[i] if i < len(units) else "")
+        unit = likely_unit(name) or (units[i] if i < len(units) else "")
         columns.append(ColumnEntry(name, unit, dimension_of(unit), values))
     return TableEntry(path, tuple(columns), layout)
 

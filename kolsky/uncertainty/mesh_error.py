@@ -22,8 +22,8 @@ from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.work import Launch, run_side_by_side
 
 ORDER = 3.2
-"""Order of the mesh error in the parameters, as `benchmarks.mesh_order` fits it over both elements on seed 1,
-with a standard error of 0.4."""
+"""Order of the mesh error in the parameters, as `populations.mesh_order` fits it over both elements on seed
+1, with a standard error of 0.4."""
 LOW_ORDER = 2.1
 """The same on twelve tests of seed 2, with a standard error of 0.5: what it would correct more is the
 standard uncertainty of the correction."""
@@ -35,9 +35,9 @@ square of what it leaves, of three parameters in the tests that `WINDOWS` is cho
 WINDOWS = 12
 """Parts of a test in each of which the mesh may err by the distance of the two elements, to either side.
 
-Chosen on the twenty noise-free tests of `benchmarks.mesh_windows`: over what is said, the errors of m, nu and
-beta have root mean squares of 1.04, 1.04 and 1.03. With one window for the whole test they had 0.42, 0.54 and
-0.96 of the distance: what a coarse mesh does early and late was added up with one sign."""
+Chosen on the twenty noise-free tests of `populations.mesh_windows`: over what is said, the errors of m, nu
+and beta have root mean squares of 1.04, 1.04 and 1.03. With one window for the whole test they had 0.42,
+0.54 and 0.96 of the distance: what a coarse mesh does early and late was added up with one sign."""
 
 
 GRADED_ORDER = 2.0
@@ -46,8 +46,8 @@ in the tests that `ELEMENT_SHARE` is chosen on."""
 ELEMENT_SHARE = 0.5
 """Share of the elements' distance that counts beside what is extrapolated from graded meshes [-].
 
-Chosen on 97 noise-free tests (`python -m benchmarks.mesh_errors`): over what is said, the errors of m, nu and
-beta, free alone or together, have root mean squares of 0.72 to 1.24, 0.90 in all."""
+Chosen on 97 noise-free tests (`python -m populations.mesh_errors`): over what is said, the errors of m, nu
+and beta, free alone or together, have root mean squares of 0.72 to 1.24, 0.90 in all."""
 GRADED_ALONE_SHARE = 1.6
 """Standard uncertainty over what is extrapolated from graded meshes where the other element could not be run
 [-]: root mean square in the same tests."""

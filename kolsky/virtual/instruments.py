@@ -58,22 +58,10 @@ def sampled(
 ) -> FloatArray:
     """Samples of a signal that arrives late, taken at times that scatter, of the times' shape.
 
+    ``signal``: uniform samples, at rest before the first, shape [n]. ``start``, ``step``: time of the first
+    sample and from one to the next [s]. ``times``: nominal times of the recorder [s]. ``delay``: how late the
+    signal arrives [s]. ``jitter``: standard deviation of a sample's time [s]. ``rng``: stream of the jitter.
     Raises ValueError if the recorder goes on after the signal ends.
-
-    Parameters
-    ----------
-    signal
-        Uniform samples, at rest before the first, shape [n].
-    start, step
-        Time of the first sample and from one to the next [s].
-    times
-        Nominal times of the recorder [s].
-    delay
-        How late the signal arrives [s].
-    jitter
-        Standard deviation of a sample's time [s].
-    rng
-        Stream of the jitter.
     """
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))

@@ -183,23 +183,11 @@ def make(
 ) -> list[Made]:
     """Make the shots of a specification, those on one mesh together; what is there already is kept.
 
-    Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
-    simulation ends early or whose pictures cannot be is told of after the others are made.
-
-    Parameters
-    ----------
-    series
-        The specification.
-    out
-        Folder of the shot, or of the population's folders.
-    numbers
-        Which shots; all if left out.
-    device, threads
-        Of the solver.
-    workers
-        Processes that share the shots.
-    progress
-        Called with each shot when it is complete.
+    ``series``: the specification. ``out``: folder of the shot, or of the population's folders. ``numbers``:
+    which shots; all if left out. ``device``, ``threads``: of the solver. ``workers``: processes that share
+    the shots. ``progress``: called with each shot when it is complete. Raises InputError if a specification
+    cannot be made, or a folder holds something else. A shot whose simulation ends early or whose pictures
+    cannot be is told of after the others are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]

@@ -22,8 +22,8 @@ YOUNG, STEEL = 190e9, 8048.0
 """Maraging steel [Pa], [kg/m^3]."""
 _BAR_LENGTH = 1.5
 """Of the incident and of the transmission bar [m]."""
-SHAPER = (2.75e-3, 2e-3, 40e6)
-"""Radius and height [m] and shear modulus [Pa] of the rubber disc, as in the verification of the impact."""
+SHAPER = (5.5e-3, 2e-3, 40e6)
+"""Diameter and height [m] and shear modulus [Pa] of the rubber disc, as in the verification of the impact."""
 JOINT = (100.0, 20e-6)
 """Strength [N] and opening [m] of the adhesive."""
 STEP = 1e-7
@@ -51,7 +51,7 @@ def flyer_samples(
     apparatus = Apparatus(
         striker=(Section(striker_length, RADIUS, YOUNG, STEEL),),
         speed=speed,
-        shaper=_shaper(),
+        shaper=disc(*SHAPER),
         incident=(bar,),
         joint=Joint(*JOINT),
         flyer=(body,),
@@ -75,13 +75,20 @@ def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatA
     return length * (1.0 - stretch), modulus * area * (stretch**-2 - stretch) * flat
 
 
-def _shaper() -> PulseShaper:
-    """A disc of rubber that slides on the steel."""
-    radius, height, modulus = SHAPER
+def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
+    """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam) to a stretch of 0.2.
+
+    ``diameter``, ``height``: before the test [m]. ``shear_modulus``: at the rate of the test [Pa].
+    """
     stretch = np.linspace(1.0, 0.2, 161)
-    force = modulus * np.pi * radius**2 * (stretch**-2 - stretch)
-    compression = height * (1.0 - stretch)
-    return PulseShaper(compression, force, float((np.diff(force) / np.diff(compression)).max()))
+    force = shear_modulus * np.pi * (0.5 * diameter) ** 2 * (stretch**-2 - stretch)
+    return loading(height * (1.0 - stretch), force)
+
+
+def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
+    """A law from its loading curve; it unloads along its steepest slope unless another is given [N/m]."""
+    steepest = float((np.diff(force) / np.diff(compression)).max())
+    return PulseShaper(compression, force, steepest if unloading is None else unloading)
 
 
 _BARS_DURATION = 1.6e-3

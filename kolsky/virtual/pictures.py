@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,11 +68,13 @@ def instants_of(q: Specification, surface: SurfaceHistory) -> Instants:
     return exposures(surface.time, q.optics.exposure, points)
 
 
-class _At:
+class _At(NamedTuple):
     """Surface and flyer at the instants."""
 
-    def __init__(self, y: FloatArray, r: FloatArray, flyer: FloatArray, tilt: FloatArray) -> None:
-        self.y, self.r, self.flyer, self.tilt = y, r, flyer, tilt
+    y: FloatArray
+    r: FloatArray
+    flyer: FloatArray
+    tilt: FloatArray
 
 
 def _at(surface: SurfaceHistory, time: FloatArray) -> _At:

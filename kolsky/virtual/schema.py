@@ -4,6 +4,7 @@ All imperfections zero is a shot without errors of declaration.
 """
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -32,50 +33,43 @@ Width = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "a length"))]
 """A length that may be zero: of something that is not there [m]."""
 
 
-def _numbers(values: object) -> tuple[float, ...]:
-    """A list of plain numbers."""
-    if not isinstance(values, list | tuple) or len(values) > 100:
-        raise f.problem("is not a list of numbers", cure="write e.g. [0.1, 0.2]")
-    return tuple(f.number(value) for value in values)
+def _listed(words: str, example: str, read: Callable[[object], float]) -> BeforeValidator:
+    """A validator of a list of numbers or written-out quantities."""
+
+    def validate(values: object) -> tuple[float, ...]:
+        if not isinstance(values, list | tuple) or len(values) > 100:
+            raise f.problem(f"is not a list of {words}", cure=f"write e.g. {example}")
+        return tuple(map(read, values))
+
+    return BeforeValidator(validate)
 
 
-def _times(values: object) -> tuple[float, ...]:
-    """A list of written-out times [s]."""
-    if not isinstance(values, list | tuple) or len(values) > 100:
-        raise f.problem("is not a list of times", cure='write e.g. ["20 us", "1 ms"]')
-    return tuple(f.seconds(value) for value in values)
+def _pair(words: str, cure: str, names: str, least: int, most: int) -> BeforeValidator:
+    """A validator of two whole numbers within bounds."""
 
+    def validate(values: object) -> tuple[int, int]:
+        if not isinstance(values, list | tuple) or len(values) != 2:
+            raise f.problem(f"is not a {words}", cure=cure)
+        first, second = (int(f.number(value)) for value in values)
+        if not (least <= first <= most and least <= second <= most):
+            raise f.problem("is not allowed", allowed=f"[{names}], each from {least} to {most}")
+        return first, second
 
-def _mesh(values: object) -> tuple[int, int]:
-    """Elements across the radius and along the length."""
-    if not isinstance(values, list | tuple) or len(values) != 2:
-        raise f.problem("is not a mesh", cure="write elements across and along, e.g. [96, 129]")
-    across, along = (int(f.number(value)) for value in values)
-    if not (4 <= across <= 1000 and 4 <= along <= 1000):
-        raise f.problem("is not allowed", allowed="[across, along], each from 4 to 1000")
-    return across, along
-
-
-Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
-Times = Annotated[tuple[float, ...], BeforeValidator(_times)]
-Mesh = Annotated[tuple[int, int], BeforeValidator(_mesh)]
+    return BeforeValidator(validate)
 
 
 SMALLEST, LARGEST = 64, 1024
 """Sides of a picture [px]."""
-
-
-def _side_lengths(values: object) -> tuple[int, int]:
-    """Columns and rows."""
-    if not isinstance(values, list | tuple) or len(values) != 2:
-        raise f.problem("is not a size", cure="write columns and rows, e.g. [128, 128]")
-    columns, rows = (int(f.number(value)) for value in values)
-    if not (SMALLEST <= columns <= 4096 and SMALLEST <= rows <= 4096):
-        raise f.problem("is not allowed", allowed=f"[columns, rows], each from {SMALLEST} to 4096")
-    return columns, rows
-
-
-Size = Annotated[tuple[int, int], BeforeValidator(_side_lengths)]
+Numbers = Annotated[tuple[float, ...], _listed("numbers", "[0.1, 0.2]", f.number)]
+Times = Annotated[tuple[float, ...], _listed("times", '["20 us", "1 ms"]', f.seconds)]
+Mesh = Annotated[
+    tuple[int, int],
+    _pair("mesh", "write elements across and along, e.g. [96, 129]", "across, along", 4, 1000),
+]
+Size = Annotated[
+    tuple[int, int],
+    _pair("size", "write columns and rows, e.g. [128, 128]", "columns, rows", SMALLEST, 4096),
+]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Pixels = Annotated[float, Field(ge=0.0, le=100.0)]
 

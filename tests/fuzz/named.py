@@ -1,6 +1,7 @@
 """Inputs that were once believed in silence, hung, flooded or ended in a traceback, each with what tries it.
 
-`tests/fuzz/test_named.py` holds that every place is there; `docs/validation/robustness.md` shows the table.
+`tests/fuzz/test_named_inputs.py` holds that every place is there; `docs/validation/robustness.md` shows
+the table.
 """
 
 from dataclasses import dataclass
@@ -108,7 +109,7 @@ TRACEBACKS = (
     Named("a disk that fills up under sweep, waves, identify, plan, virtual make", "one line, no remains",
           (f"{_SYSTEM}::test_a_disk_that_is_full", f"{_FILES}::test_a_full_disk_is_one_line_and_no_remains")),
     Named("any refusal of the corpus or the sources", "names the file, and a cure or what is allowed",
-          ("tests/fuzz/test_corpus.py::test_nothing_is_wrong_in_silence_and_nothing_ends_in_a_traceback",
+          ("tests/fuzz/test_fuzz_judge.py::test_nothing_is_wrong_in_silence_and_nothing_ends_in_a_traceback",
            "tests/fuzz/test_fuzz_judge.py::test_a_refusal_needs_a_name_a_cure_and_one_line",
            f"{_UNIT}/base/test_every_refusal.py::test_every_refusal_names_a_cure_or_what_is_allowed")),
 )  # fmt: skip

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 for place in (
     ROOT / "tests" / "helpers",
     ROOT / "tests" / "unit" / "dic",
-    ROOT / "tests" / "unit" / "specimen",
+    ROOT / "tests" / "unit" / "bodies",
 ):
     if str(place) not in sys.path:
         sys.path.insert(0, str(place))
@@ -217,7 +217,7 @@ def tables() -> list[Target]:
 
 def pictures() -> list[Target]:
     """Picture files."""
-    from test_dic_images_damaged import WRITERS
+    from test_dic_images import WRITERS
 
     from dic.images import open_pictures
 

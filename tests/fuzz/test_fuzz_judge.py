@@ -1,6 +1,7 @@
 """The judge of the corpus can say no, and damage is the same every time."""
 
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from dic.camera_files.source import CameraFileError
 from dic.images.series import PictureError
 from doe.ledger import LedgerError
 from kolsky.base.errors import InputError, InputErrors
-from tests.fuzz.cases import KINDS, Case, any_case, make
+from tests.fuzz.cases import KINDS, Case, any_case, corpus, make
+from tests.fuzz.hostile import traps
 from tests.fuzz.judge import LARGEST, Verdict, of_content, of_refusal
 from tests.fuzz.targets import all_targets
-from tests.fuzz.worker import answered
+from tests.fuzz.worker import answered, answers
 
 PATH = Path("folder") / "a.csv"
 FAST = (
@@ -115,3 +117,19 @@ def test_cases_at_random(case: Case, tmp_path_factory: pytest.TempPathFactory) -
     damaged = make(case, target, sound, tmp_path_factory.mktemp("case"))
     answer = answered(str(case), lambda: target.read(damaged), damaged, lambda _: "")
     assert answer.verdict.good, answer
+
+
+FEWEST = 1500
+"""Cases that the corpus must have."""
+
+
+@pytest.mark.slow  # three to four minutes on two cores
+def test_nothing_is_wrong_in_silence_and_nothing_ends_in_a_traceback() -> None:
+    cases = [*corpus(), *traps()]
+    assert len(cases) >= FEWEST
+    found = list(answers(cases, workers=2))
+    assert Counter(answer.case for answer in found) == Counter(map(str, cases))
+    wrong = [
+        f"{answer.verdict.value}: {answer.case}: {answer.said}" for answer in found if not answer.verdict.good
+    ]
+    assert not wrong, "\n".join(wrong)

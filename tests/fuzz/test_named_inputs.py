@@ -1,5 +1,6 @@
 """Inputs that were once believed, or ended in a traceback, given as somebody would give them."""
 
+import ast
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,6 +17,8 @@ from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.readers.recordings import list_channels, read_recordings
 from kolsky.shot.load import load_shot
+from tests.fuzz.hostile import ANYWHERE, IN_TEXT, OWN, traps
+from tests.fuzz.named import CORPUS, KINDS, table
 
 
 def _swap(old: str, new: str) -> Callable[[Path], None]:
@@ -167,3 +170,38 @@ def test_one_stray_frame_does_not_move_the_answer(tmp_path: Path) -> None:
         answers.append(found.estimates["stiffness_factor"])
     # One of some 170 frames has no weight: a root of 1/170 of sigma in the mean, here twice that.
     assert abs(answers[1].value - answers[0].value) < 0.15 * answers[0].sigma
+
+
+TRAPS = {*ANYWHERE, *IN_TEXT, *OWN}
+
+
+def is_there(place: str) -> bool:
+    """Whether a place of the table is a test function of its file, or a trap."""
+    file, _, name = place.partition("::")
+    if not name:
+        return place.removeprefix(f"{CORPUS}: ") in TRAPS
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    return any(isinstance(one, ast.FunctionDef) and one.name == name for one in tree.body)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_place_is_there(kind: str) -> None:
+    lost = [place for one in KINDS[kind] for place in one.places if not is_there(place)]
+    assert not lost
+    assert all(one.places for one in KINDS[kind])
+
+
+def test_the_look_can_say_no() -> None:
+    assert not is_there(f"{CORPUS}: no such trap")
+    assert not is_there("tests/fuzz/test_named_inputs.py::test_that_is_not")
+    assert is_there("tests/fuzz/test_named_inputs.py::test_the_look_can_say_no")
+
+
+def test_every_trap_of_its_own_is_named_or_in_the_corpus() -> None:
+    assert {trap.name for trap in traps()} == TRAPS
+
+
+def test_the_table_has_a_row_each() -> None:
+    rows = table().splitlines()
+    assert len(rows) == 2 + sum(map(len, KINDS.values()))
+    assert all(row.count(" | ") == 3 for row in rows)

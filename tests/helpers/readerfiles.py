@@ -361,8 +361,12 @@ UNITLESS = {
 """Formats of which a user has to say the unit."""
 
 
+BINARY_FORMATS = {"excel", "excel 97", "tdms", "matlab", "hdf5", "scope"}
+"""Formats whose files have no lines to name and no digits that were printed."""
+
+
 def is_binary(made: Made) -> bool:
-    """Whether the format that a file is recognised as says that it is binary."""
+    """Whether the format that a file is recognised as has no lines to name."""
     with tempfile.TemporaryDirectory() as folder:
         path = made.write(Path(folder) / made.name)
-        return next(form for form in FORMATS.values() if form.sniff(path)).BINARY
+        return next(name for name, form in FORMATS.items() if form.sniff(path)) in BINARY_FORMATS

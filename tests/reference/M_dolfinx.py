@@ -6,7 +6,7 @@ Axisymmetric, finite strain: Q2 displacement, pressure linear and discontinuous 
 energy and the damping stress in UFL, the tangent by UFL. In time the generalised alpha method of Chung and
 Hulbert. Both faces are prescribed; a node of the side that would pass through a platen in a step is held on
 it from the end of that step on. Nothing of the package is used but the numbers of the JSON file (in SI)
-that `python -m benchmarks.other_program` writes. Inside: mm, ms, kPa, g/cm^3, mN.
+that `python -m populations.other_program` writes. Inside: mm, ms, kPa, g/cm^3, mN.
 """
 
 import argparse

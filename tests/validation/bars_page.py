@@ -40,8 +40,8 @@ from kolsky.bars.reduction.validity import ALLOWANCE  # noqa: E402
 from kolsky.bars.reduction.windows import travel_time  # noqa: E402
 from kolsky.bars.signals.baseline import quantisation_step  # noqa: E402
 
-MADE = TESTS.parent / "benchmarks" / "results" / "bar_signals.json"
-"""Counts that `python -m benchmarks.bar_signals` writes."""
+MADE = TESTS.parent / "populations" / "results" / "bar_signals.json"
+"""Counts that `python -m populations.bar_signals` writes."""
 DOCS = TESTS.parent / "docs" / "validation"
 BLUE, RED, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "black"
 STRAINS = (0.05, 0.10, 0.15)
@@ -269,7 +269,7 @@ test is from the first. It is a check of the level, not a validation.
 
 
 def made_text() -> str:
-    """The section on made signals, from the counts of `benchmarks/bar_signals.py`."""
+    """The section on made signals, from the counts of `populations/bar_signals.py`."""
     counts = json.loads(MADE.read_text(encoding="utf-8"))
     first, second = counts["chosen on"], counts["judged on"]
     rows = [
@@ -279,7 +279,7 @@ def made_text() -> str:
     ]  # fmt: skip
     return f"""## Limits, chosen on made signals and judged on others
 
-`python -m benchmarks.bar_signals` draws two populations of {first["tests"]:.0f} tests each: bars of
+`python -m populations.bar_signals` draws two populations of {first["tests"]:.0f} tests each: bars of
 steel, aluminium or titanium, incident pulses with straight or rounded flanks of 8 to 40 µs, dispersed on
 their way, and specimens that are elastic and then flow or harden, with noise from 0.2 % to 2 % of the
 pulse. The limits

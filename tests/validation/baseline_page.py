@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from benchmarks.baseline_specimens import (
+from populations.baseline_specimens import (
     CASES,
     CHOSEN_ON,
     MATERIALS,
@@ -14,8 +14,8 @@ from benchmarks.baseline_specimens import (
     SHOWN,
     SPECIMENS,
 )
-from benchmarks.thesis_cylinder import PLANTED
-from benchmarks.thesis_cylinder import RESULTS as THESIS
+from populations.thesis_cylinder import PLANTED
+from populations.thesis_cylinder import RESULTS as THESIS
 
 ROOT = Path(__file__).resolve().parents[2]
 MESHES_AT = (0.1, 0.12, 0.14, 0.16, 0.2, 0.3, 0.4, 0.5)
@@ -45,7 +45,7 @@ def page() -> str:
     head = " | ".join(f"{100 * e:.0f} %" for e in SHOWN)
     return f"""# End friction in the quasi-static test
 
-`python -m benchmarks.baseline_specimens --workers 4` makes the numbers, `python
+`python -m populations.baseline_specimens --workers 4` makes the numbers, `python
 tests/validation/baseline_page.py` this page.
 
 ## Against other programs
@@ -97,7 +97,7 @@ holds, so that such a test proves nothing about it.
 
 The silicone of a thesis (its Table 3.3; 80 mm by 70 mm, 10 mm of compression, f = 0.7), its force by two
 programs, its constants by inverse finite elements, `kolsky material fit --specimen` (`python -m
-benchmarks.thesis_cylinder`), k = 2:
+populations.thesis_cylinder`), k = 2:
 
 | made by | C10 [Pa], planted 1404.9 | off | C20 [Pa], planted 699.4 | off |
 | --- | --- | --- | --- | --- |

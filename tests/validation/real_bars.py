@@ -16,7 +16,6 @@ from kolsky.bars.records import BarSignal, Correction, FaceWaves, Reduction, Sig
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.stress_strain import cauchy_stress, correct_punching, hencky_strain, reduce
 from kolsky.bars.reduction.summary import Summary, summarise
-from kolsky.bars.reduction.validity import Equilibrium, report_equilibrium
 from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
 from kolsky.bars.signals.arrival import Arrival, find_arrival
 from kolsky.bars.signals.bridge import Linear
@@ -42,7 +41,7 @@ class Reduced:
     faces: FaceWaves
     reduction: Reduction
     summary: Summary
-    equilibrium: Equilibrium
+    balanced: tuple[float, float] | None
     punching: Correction
 
 
@@ -61,7 +60,7 @@ def reduced(signals: tuple[BarSignal, BarSignal], specimen: Specimen, *, dispers
         faces=faces,
         reduction=reduction,
         summary=summarise(reduction, faces, specimen),
-        equilibrium=report_equilibrium(reduction, specimen_length=specimen.length),
+        balanced=reduction.balanced,
         punching=correct_punching(reduction, specimen, *bars, apply=False)[1],
     )
 

@@ -13,7 +13,7 @@ from kolsky.material.fits.compare import Candidate, candidates
 from kolsky.material.fits.fit import Fit, fit_law
 from kolsky.material.fits.homogeneous import Mode, compressible_stress, free_stretch, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
-from kolsky.readers.measured_tables import read_homogeneous
+from kolsky.readers.measured_tables import WantedColumn, read_columns
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
 PHANTOMS = ("EF10_0T", "EF10_25T", "EF30_0T", "EF50_0T")
@@ -53,11 +53,12 @@ def phantom(name: str) -> HomogeneousTest:
     """The mean of ten compression tests at 1000 equally spaced strains, as the authors fit it."""
     tests = []
     for path in sorted((SHARED / "tissue_phantom" / name).glob("*.csv")):
-        table = read_homogeneous(
-            path, deformation="Engineering Strain [-]", stress="Engineering Stress (kPa)"
+        strain = WantedColumn("Engineering Strain [-]", "1", pure=True)
+        table, _ = read_columns(
+            path, {"strain": strain, "stress": WantedColumn("Engineering Stress (kPa)", "Pa")}
         )
         # Strain and stress of compression are negative there too.
-        tests.append(HomogeneousTest(path.stem, Mode.UNIAXIAL, 1.0 + table.deformation, table.stress))
+        tests.append(HomogeneousTest(path.stem, Mode.UNIAXIAL, 1.0 + table["strain"], table["stress"]))
     assert len(tests) == 10
     return mean_test(tests, points=1000, name=name)
 
@@ -117,8 +118,9 @@ def rubber(name: str) -> tuple[HomogeneousTest, ...]:
     made = []
     for folder, mode in MODES.items():
         path = SHARED / "rubber_classics" / RUBBERS[name] / folder / "stress_stretch.txt"
-        table = read_homogeneous(path, deformation="2", stress="1", deformation_unit="1", stress_unit="MPa")
-        made.append(HomogeneousTest(mode.value, mode, table.deformation, table.stress))
+        wanted = {"stretch": WantedColumn("2", "1", "1"), "stress": WantedColumn("1", "Pa", "MPa")}
+        table, _ = read_columns(path, wanted)
+        made.append(HomogeneousTest(mode.value, mode, table["stretch"], table["stress"]))
     return tuple(made)
 
 

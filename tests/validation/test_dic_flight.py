@@ -195,11 +195,11 @@ def test_a_flyer_without_tilt_keeps_its_direction(flight):
 
 if __name__ == "__main__":
     from kolsky.report.canvas import build
-    from kolsky.report.figures.surface_motion import FLIGHT
+    from kolsky.report.figures import SURFACES
 
     root = Path(__file__).resolve().parents[2]
     found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")
-    figure = build(FLIGHT, report(found, LENGTH))
+    figure = build(SURFACES["flight"], SimpleNamespace(flight=report(found, LENGTH)))
     figure.savefig(root / "docs" / "images" / "flight.png", dpi=200)
     error = found.axial_displacement.displacement - found.displacement
     print(f"radius {1e3 * found.free.radius:.4f} mm, sigma {1e3 * found.free.sigma[4]:.4f} mm")

@@ -1,6 +1,6 @@
 """Planted shots by the commands: made by `virtual make`, identified together with a relaxation test.
 
-Small meshes: `python -m benchmarks.joint_coverage` counts on the meshes of an answer (docs/validation).
+Small meshes: `python -m populations.joint_coverage` counts on the meshes of an answer (docs/validation).
 """
 
 import json
@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.joint_coverage import SLOW_SIGMA, Study, relaxation_test
 from kolsky.cli.commandline import app
+from populations.joint_coverage import SLOW_SIGMA, Study, relaxation_test
 
 PLANTED = {
     "stiffness_factor": 1.1,

@@ -49,7 +49,7 @@ def test_the_sheets_columns_are_what_the_page_says(sample):
 @pytest.mark.parametrize("sample", [1, 2])
 def test_epoxy_is_in_equilibrium_and_conserves_energy(sample):
     test = epoxy(sample, dispersion=False)
-    first, last = test.equilibrium.span
+    first, last = test.balanced
     assert 40e-6 < first < 80e-6  # after the transmitted pulse's rise, which ends at 60 to 90 us
     assert last - first > 75e-6
     energy = test.summary.energy
@@ -104,7 +104,7 @@ def test_dispersion_and_place_bring_the_copper_into_balance():
     }
     both = left.pop((True, True))
     assert both < 0.8 * min(left.values())
-    span = copper(dispersion=True).equilibrium.span
+    span = copper(dispersion=True).balanced
     assert span[1] - span[0] > 20e-6  # of a pulse of 60 us
 
 

@@ -5,6 +5,7 @@ The flyer is set in motion, stopped and pushed back as by a spring, and struck b
 """
 
 import json
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,12 @@ from typer.testing import CliRunner
 import kolsky
 from kolsky.base.records import FlyerMotion
 from kolsky.cli import app
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
 from kolsky.shot import records
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import ForceChannel, Shot
 
 SPEED, RAMP, ARREST, BLOW, END = 2.6, 60e-6, 600e-6, 860e-6, 1250e-6
 """Speed [m/s] and rise [s] of the ramp; times of arrest, second impact and end from the start [s]."""
@@ -114,3 +120,42 @@ def test_faces_that_open_and_meet_again_are_answered_rightly_or_not_at_all(tmp_p
         assert not e["outcome"].startswith("identified") or abs(e["value"] - true) < 3.0 * e["sigma"], name
     told = " ".join(found["warnings"])
     assert "the model does not explain the" in told or "does not confirm the surrogate" in told
+
+
+OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"
+COARSE = Settings(free={"stiffness_factor": None}, numerics=Numerics(mesh=(12, 16)), refined_mesh=(18, 24))
+"""Meshes on which this takes seconds; their own error is in what a right model is expected to leave."""
+
+
+def with_force(wrong: str) -> Shot:
+    """Open-01 with its sensitivity wrong by a factor, or with the time column for the voltage."""
+    shot = load_shot(OPEN_01)
+    channel = shot.force
+    assert isinstance(channel, ForceChannel)
+    if wrong == "time as voltage":
+        recording = replace(channel.recording, value=channel.recording.time.copy())
+        return replace(shot, force=replace(channel, recording=recording))
+    transducer = channel.transducer
+    other = replace(transducer, sensitivity=transducer.sensitivity / float(wrong))
+    return replace(shot, force=replace(channel, transducer=other))
+
+
+def said(shot: Shot) -> tuple[bool, str]:
+    """Whether the stiffness factor is called identified, and the first warning."""
+    result = identify(shot, COARSE)
+    return result.estimates["stiffness_factor"].outcome.identified, next(iter(result.warnings), "")
+
+
+@pytest.mark.slow  # four identifications on coarse meshes
+@pytest.mark.parametrize("wrong", ["0.5", "2", "10", "time as voltage"])
+def test_a_wrong_force_is_not_identified(wrong: str) -> None:
+    identified, warning = said(with_force(wrong))
+    assert not identified
+    assert warning.startswith("the model does not explain the force")
+
+
+@pytest.mark.slow  # one identification on coarse meshes
+def test_the_right_force_is() -> None:
+    identified, warning = said(with_force("1"))
+    assert identified
+    assert "does not explain" not in warning

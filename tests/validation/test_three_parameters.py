@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchmarks.converged_shots import converged
-from benchmarks.open_courses import SHOTS
 from kolsky.identification import identify
 from kolsky.inverse.result import AGREEMENT, Identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
+from populations.converged_shots import converged
+from populations.open_courses import SHOTS
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
@@ -31,7 +31,7 @@ FOLDERS = {
 Answer = tuple[Shot, Identification]
 TRUTH_SIGMA = {"stiffness_factor": 1.7e-3, "poisson": 1.7e-6, "damping": 2.5e-7}
 """Standard uncertainty of these truths: what the mesh of the program that made them is worth, as root mean
-square over the four (`python -m benchmarks.open_courses open-01 open-02 open-03 open-04`)."""
+square over the four (`python -m populations.open_courses open-01 open-02 open-03 open-04`)."""
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from tests.validation.wrong_input_rows import CURVE, RIGHT, ROWS, VOLTAGE
-from tests.validation.wrong_inputs import judged, table
+from populations.wrong_input_rows import CURVE, RIGHT, ROWS, VOLTAGE
+from populations.wrong_inputs import judged, table
 
-COMMITTED = Path(__file__).parents[2] / "benchmarks" / "results" / "wrong_inputs.json"
+COMMITTED = Path(__file__).parents[2] / "populations" / "results" / "wrong_inputs.json"
 ALARMS = 2
 """Right shots of 40 that may be named or not called identified."""
 BY_NAME = {row.name: row for row in ROWS}

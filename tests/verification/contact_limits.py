@@ -4,31 +4,222 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from contact_limits_runs import (
-    AREA,
-    FRICTION,
-    LAWS,
-    PULLED,
-    RELEASE,
-    STIFFNESS,
-    TIMES,
-    Distance,
-    Ledger,
-    depth,
-    distance,
-    impact,
-    ledger,
-    press,
-    pull,
-    same_bits,
-)
+from friction import COARSE, compress, force_difference, known, name
+from friction import FRICTION as STATIC
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
+from scene import DENSITY, LENGTH, RADIUS, rms, shear_modulus, smooth_stroke, speed_after_rise, table
 
-from explicit import Response
+from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 FloatArray = NDArray[np.float64]
+
+END, POISSON, DAMPING = 1.5e-3, 0.495, 2.5e-5
+"""End of the impacts at 2.6 m/s, at 60 % [s]; Poisson's ratio [-]; stiffness-proportional damping [s]."""
+AREA = np.pi * RADIUS**2
+"""Undeformed area of a face [m^2]."""
+TIMES = np.linspace(0.0, END, 301)[1:]
+STEP, N_STEPS = 0.5e-6, 3000
+"""Step of the runs for the ledgers [s], below the stable one throughout, and how many there are."""
+LAWS: dict[str, dict[str, float]] = {
+    "frictionless": {},
+    "coulomb": {"friction": 0.2},
+    "penalty": {"friction": 0.2},
+    "rough": {},
+    "bonded_release": {"release_stress": 10e3},
+    "bonded": {},
+}
+"""The laws, with parameters that make faces stick and slip, or let go."""
+STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)
+"""Penalty stiffnesses [Pa/m]."""
+FRICTION = 2.0 ** np.arange(-1, 13)
+"""Coefficients on the way to infinity [-]."""
+RELEASE = np.array([0.0, 0.3e3, 1e3, 3e3, 10e3, 20e3, 50e3, 100e3, np.inf])
+"""Release stresses of the impacts [Pa]."""
+PULLED = np.array([0.5e3, 1e3, 2e3, 4e3])
+"""Release stresses of the slow pull [Pa]."""
+SLOW, DRAG = 20e-3, 400.0
+"""Duration of the slow pull and compression [s], and their mass-proportional damping [1/s]."""
+
+
+def model(
+    law: str, motion: PlatenMotion, mesh: tuple[int, int] = (16, 22), poisson: float = POISSON
+) -> Model:
+    """Faces and side with one law."""
+    body = cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1])
+    return Model(body, DENSITY, (neo_hookean(shear_modulus(poisson)),), (motion,), faces=law, side=law)
+
+
+@cache
+def impact(law: str, **parameters: tuple[float, ...]) -> Response:
+    """Impact at 2.6 m/s to 60 %, the side rolling onto both platens."""
+    varied = {name: np.array(values) for name, values in parameters.items()}
+    samples = Samples.of(poisson=POISSON, damping=DAMPING, **varied)  # type: ignore[arg-type]
+    motion = speed_after_rise(2.6, 50e-6, end=END)
+    return run(model(law, motion), samples, Sampling(TIMES, TIMES, all_nodes=True))
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Every step of an impact with one law."""
+
+    penetration: float
+    """Deepest place of any node beyond a platen [m]."""
+    rolled: int
+    """Side nodes within 1 um of the transmission platen at the end, corner included."""
+    momentum: float
+    """Largest difference between the platens' impulses and the specimen's momentum, over the largest
+    momentum [-]."""
+    energy: float
+    """Largest |external work minus its parts| over external work [-]."""
+    friction: float
+    """Lost to friction over external work at the end [-]."""
+    impact: float
+    """Lost in landing, or held by the penalty's springs, over external work at the end [-]."""
+    tension: float
+    """Smallest force on the transmission platen [N]."""
+    step: float
+    """Smallest step [s]."""
+
+
+@cache
+def ledger(law: str) -> Ledger:
+    """Steps of one size, so that the velocity of each is the difference of two places within it."""
+    motion = speed_after_rise(2.6, 50e-6, end=END)
+    made = model(law, motion)
+    body = made.mesh
+    middle = (np.arange(N_STEPS) + 0.5) * STEP  # where the recorded impulses belong to the velocity
+    twice = (middle[:, None] + 0.25 * STEP * np.array([-1.0, 1.0])).ravel()
+    response = run(
+        made,
+        Samples.of(poisson=POISSON, damping=DAMPING, **LAWS[law]),  # type: ignore[arg-type]
+        Sampling(middle, twice, all_nodes=True),
+        stepping=Stepping(largest_step=STEP),
+    )
+    assert response.nodes is not None
+    y = response.nodes[0, :, :, 1]
+    mass = np.bincount(
+        body.quads.ravel(), DENSITY * element_geometry(body).corner_volume.ravel(), minlength=body.n_nodes
+    )
+    momentum = (y[1::2] - y[::2]) @ mass / (0.5 * STEP)
+    gained = (response.impulse_transmission - response.impulse_flyer)[0]
+    flyer = LENGTH - motion(twice)
+    energy = response.energy
+    work = energy.external[0, -1]
+    return Ledger(
+        penetration=float(max(-y.min(), (y - flyer[:, None]).max())),
+        rolled=int((np.abs(response.surface_y[0, -1]) < 1e-6).sum()),
+        momentum=float(np.abs(gained - momentum).max() / np.abs(momentum).max()),
+        energy=float(energy.imbalance()[0]),
+        friction=float(energy.friction[0, -1] / work),
+        impact=float(energy.impact[0, -1] / work),
+        tension=float(response.force_transmission.min()),
+        step=float(response.smallest_step[0]),
+    )
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far the simulations of a sweep are from their limit; shape [n] each."""
+
+    outline: FloatArray
+    """Radii of the side nodes, rms over nodes and times [m]."""
+    force: FloatArray
+    """Force on the transmission platen, rms over times, over its rms [-]."""
+    impulse: FloatArray
+    """Its impulse at the end [-]."""
+
+
+def distance(sweep: Response, limit: Response) -> Distance:
+    """Distance of every row from a response of one row."""
+    force, impulse = limit.force_transmission[0], limit.impulse_transmission[0, -1]
+    return Distance(
+        outline=np.array([rms(radius - limit.surface_r[0]) for radius in sweep.surface_r]),
+        force=np.array([rms(row - force) for row in sweep.force_transmission]) / rms(force),
+        impulse=np.abs(sweep.impulse_transmission[:, -1] / impulse - 1.0),
+    )
+
+
+def same_bits(sweep: Response, row: int, one: Response) -> bool:
+    """Whether a row is a single-row response to the last bit, every node and force at all times."""
+    names = ("force_flyer", "force_transmission", "nodes")
+    return all(np.array_equal(getattr(sweep, name)[row], getattr(one, name)[0]) for name in names)
+
+
+def depth(response: Response) -> FloatArray:
+    """Deepest place of any node beyond a platen at the recorded times [m], shape [n]."""
+    assert response.nodes is not None
+    y = response.nodes[..., 1]
+    flyer = LENGTH - speed_after_rise(2.6, 50e-6, end=END)(TIMES)
+    return np.asarray(np.maximum(-y.min(axis=(1, 2)), (y - flyer[:, None]).max(axis=(1, 2))))
+
+
+@cache
+def pull() -> FloatArray:
+    """Largest tensile force of a slow pull without lateral contraction, over release stress times area [-],
+    columns flyer and transmission platen, rows `PULLED`."""
+    times = np.linspace(0.0, SLOW, 4001)[1:]
+    back = smooth_stroke(-0.08 * LENGTH, SLOW, end=SLOW)
+    samples = Samples.of(poisson=0.0, damping=DAMPING, mass_damping=DRAG, release_stress=PULLED)
+    response = run(model("bonded_release", back, (6, 8), 0.0), samples, Sampling(times, times[-1:]))
+    forces = np.stack([response.force_flyer, response.force_transmission], axis=-1)
+    assert np.array_equal(forces[:, -1], np.zeros((len(PULLED), 2)))  # both faces came off
+    return np.asarray(-forces.min(axis=1) / (PULLED * AREA)[:, None])
+
+
+@cache
+def stuck() -> FloatArray:
+    """Largest radial displacement of a face that sticks on springs after a slow compression to 20 % [m], rows
+    `STIFFNESS`."""
+    end = np.array([SLOW])
+    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
+    samples = Samples.of(
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, friction=1e3, contact_stiffness=STIFFNESS
+    )
+    made = model("penalty", push, (6, 8))
+    response = run(made, samples, Sampling(end, end, all_nodes=True))
+    assert response.nodes is not None
+    face = made.mesh.lower_face
+    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - made.mesh.nodes[face, 0]).max(axis=1))
+
+
+@cache
+def twice() -> tuple[FloatArray, FloatArray]:
+    """Slowly pulled by 5 % of the length, pressed by 5 % and pulled again, bonded and letting go at 1 kPa:
+    smallest and largest force of the flyer [N], rows first pull, push, second pull."""
+    stroke, turn, times = 0.05 * LENGTH, 3.0 * np.pi / SLOW, np.linspace(0.0, SLOW, 1201)[1:]
+    wave = PlatenMotion.sampled(
+        lambda t: -stroke * np.sin(turn * t) ** 3,
+        lambda t: -3.0 * turn * stroke * np.sin(turn * t) ** 2 * np.cos(turn * t),
+        start=0.0,
+        end=SLOW,
+        n_knots=3001,
+    )
+    made = model("bonded_release", wave, (6, 8))
+    samples = Samples.of(
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, release_stress=np.array([np.inf, 1e3])
+    )
+    force = run(made, samples, Sampling(times, times[-1:])).force_flyer
+    bonded, released = (np.array([[part.min(), part.max()] for part in np.split(row, 3)]) for row in force)
+    return bonded, released
+
+
+@cache
+def press() -> FloatArray:
+    """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to
+    20 % [-], rows `STIFFNESS`, columns nodes of the face on the transmission platen."""
+    end = np.array([SLOW])
+    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
+    samples = Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS)
+    made = model("penalty", push, (6, 8))
+    response = run(made, samples, Sampling(end, end, all_nodes=True))
+    assert response.nodes is not None
+    pressure = response.force_transmission[:, -1] / AREA
+    return np.asarray(-response.nodes[:, -1, made.mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
+
 
 TITLE = "Limits and ledgers of contact"
 FIGURE_SIZE = (6.7, 4.8)
@@ -166,6 +357,192 @@ def draw(result: Result, figure: Figure) -> None:
 
 def page(result: Result) -> str:
     """The page's text: `contact_limits_page.py`."""
-    from contact_limits_page import text  # it asks this module for numbers
+    from contact_limits import text  # it asks this module for numbers
 
     return text(result)
+
+
+SET = {"friction": "f = {:g}", "release_stress": "{:g} Pa"}
+"""How a law's parameter is written."""
+
+
+def ledgers(result: Result) -> str:
+    """Every step of an impact, by law."""
+    rows = [
+        [
+            ", ".join([law.replace("_", " "), *(SET[name].format(x) for name, x in LAWS[law].items())]),
+            f"{1e6 * entry.penetration:.2g}",
+            str(entry.rolled),
+            f"{entry.momentum:.0e}",
+            f"{100 * entry.energy:.4f}",
+            f"{100 * entry.friction:.2f}",
+            f"{100 * entry.impact:.2f}",
+            f"{entry.tension:.2f}",
+        ]
+        for law, entry in result.ledgers.items()
+    ]
+    header = [
+        "law",
+        "deepest node [µm]",
+        "side nodes on the platen",
+        "momentum [-]",
+        "energy [% of work]",
+        "friction [% of work]",
+        "impact [% of work]",
+        "smallest force [N]",
+    ]
+    return table(header, rows)
+
+
+def penalty(result: Result) -> str:
+    """Distance of the penalty law from the kinematic one."""
+    d, fits = result.penalty, orders(result)
+    rows = [
+        [
+            f"{k:.0e}",
+            f"{1e6 * result.depth[i]:.2g}",
+            f"{1e6 * d.outline[i]:.2g}",
+            f"{100 * d.force[i]:.2g}",
+            f"{100 * d.impulse[i]:.2g}",
+        ]
+        for i, k in enumerate(STIFFNESS)
+        if i % 2 == 0
+    ]
+    names = ("penetration", "outline", "force", "impulse")
+    rows.append(["order in 1/k", *(f"{fits[n].order:.3f} ± {fits[n].standard_error:.3f}" for n in names)])
+    header = ["k [Pa/m]", "deepest node [µm]", "outline, rms [µm]", "force, rms [%]", "impulse [%]"]
+    return table(header, rows)
+
+
+def friction(result: Result) -> str:
+    """Distance of Coulomb's law from the rough one."""
+    d = result.friction
+    rows = [
+        [f"{f:g}", f"{1e6 * d.outline[i]:.2g}", f"{100 * d.force[i]:.2g}", f"{100 * d.impulse[i]:.2g}"]
+        for i, f in enumerate(FRICTION)
+        if i % 2 == 1
+    ]
+    return table(["f", "outline, rms [µm]", "force, rms [%]", "impulse [%]"], rows)
+
+
+def static() -> str:
+    """Both formulations against the static solutions of GetFEM."""
+    rows = []
+    for f, hard, soft in zip(STATIC, compress(COARSE), compress(COARSE, contact="penalty"), strict=True):
+        reference = known(f)
+        rows.append(
+            [
+                name(f),
+                f"{100 * reference.compression[-1]:.0f} %",
+                *(f"{100 * np.abs(force_difference(x, reference)).max():.2f}" for x in (hard, soft)),
+                f"{100 * np.abs(soft.force / hard.force - 1.0).max():.4f}",
+                f"{1e6 * soft.penetration:.3f}",
+            ]
+        )
+    header = ["f", "up to", "Coulomb − GetFEM [%]", "penalty − GetFEM [%]", "penalty − Coulomb [%]"]
+    return table([*header, "penetration [µm]"], rows)
+
+
+def release(result: Result) -> str:
+    """Impacts by release stress."""
+    r = result.release
+    rows = [
+        [
+            "∞" if np.isinf(stress) else f"{1e-3 * stress:g}",
+            f"{r.force_transmission[i].min():.2f}",
+            f"{r.force_flyer[i].min():.2f}",
+            f"{1e3 * r.impulse_transmission[i, -1]:.4f}",
+        ]
+        for i, stress in enumerate(RELEASE)
+    ]
+    rows[0][0] += ": same bits as rough" if same_bits(r, 0, result.rough) else ": NOT rough"
+    rows[-1][0] += ": same bits as bonded" if same_bits(r, -1, result.bonded) else ": NOT bonded"
+    header = ["release stress [kPa]", "smallest transmission force [N]", "smallest flyer force [N]"]
+    return table([*header, "impulse [mN s]"], rows)
+
+
+def pulled(result: Result) -> str:
+    """Force at release over stress times area."""
+    rows = [
+        [f"{1e-3 * stress:g}", *(f"{value:.4f}" for value in result.pull[i])]
+        for i, stress in enumerate(PULLED)
+    ]
+    return table(
+        ["release stress [kPa]", "flyer: force / (stress × area) [-]", "transmission platen [-]"], rows
+    )
+
+
+def text(result: Result) -> str:
+    """The page."""
+    fit = order_of_friction(result)
+    last = FRICTION[result.friction.outline > 0.0].max()
+    slope = f"{fit.order:.2f} ± {fit.standard_error:.2f}"
+    worst = np.abs(result.press - 1.0).max()
+    bonded, released = twice()
+    return f"""# {TITLE}
+
+**What is checked.** No law lets a node through a platen, at any step, past the point where the side surface
+has rolled on; the platens' impulses are the specimen's momentum, to round-off, and the ledger of energy
+closes, through stick and slip and through letting go. The laws lead into each other: Coulomb's into the rough
+one for f towards infinity, the releasing one into the rough and into the bonded one, and a penalty
+formulation into the kinematic one. Static solutions with friction by another program are on the page
+[Coulomb friction](friction.md).
+
+**What is regularised.** In the kinematic laws nothing: a pressed node sticks with velocity 0 or slides with
+f times the normal impulse, with no penalty and no threshold of velocity between the two. The penalty law
+is regularised by springs of stiffness k per area: it penetrates by pressure over k, and before it slides it
+moves by up to f times that. It serves as a second formulation.
+
+**Independent source.** The balance of momentum; the closed forms of a uniform state; for the kinematic laws
+the penalty formulation.
+
+**Set-up.** 16 × 22 elements, neo-Hookean, E = 80 kPa, ν = 0.495, β = 2.5e-5 s, faces and side with one law,
+2.6 m/s to 1.5 ms (60 %).
+
+**Ledgers.** {N_STEPS} steps of {1e6 * STEP:g} µs, all nodes at every one. Two places within a step give its
+velocity, so the momentum is compared with the impulses and not integrated.
+
+{ledgers(result)}
+
+(Penalty with the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight and cannot be deeper
+than they are.)
+
+**Penalty to kinematic,** f = 0.3:
+
+{penalty(result)}
+
+(Order fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on.) In a static frictionless compression to 20 % every
+node of a face penetrates by pressure over stiffness, within {worst:.0e}.
+
+Slow loading as on the page [Coulomb friction](friction.md), 16 × 22 elements, largest difference of the
+force; both formulations are as far from the third program as the mesh is:
+
+{static()}
+
+**Coulomb to rough.** Only nodes whose pressure is below their shear stress over f still slip. The outline
+approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}; beyond,
+single landings decide, and past f = {last:g} the bits are the same.
+
+{friction(result)}
+
+**Release.** A node lets go when its tensile contact stress, impulse over interval and over its undeformed
+area, reaches the release stress, and is rough from then on. Impacts:
+
+{release(result)}
+
+Slow pull within {1e3 * SLOW:g} ms, 6 × 8 elements, ν = 0, α = {DRAG:g} 1/s: the stress is uniform but for
+terms of the size of the strain (5 % in the last row), and no force can be larger than stress times area.
+
+{pulled(result)}
+
+Pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495), bonded faces pull with {-bonded[0, 0]:.2f} N and
+{-bonded[2, 0]:.2f} N. Faces that let go at 1 kPa pull with {-released[0, 0]:.3f} N, press with
+{released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N) and pull no more.
+
+**Tolerance.** Penetration {1e6 * GAP_TOLERANCE:.0e} µm, round-off of a height, and 1 µm for the penalty.
+Momentum {MOMENTUM_TOLERANCE:.0e}: places known to 1e-18 m, 0.6 µm apart. Energy
+{100 * ENERGY_TOLERANCE:g} %. Order of the penalty 1 within {ORDER_TOLERANCE:g}; of friction not below
+{FRICTION_ORDER:g}, less its scatter: theory gives 1, but nodes stick and slip one by one. Penetration over
+its closed form {PRESS_TOLERANCE:.0e}: what still moves. Force of the pull {100 * PULL_TOLERANCE:g} % below
+the closed form: half of the strain. Slow loading, penalty against Coulomb: {100 * STATIC_TOLERANCE:g} %.
+"""

@@ -1,12 +1,193 @@
 """Stereo match of a rendered cylinder: the page; its runs are in `dic_stereo_runs`."""
 
-import numpy as np
-from dic_stereo_runs import ANGLES, DRAWS, JUDGED, PUSHED, STEEPEST, SUBSETS, Result, case
-from matplotlib.figure import Figure
-from scene import table
-from stereo_scene import NOISE, RADIUS
+from dataclasses import dataclass, replace
+from functools import cache
 
-from dic.correlation import Shape
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scene import table
+from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
+
+from dic.correlation import Correlation, PictureStack, Shape
+from dic.correlation.subsets import Match, apply
+from dic.outcome import PointOutcome
+from dic.stereo.epipolar_search import Pair, StereoGates, StereoSearch
+from dic.stereo.geometry import triangulate
+from dic.stereo.match import Gate, failed_gates, guided_match, match_stereo, measure_gates
+
+FloatArray = NDArray[np.float64]
+
+ANGLES = (12.5, 30.0)
+"""Between the cameras [°]."""
+SUBSETS = (11, 15, 21, 31)
+"""Sides of the subset [px]."""
+STEEPEST = 45.0
+"""Points seen more obliquely than this by a camera are left out of the errors [°]."""
+PUSHED = (5.0, 40.0)
+"""How far guesses are pushed along the epipolar line to make false matches [px]."""
+DRAWS = 4
+"""Rounds of false matches, a third of the points in each."""
+JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQUENESS)
+"""Gates that tell a false match from a true one."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One subset and shape function against the truth."""
+
+    accepted: float
+    """Share of the points whose whole subset both cameras see [-]."""
+    bias: float
+    """Mean distance from the cylinder, outward positive [m]."""
+    scatter: float
+    """Standard deviation of that distance [m]."""
+    scaled: float
+    """Standard deviation of the match's error in its own sigmas, both components [-]."""
+    width: float
+    """Side of the subset on the surface, root mean square over the points: a flank spreads it [m]."""
+
+
+@dataclass(frozen=True)
+class False_:
+    """False matches, and which gates stop them."""
+
+    number: int
+    """Converged more than 1 px from the truth."""
+    caught: dict[Gate, int]
+    """How many each gate stops by itself."""
+    without: dict[Gate, int]
+    """How many would pass if this gate were not there."""
+    passed: int
+    """How many pass all gates."""
+    true_rejected: int
+    """True matches of whole subsets that a gate stops."""
+    true: int
+    """True matches of whole subsets."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Errors by angle, shape function and subset; false matches by angle; matches of another surface."""
+
+    errors: dict[tuple[float, Shape, int], Errors]
+    false: dict[float, False_]
+    other_surface: tuple[int, int]
+    """Points accepted, and points, when camera 1 looks at other speckles."""
+
+
+def whole(points: FloatArray, angle: float, subset: int) -> NDArray[np.bool_]:
+    """Whether both cameras see the whole subset, and not too obliquely."""
+    exact = truth(points, angle)
+    half = subset / 2.0
+    return np.asarray(np.all((exact > half) & (exact < SHAPE[1] - 1 - half), axis=1))
+
+
+def errors(angle: float, shape: Shape, subset: int) -> Errors:
+    """Match the rendered pair and compare with the truth."""
+    points = grid(step=5, border=subset // 2 + 1)
+    cameras = rig(angle)
+    match = match_stereo(
+        *pictures(angle), points, cameras, Correlation(subset=subset, shape=shape), noise=NOISE
+    )
+    seen = whole(points, angle, subset)
+    used = match.valid & seen & (match.gate_values.incidence < np.radians(STEEPEST))
+    places = apply(points, match.warp)
+    # the points of camera 0 are exact, the match has the noise of both pictures
+    X = triangulate(cameras, points[used], places[used], np.eye(2) * 1e-12, match.covariance[used]).position
+    off = np.hypot(X[:, 0], X[:, 2]) - RADIUS
+    first = cameras.cameras[0]
+    to = first.centre - X
+    facing = np.sum(CYLINDER.normal(X) * to, axis=1) / np.linalg.norm(to, axis=1)
+    pixel = np.linalg.norm(to, axis=1) / first.fx  # of camera 0 at the surface, seen straight on [m]
+    scaled = (places - truth(points, angle))[used] / np.sqrt(np.einsum("nii->ni", match.covariance[used]))
+    return Errors(
+        accepted=float(match.valid[seen].mean()),
+        bias=float(off.mean()),
+        scatter=float(off.std()),
+        scaled=float(np.sqrt(np.mean(scaled**2))),
+        width=subset * float(np.sqrt(np.mean((pixel / facing) ** 2))),
+    )
+
+
+def false_matches(angle: float) -> False_:
+    """Push matches along the epipolar line until they converge on other speckles, and judge them.
+
+    The pushed points keep true neighbours and are let converge at any correlation: what remains between a
+    false match and the result are the gates.
+    """
+    views = pictures(angle)
+    points = grid(step=4, border=12)
+    settings = Correlation(subset=21, shape=Shape.QUADRATIC)
+    first, second = (np.asarray(view, dtype=np.float32) for view in views)
+    stacks = PictureStack.prepare(first[None], noise=NOISE), PictureStack.prepare(second[None], noise=NOISE)
+    still = np.zeros((len(points), 12))
+    pair = Pair(
+        rig=rig(angle),
+        pictures=(first, second),
+        stacks=stacks,
+        points=points,
+        reference=still,
+        mask=None,
+        settings=settings,
+        search=StereoSearch(),
+        gates=StereoGates(),
+    )
+    match = guided_match(pair)
+    passed = failed_gates(measure_gates(pair, match), pair.gates) == 0
+    good = (match.outcome == PointOutcome.VALID) & passed
+    exact = truth(points, angle)
+    rng = np.random.default_rng(0)
+    verdicts = []
+    for _ in range(DRAWS):
+        rows = np.flatnonzero(good & (rng.random(len(points)) < 1.0 / 3.0))
+        guess = match.warp[rows].copy()  # cameras side by side: epipolar lines are level to a degree or two
+        guess[:, 0] += rng.choice([-1.0, 1.0], len(rows)) * rng.uniform(*PUSHED, len(rows))
+        pushed = pair.correlate(rows, guess, least_zncc=0.0, max_iterations=200)
+        moved = np.linalg.norm(apply(points[rows], pushed.warp) - exact[rows], axis=1) > 1.0
+        wrong = (pushed.outcome == PointOutcome.VALID) & moved
+        warp, covariance = match.warp.copy(), match.covariance.copy()
+        warp[rows[wrong]], covariance[rows[wrong]] = pushed.warp[wrong], pushed.covariance[wrong]
+        outcome = np.where(good, int(PointOutcome.VALID), int(PointOutcome.NOT_CONVERGED))
+        mixed = Match(warp, covariance, match.zncc, match.iterations, outcome)
+        verdicts.append(failed_gates(measure_gates(pair, mixed), pair.gates)[rows[wrong]])
+    verdict = np.concatenate(verdicts)
+    true = whole(points, angle, settings.subset)
+    return False_(
+        number=len(verdict),
+        caught={gate: int(np.sum(verdict & int(gate) != 0)) for gate in JUDGED},
+        without={gate: int(np.sum(verdict & ~int(gate) == 0)) for gate in JUDGED},
+        passed=int(np.sum(verdict == 0)),
+        true_rejected=int(np.sum(true & ~good)),
+        true=int(true.sum()),
+    )
+
+
+def other_surface() -> tuple[int, int]:
+    """Accepted points and points when camera 1 looks at other speckles, and every seed is believed."""
+    points = grid(step=4, border=12)
+    settings = Correlation(subset=21, shape=Shape.QUADRATIC, least_zncc=0.0)
+    eager = StereoSearch(least_zncc=0.0, distinct=0.999, seeds=len(points))
+    views = pictures()[0], pictures(seed=4)[1]
+    lenient = replace(StereoGates(), epipolar=3.0)
+    match = match_stereo(*views, points, rig(), settings, noise=NOISE, search=eager, gates=lenient)
+    return int(match.valid.sum()), len(points)
+
+
+@cache
+def case() -> Result:
+    """All runs."""
+    return Result(
+        errors={
+            (angle, shape, subset): errors(angle, shape, subset)
+            for angle in ANGLES
+            for shape in (Shape.AFFINE, Shape.QUADRATIC)
+            for subset in SUBSETS
+        },
+        false={angle: false_matches(angle) for angle in ANGLES},
+        other_surface=other_surface(),
+    )
+
 
 __all__ = ["FIGURE_SIZE", "TITLE", "Result", "case", "draw", "page", "row"]
 

@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import fitted_order
-from outline import distances, rms
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, distances, rms, shear_modulus, speed_after_rise, table
 from scipy.signal import butter, filtfilt
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run

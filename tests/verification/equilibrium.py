@@ -1,13 +1,131 @@
 """Equilibria: a thick cylinder, Cook's membrane, inf-sup constants, and another program's forces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-from equilibrium_runs import NEARLY, PEER_FORCES, cook, cook_of_dolfinx, cylinder_error, inf_sup, strip_forces
+import scipy.linalg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, ScalarFormatter
+from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
+
+from explicit.materials import LAWS
+from kolsky.equilibrium.body import Body
+from kolsky.equilibrium.meshes import box, rectangle
+from kolsky.equilibrium.model import Fixed, Model, Prescribed, Pressure, Traction
+from kolsky.equilibrium.points import element_stiffness
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import Newton, solve
+
+FloatArray = NDArray[np.float64]
+
+SHEAR = 25e3
+"""Of the rubbers here [Pa]."""
+INNER, OUTER, REACHED = 1.0, 2.0, 1.5
+"""Radii of the thick cylinder, and the inner one under its pressure [m]."""
+NEARLY = 1e7
+"""Bulk over shear modulus of the cylinder, whose closed form is incompressible."""
+PEER_FORCES = (1.91994687, 3.27886483, 4.36322188, 5.29174569, 6.12069051)
+"""Forces [N] of FElupe 11.3.0 on 6 x 3 x 1 27-node hexahedra, in five steps to 125 % at nu = 0.45:
+``python -m benchmarks.equilibrium --cells 6x3x1 --steps 5 --json FILE``."""
+
+MEMBRANE_OF_PEER = Path(__file__).resolve().parent.parent / "reference" / "L_cook.csv"
+"""Cook's membrane by `tests/reference/L_dolfinx.py`."""
+
+
+def nearly_incompressible(ratio: float, shear: float = SHEAR) -> Isotropic:
+    """A neo-Hookean law with K = ratio times the shear modulus."""
+    return Isotropic(LAWS["neo_hookean"].of([shear]), bulk(ratio * shear))
+
+
+def cylinder_error(kind: str, across: int) -> float:
+    """Relative error of the inner radius of a thick cylinder under internal pressure."""
+    a, b = REACHED, np.sqrt(OUTER**2 + REACHED**2 - INNER**2)
+    logarithm = np.log(a * OUTER / (INNER * b))
+    p = SHEAR * (logarithm + 0.5 * (a**2 - INNER**2) * (1.0 / a**2 - 1.0 / b**2))
+    mesh = rectangle((OUTER - INNER, 0.1), (across, 1), kind=kind)
+    mesh = replace(mesh, points=mesh.points + np.array([INNER, 0.0]))
+    conditions = (Fixed("bottom", (1,)), Fixed("top", (1,)), Pressure("left", "p"))
+    model = Model(
+        mesh, nearly_incompressible(NEARLY), conditions, kinematics="axisymmetric", volumetric="mixed"
+    )
+    found = solve(model, {"p": p * np.array([0.3, 0.6, 0.8, 0.9, 1.0])}, newton=Newton(1e-11))
+    return float(abs((INNER + found.mean_displacement("left")[-1, 0]) / a - 1.0))
+
+
+def cook(kind: str, cells: int, volumetric: str) -> float:
+    """Rise of the upper right corner of Cook's membrane [mm]: mu = 80.1938 MPa, K = 5000 mu, 100 N on the
+    right edge, plane strain of thickness 1 mm (Simo and Armero 1992, Section 4.2); NaN if it fails."""
+    mesh = rectangle((1.0, 1.0), (cells, cells), kind=kind)
+    x, y = mesh.points.T
+    lower, upper = 44.0 * x, 44.0 + 16.0 * x
+    mesh = replace(mesh, points=np.column_stack([48.0 * x, lower + (upper - lower) * y]))
+    mu = 80.1938  # N/mm^2, and lengths in mm
+    conditions = (Fixed("left"), Traction("right", 1, "t"))
+    model = Model(
+        mesh,
+        nearly_incompressible(5000.0, mu),
+        conditions,
+        kinematics="plane_strain",
+        volumetric=volumetric,  # type: ignore[arg-type]
+    )
+    found = solve(model, {"t": 100.0 / 16.0 * np.array([0.25, 0.5, 0.75, 1.0])})
+    corner = int(np.argmax(mesh.points.sum(axis=1)))
+    return float(found.displacements[-1, corner, 1])
+
+
+def cook_of_dolfinx() -> dict[int, float]:
+    """The same of DOLFINx by cells along an edge, at 0 the limit of the last three by Aitken's rule [mm]."""
+    table = np.loadtxt(MEMBRANE_OF_PEER, delimiter=",")
+    a, b, c = table[-3:, 1]
+    return {int(n): float(rise) for n, rise in table} | {0: float(c - (c - b) ** 2 / (c - 2.0 * b + a))}
+
+
+def inf_sup(kind: str, cells: int) -> float:
+    """The inf-sup constant of an element's displacement and pressure on a clamped unit square or cube.
+
+    It is the root of the smallest eigenvalue of G x = beta^2 S x that belongs to a pressure: of the pressures
+    all but the constant one should have a positive one (Chapelle and Bathe 1993).
+    """
+    d = 2 if kind.startswith(("quad", "tri")) else 3
+    mesh = box((1.0,) * d, (cells,) * d, kind=kind)
+    sides = ("left", "right", "bottom", "top", "back", "front")[: 2 * d]
+    model = Model(
+        mesh,
+        nearly_incompressible(1.0),
+        tuple(Fixed(side) for side in sides),
+        kinematics="plane_strain" if d == 2 else "3d",
+        volumetric="mixed",
+    )
+    body = Body(model, model.parameters())
+    geometry, field = body.points.geometry, body.field
+    assert field is not None
+    m, g = geometry.volumes.shape
+    trace = np.tile(np.eye(d).ravel(), (m, g, 1))
+    unit = np.tile(np.eye(d * d), (m, g, 1, 1)) * geometry.volumes[..., None, None]
+    G = body.pattern.matrix(field.stiffness(trace, np.ones((m, g)))).toarray()
+    S = body.pattern.matrix(element_stiffness(geometry.T, unit)).toarray()
+    values = np.sort(scipy.linalg.eigvalsh(G, S))[::-1]
+    pressures = m * field.phi.shape[1] - 1
+    if pressures > len(values):
+        return 0.0  # more pressures than displacements
+    return float(np.sqrt(max(values[pressures - 1], 0.0)))
+
+
+def strip_forces() -> FloatArray:
+    """Forces [N] of the strip of `PEER_FORCES`, its middle plane kept flat as the peer's stays.
+
+    A thin strip between clamps may wrinkle as it is pulled: from the third step on there is an equilibrium
+    beside the flat one, 0.04 to 0.2 % softer, and round-off decides which of them is found.
+    """
+    solid = Isotropic(LAWS["neo_hookean"].of([SHEAR]), bulk(SHEAR * 2.0 * 1.45 / (3.0 * 0.1)))
+    conditions = (Fixed("left"), Fixed("right", (1, 2)), Prescribed("right", 0, "pull"))
+    strip = box((0.1, 0.025, 0.005), (6, 3, 1)).with_set("middle", lambda x: np.isclose(x[:, 2], 0.0025))
+    model = Model(strip, solid, (*conditions, Fixed("middle", (2,))))
+    return np.asarray(solve(model, {"pull": 0.025 * np.arange(1, 6)}).reaction("right")[:, 0])
+
 
 TITLE = "Equilibrium elements"
 FIGURE_SIZE = (6.7, 2.6)

@@ -1,32 +1,299 @@
 """Failure is a result: every way to fail in one batch, its moment, its element, and its neighbours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from failure_runs import (
-    CHECK_EVERY,
-    END,
-    EXPECTED,
-    SHORT,
-    STEPPING,
-    TIMES,
-    WHY,
-    Witness,
-    bits_of_neighbours,
-    model,
-    motion_over_work,
-    samples,
-    witness,
-)
+from batch import same_bits
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import table
+from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
 
-from explicit import Outcome, Response, Sampling, run
-from explicit.time_loop.element_sweeps import MOTION_LIMIT
+from explicit import Mesh, Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
+from explicit.mesh import element_geometry
+from explicit.time_loop.element_sweeps import CHECK_EVERY, MOTION_LIMIT
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rectangles:
+    """What the elements of a mesh are made of."""
+
+    quads: NDArray[np.int64]
+    """Corner nodes, shape [n_elements, 4]."""
+    volume: FloatArray
+    """Volume over a full turn [m^3], shape [n_elements]."""
+    gradient_r: FloatArray
+    """Mean dN/dR of each corner [1/m], shape [n_elements, 4]."""
+    gradient_y: FloatArray
+    """Mean dN/dY of each corner [1/m], shape [n_elements, 4]."""
+    hoop: FloatArray
+    """Mean N / R of each corner [1/m], shape [n_elements, 4]."""
+    corner_mass: FloatArray
+    """Each corner's share of the mass [kg], shape [n_elements, 4]."""
+
+
+def rectangles(mesh: Mesh, density: float) -> Rectangles:
+    """Integrate the elements of a mesh whose corners run lower left, lower right, upper right, upper left."""
+    R, Y = mesh.nodes[mesh.quads, 0], mesh.nodes[mesh.quads, 1]
+    a, b, height = R[:, 0], R[:, 1], Y[:, 3] - Y[:, 0]
+    mean, width = 0.5 * (a + b), b - a
+    left, right = (2.0 * a + b) / (6.0 * mean), (a + 2.0 * b) / (6.0 * mean)
+    across = 0.5 / width[:, None] * np.array([-1.0, 1.0, 1.0, -1.0])
+    along = np.stack([-left, -right, right, left], axis=1) / height[:, None]
+    volume = 2.0 * np.pi * mean * width * height
+    share = 0.5 * np.stack([left, right, right, left], axis=1)
+    return Rectangles(
+        quads=mesh.quads,
+        volume=volume,
+        gradient_r=across,
+        gradient_y=along,
+        hoop=np.repeat(0.25 / mean[:, None], 4, axis=1),
+        corner_mass=density * volume[:, None] * share,
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """The deformation gradient of every element: F = [[f11, h12], [h21, f22]] and f33, shape [n_elements]."""
+
+    f11: FloatArray
+    h12: FloatArray
+    h21: FloatArray
+    f22: FloatArray
+    f33: FloatArray
+
+    @property
+    def plane(self) -> FloatArray:
+        """Planar part of det F [-]."""
+        return self.f11 * self.f22 - self.h12 * self.h21
+
+    @property
+    def J(self) -> FloatArray:
+        """det F [-]."""
+        return self.plane * self.f33
+
+    @property
+    def upright(self) -> FloatArray:
+        """The smaller of det F and its planar part [-]: an element above 0 has not turned inside out."""
+        return np.minimum(self.J, self.plane)
+
+    @property
+    def s(self) -> FloatArray:
+        """sqrt(I1_bar - 3) [-]; NaN where J <= 0."""
+        squared = self.f11**2 + self.h12**2 + self.h21**2 + self.f22**2 + self.f33**2
+        J = np.where(self.J > 0.0, self.J, np.nan)
+        return np.sqrt(np.maximum(squared * J ** (-2.0 / 3.0) - 3.0, 0.0))
+
+
+def state(elements: Rectangles, displacement: FloatArray) -> State:
+    """The deformation of every element from nodal displacements (u_r, u_y) [m], shape [n_nodes, 2]."""
+    u_r, u_y = displacement[elements.quads, 0], displacement[elements.quads, 1]
+    return State(
+        f11=1.0 + (elements.gradient_r * u_r).sum(axis=1),
+        h12=(elements.gradient_y * u_r).sum(axis=1),
+        h21=(elements.gradient_r * u_y).sum(axis=1),
+        f22=1.0 + (elements.gradient_y * u_y).sum(axis=1),
+        f33=1.0 + (elements.hoop * u_r).sum(axis=1),
+    )
+
+
+def kinetic_energy(elements: Rectangles, velocity: FloatArray) -> float:
+    """Kinetic energy of the lumped masses [J]."""
+    squared = (velocity**2).sum(axis=1)[elements.quads]
+    return float(0.5 * (elements.corner_mass * squared).sum())
+
+
+def step_bound(
+    mesh: Mesh, elements: Rectangles, F: State, *, shear: float, bulk: float, hourglass: float
+) -> FloatArray:
+    """omega^2 of every element of an undamped neo-Hookean solid [1/s^2], as docs/theory/solver.md has it.
+
+    The hourglass constants are those of `explicit.mesh`.
+    """
+    b_r = (F.f22[:, None] * elements.gradient_r - F.h21[:, None] * elements.gradient_y) / F.plane[:, None]
+    b_y = (F.f11[:, None] * elements.gradient_y - F.h12[:, None] * elements.gradient_r) / F.plane[:, None]
+    c = elements.hoop / F.f33[:, None]
+    w_y = 1.0 / elements.corner_mass
+    w_r = np.where(mesh.on_axis[elements.quads], 0.0, w_y)
+    rank_one = (w_r * (b_r + c) ** 2 + w_y * b_y**2).sum(axis=1)
+    gradient = b_r**2 + b_y**2
+    trace = (w_r * (gradient + c**2) + w_y * gradient).sum(axis=1)
+    iso = F.J ** (-2.0 / 3.0)
+    rr, yy = iso * (F.f11**2 + F.h12**2), iso * (F.f22**2 + F.h21**2)
+    ry, tt = iso * (F.f11 * F.h21 + F.h12 * F.f22), iso * F.f33**2
+    largest = np.maximum(np.maximum(rr, yy) + np.abs(ry), tt)
+    volumetric = bulk * F.J * np.maximum(2.0 * F.J - 1.0, 0.5) * rank_one
+    g = element_geometry(mesh)
+    control = (g.gamma**2 * (w_r * g.hourglass_r[:, None] + w_y * g.hourglass_y[:, None])).sum(axis=1)
+    stiff = elements.volume * (volumetric + 2.0 * shear * largest * trace)
+    return np.asarray(stiff + hourglass * shear * control)
+
+
+END = 1.5e-3
+TIMES = np.linspace(0.0, END, 301)[1:]
+POISSON = 0.495
+MU = shear_modulus(POISSON)
+SHORT = 1.2
+"""Where the data of the short curve end [-]."""
+STEPPING = Stepping(floor=0.05, max_steps=2000)
+JUST_BEFORE = 1e-9
+"""Two positions so far apart give the velocity of a step [s]."""
+EXPECTED = (
+    Outcome.COMPLETED,
+    Outcome.INVERTED,
+    Outcome.COMPLETED,
+    Outcome.STEP_COLLAPSED,
+    Outcome.STEP_LIMIT,
+    Outcome.TABLE_EXCEEDED,
+    Outcome.DIVERGED,
+    Outcome.COMPLETED,
+)
+WHY = (
+    "sound",
+    "flyer at 20 m/s",
+    "sound",
+    "flyer at 4.5 m/s goes through the other platen",
+    "400 times as stiff",
+    f"curve ends at s = {SHORT}",
+    "curve softens to less than nothing",
+    "sound",
+)
+"""What is special about each row."""
+
+
+def model() -> Model:
+    """Bonded, 8 x 11, three curves and four flyers to choose from; the data's end is the end."""
+    softening = MU * (1.0 - 1.4 * np.linspace(0.0, 50.0, 5))
+    laws = (
+        neo_hookean(MU, last=50.0),
+        neo_hookean(MU, last=SHORT),
+        MarlowLaw(last=50.0, quotient=softening, slope=np.full(5, -1.4 * MU)),
+    )
+    motions = tuple(speed_after_rise(speed, 50e-6, end=END) for speed in (2.6, 20.0, 4.5, 1.8))
+    mesh = cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11)
+    return Model(mesh, DENSITY, laws, motions, past_data="stop")
+
+
+FACTORS = np.array([1.0, 1.0, 1.1, 1.0, 400.0, 1.0, 1.0, 0.9])
+MATERIALS = np.array([0, 0, 0, 0, 0, 1, 2, 0])
+MOTIONS = np.array([0, 1, 0, 2, 0, 0, 0, 3])
+
+
+def samples(rows: list[int]) -> Samples:
+    """Some rows of the batch."""
+    return Samples.of(
+        poisson=POISSON, stiffness_factor=FACTORS[rows], material=MATERIALS[rows], motion=MOTIONS[rows]
+    )
+
+
+@dataclass(frozen=True)
+class Witness:
+    """One failure, looked at again from recorded node positions."""
+
+    named: int
+    """The element that the solver named."""
+    found: int
+    """The element with the extreme value of NumPy's."""
+    value: float
+    """What ended the run, at its end: the smallest J, the largest s, the stable step over the first one, or
+    the kinetic energy over the platens' work [-]."""
+    before: float
+    """The same when it was last looked at and found in order."""
+    same_history: bool
+    """Whether everything before the end has the bits of a run that was asked to end there."""
+
+
+def alone(i: int, sampling: Sampling, **changes: float) -> Response:
+    """Row i in a batch of its own."""
+    return run(model(), samples([i]), sampling, stepping=replace(STEPPING, **changes))
+
+
+def moment(i: int, steps: int) -> float:
+    """The time row i has reached after some steps [s]."""
+    return float(alone(i, Sampling(TIMES, TIMES), max_steps=steps).end_times[0])
+
+
+def witness(batch: Response, i: int) -> Witness:
+    """Recompute from node positions which element failed, and whether the history is the right one."""
+    outcome, mesh = batch.outcomes[i], model().mesh
+    elements = rectangles(mesh, DENSITY)
+    # The end of the data is looked for at every step, the rest at every eighth.
+    back = 1 if outcome is Outcome.TABLE_EXCEEDED else CHECK_EVERY
+    values, found = [], -1
+    for time in (moment(i, int(batch.steps[i]) - back), float(batch.end_times[i])):
+        pair = Sampling(TIMES[:1], np.array([time - JUST_BEFORE, time]), all_nodes=True)
+        single = alone(i, pair)
+        assert single.nodes is not None
+        F = state(elements, single.nodes[0, 1] - mesh.nodes)
+        velocity = (single.nodes[0, 1] - single.nodes[0, 0]) / JUST_BEFORE
+        if outcome is Outcome.INVERTED:
+            found, value = int(np.argmin(F.upright)), float(F.upright.min())
+        elif outcome is Outcome.TABLE_EXCEEDED:
+            found, value = int(np.nanargmax(F.s)), float(np.nanmax(F.s))
+        elif outcome is Outcome.DIVERGED:
+            found = int(np.argmax((velocity**2).sum(axis=1)[elements.quads].sum(axis=1)))
+            value = kinetic_energy(elements, velocity) / float(single.energy.external[0].max())
+        else:
+            mu = MU * FACTORS[i]
+            numbers = {"shear": mu, "bulk": float(bulk_modulus(mu, POISSON)), "hourglass": model().hourglass}
+            first = step_bound(mesh, elements, state(elements, 0.0 * mesh.nodes), **numbers).max()
+            share = np.sqrt(first / step_bound(mesh, elements, F, **numbers))
+            found, value = int(np.argmin(share)), float(share.min())
+        values.append(value)
+    return Witness(
+        named=int(batch.failed_elements[i]),
+        found=found,
+        before=values[0],
+        value=values[1],
+        same_history=_same_history(batch, i),
+    )
+
+
+def _same_history(batch: Response, i: int) -> bool:
+    """Whether row i up to its end has the bits of a run that was asked to end there, and nothing after it."""
+    n_force = int(np.isfinite(batch.force_flyer[i]).sum())
+    n_surface = int(np.isfinite(batch.surface_r[i]).all(axis=1).sum())
+    asked = alone(i, Sampling(TIMES[:n_force], TIMES[:n_surface]))
+    histories = [
+        (getattr(batch, name)[i], getattr(asked, name)[0])
+        for name in ("force_flyer", "force_transmission", "impulse_flyer", "impulse_transmission")
+    ]
+    histories += [(getattr(batch, name)[i], getattr(asked, name)[0]) for name in ("surface_r", "surface_y")]
+    histories += [(values[i], getattr(asked.energy, name)[0]) for name, values in vars(batch.energy).items()]
+    same = all(np.array_equal(whole[: len(part)], part) for whole, part in histories)
+    # The shorter run may see at its own end what went wrong in its last steps.
+    told = asked.outcomes[0] in (Outcome.COMPLETED, batch.outcomes[i])
+    return same and told and all(np.isnan(h[len(p) :]).all() for h, p in histories)
+
+
+def motion_over_work(i: int, **changes: float) -> tuple[Response, FloatArray]:
+    """Row i alone, and its kinetic energy over the platens' largest work so far at every 5 us to its end [-].
+
+    Velocities are those of the step that contains the time, from two node positions.
+    """
+    pairs = np.stack([TIMES - JUST_BEFORE, TIMES], axis=1).ravel()
+    single = alone(i, Sampling(TIMES, pairs, all_nodes=True), **changes)
+    assert single.nodes is not None
+    elements = rectangles(model().mesh, DENSITY)
+    nodes = single.nodes[0].reshape(len(TIMES), 2, -1, 2)
+    known = np.isfinite(nodes).all(axis=(1, 2, 3))
+    kinetic = np.array([kinetic_energy(elements, (b - a) / JUST_BEFORE) for a, b in nodes[known]])
+    return single, kinetic / np.maximum.accumulate(single.energy.external[0, 1::2][known])
+
+
+def bits_of_neighbours(batch: Response) -> dict[str, bool]:
+    """Whether every row has the bits it has alone, and the sound ones those of a batch of their own."""
+    sampling = Sampling(TIMES, TIMES)
+    sound = [i for i, outcome in enumerate(EXPECTED) if outcome.ok]
+    without = run(model(), samples(sound), sampling, stepping=STEPPING)
+    return {
+        "alone": all(same_bits(batch, i, alone(i, sampling), 0) for i in range(len(EXPECTED))),
+        "without": all(same_bits(batch, i, without, k) for k, i in enumerate(sound)),
+    }
+
 
 TITLE = "Failure is a result"
 FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]

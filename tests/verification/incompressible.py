@@ -1,17 +1,194 @@
 """Toward nu = 1/2: what direct runs cost, and a fine mesh corrected on coarse ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from time import process_time
 
-import incompressible_runs as runs
 import numpy as np
-from incompressible_runs import CASES, IDENTIFIED, LADDER, POISSON, STUDY, TARGETS, Correction, Mesh
+import which_element as runs
+from dynamic_bonded import low_pass
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 from scene import rms, table
-from which_element_runs import size
+from scipy.interpolate import BarycentricInterpolator
+from scipy.optimize import minimize_scalar
+from which_element import CUTOFF, TRUTH, Mesh, size
 
+from explicit import (
+    NearlyIncompressible,
+    Response,
+    Samples,
+    Stepping,
+    cylinder,
+    run,
+    run_nearly_incompressible,
+)
 from explicit.incompressible import COMPRESSIBLE
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import predict
+
+FloatArray = NDArray[np.float64]
+
+POISSON = (0.49, 0.495, 0.499, 0.4999)
+"""Poisson's ratios of the study of steps and time [-]."""
+STUDY: Mesh = (16, 22)
+"""Its mesh."""
+TARGETS = (0.4999, 0.49999)
+"""Nearly incompressible ratios [-]."""
+MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
+"""Corrected meshes."""
+CASES: dict[Mesh, tuple[Mesh, Mesh]] = {
+    mesh: (half.mesh, less.mesh) for mesh in MESHES for half, less in [Numerics(mesh=mesh).coarser()]
+}
+"""Fine mesh and the two of the correction, as `kolsky` takes them."""
+LADDER: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
+"""Coarse meshes under the fine one of 32 × 44: what the error of the correction converges with."""
+FACTORS = TRUTH + 0.006 * np.arange(-1, 7)
+"""Stiffness factors of the batch in which m is identified [-]."""
+IDENTIFIED: Mesh = (24, 32)
+"""Mesh on which m is identified."""
+
+
+def samples(poisson: float, factors: FloatArray | float = TRUTH) -> Samples:
+    """The shot's parameters with another Poisson's ratio."""
+    model = runs.shot().forward.shot.model
+    return Samples.of(stiffness_factor=factors, poisson=poisson, damping=model.damping)
+
+
+@cache
+def direct(mesh: Mesh, poisson: float, *, batch: bool = False) -> Response:
+    """A direct run, or the batch of `FACTORS`."""
+    forward = runs.shot().forward
+    given = samples(poisson, FACTORS if batch else TRUTH)
+    response = run(forward.model(Numerics(mesh=mesh)), given, replace(forward.sampling, ledger_every=16))
+    assert response.completed.all()
+    return response
+
+
+@cache
+def corrected(
+    mesh: Mesh, coarse: tuple[Mesh, Mesh], poisson: float, *, batch: bool = False
+) -> NearlyIncompressible:
+    """The run on the fine mesh at nu = 0.495, corrected to another ratio."""
+    forward = runs.shot().forward
+    return run_nearly_incompressible(
+        forward.model(Numerics(mesh=mesh)),
+        (forward.mesh(Numerics(mesh=coarse[0])), forward.mesh(Numerics(mesh=coarse[1]))),
+        samples(poisson, FACTORS if batch else TRUTH),
+        replace(forward.sampling, ledger_every=16),
+    )
+
+
+def smooth(force: FloatArray) -> FloatArray:
+    """The 5 kHz part of a force [N]."""
+    return low_pass(force, CUTOFF)
+
+
+def force_difference(mesh: Mesh, poisson: float, coarse: tuple[Mesh, Mesh] | None) -> FloatArray:
+    """Transmission force minus the direct run's [N], raw; of the compressible run where `coarse` is None."""
+    found = direct(mesh, COMPRESSIBLE) if coarse is None else corrected(mesh, coarse, poisson).response
+    return np.asarray(found.force_transmission[0] - direct(mesh, poisson).force_transmission[0])
+
+
+def radius_difference(mesh: Mesh, poisson: float, coarse: tuple[Mesh, Mesh] | None) -> FloatArray:
+    """Radii of the surface minus the direct run's [m]; of the compressible run where `coarse` is None."""
+    found = direct(mesh, COMPRESSIBLE) if coarse is None else corrected(mesh, coarse, poisson).response
+    return np.asarray(found.surface_r[0] - direct(mesh, poisson).surface_r[0])
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A corrected run beside the direct one."""
+
+    cost: float
+    """Element steps over those of the fine mesh at nu = 0.495 [-]."""
+    direct_cost: float
+    """The same of the direct run [-]."""
+    force: tuple[float, float, float]
+    """5 kHz force, rms: error at nu = 0.495, error corrected, estimate [N]."""
+    raw: tuple[float, float, float]
+    """The same of the raw force [N]."""
+    radius: tuple[float, float, float]
+    """The same of the surface's radii [m]."""
+
+
+@cache
+def correction(mesh: Mesh, poisson: float, coarse: tuple[Mesh, Mesh] | None = None) -> Correction:
+    """Compare a corrected run with the direct one; `coarse` is that of `CASES` by default."""
+    coarse = coarse or CASES[mesh]
+    found = corrected(mesh, coarse, poisson)
+    errors = [force_difference(mesh, poisson, which) for which in (None, coarse)]
+    radii = [radius_difference(mesh, poisson, which) for which in (None, coarse)]
+    forces = (*errors, found.force_change[0])
+    return Correction(
+        cost=float(found.cost[0]),
+        direct_cost=float(direct(mesh, poisson).steps[0] / direct(mesh, COMPRESSIBLE).steps[0]),
+        force=tuple(rms(smooth(f)) for f in forces),  # type: ignore[arg-type]
+        raw=tuple(rms(f) for f in forces),  # type: ignore[arg-type]
+        radius=tuple(rms(r) for r in (*radii, found.radius_change[0])),  # type: ignore[arg-type]
+    )
+
+
+def ladder_errors(poisson: float) -> FloatArray:
+    """5 kHz force errors of 32 × 44 corrected on each mesh of `LADDER`, rms [N]."""
+    smaller: Mesh = (6, 8)
+    return np.array([correction((32, 44), poisson, (mesh, smaller)).force[1] for mesh in LADDER])
+
+
+def identified(response: Response) -> float:
+    """The stiffness factor of least joint chi-square of a batch of `FACTORS` [-].
+
+    Noise and discrepancy weigh as in `kolsky identify`: with the noise alone the ringing, which at another nu
+    than the shot's has another frequency, would be all that counts.
+    """
+    found = predict(response, runs.shot().observations)
+    objective = Objective(runs.shot().observations, found.inside.all(axis=0))
+    vectors = objective.vectors(found)
+    for _ in range(3):
+        costs = objective.chi2(vectors)
+        objective = objective.with_discrepancy(vectors[int(np.argmin(costs))])
+    between = BarycentricInterpolator(FACTORS, objective.chi2(vectors))
+    bounds = (float(FACTORS[0]), float(FACTORS[-1]))
+    return float(minimize_scalar(lambda m: float(between(m)), bounds=bounds, method="bounded").x)
+
+
+def extrapolated_difference(poisson: float) -> FloatArray:
+    """What does not work: 0.495 and 0.499 on `STUDY` carried on in 1 - 2 nu, minus the direct force [N]."""
+    low, high = (direct(STUDY, nu).force_transmission[0] for nu in (0.495, 0.499))
+    share = (poisson - 0.499) / (0.499 - 0.495)
+    return np.asarray(high + share * (high - low) - direct(STUDY, poisson).force_transmission[0])
+
+
+@cache
+def processor_time(poisson: float, n_samples: int) -> float:
+    """Processor time of a batch of equal runs on `STUDY`, best of 5 [s]."""
+    forward = runs.shot().forward
+    model = forward.model(Numerics(mesh=STUDY))
+    given = samples(poisson, np.full(n_samples, TRUTH))
+    seconds = []
+    for _ in range(5):
+        start = process_time()
+        run(model, given, replace(forward.sampling, ledger_every=16), threads=1)
+        seconds.append(process_time() - start)
+    return min(seconds)
+
+
+@cache
+def limited(max_steps: int) -> NearlyIncompressible:
+    """A small case in which the stiff run of the correction may use up its steps before its end."""
+    forward = runs.shot().forward
+    model = replace(
+        forward.model(Numerics(mesh=(6, 8))), mesh=cylinder(4.75e-3, 6.5e-3, n_radial=6, n_axial=8)
+    )
+    meshes = (
+        cylinder(4.75e-3, 6.5e-3, n_radial=5, n_axial=6),
+        cylinder(4.75e-3, 6.5e-3, n_radial=4, n_axial=5),
+    )
+    stepping = Stepping(max_steps=max_steps)
+    return run_nearly_incompressible(model, meshes, samples(0.49999), forward.sampling, stepping=stepping)
+
 
 TITLE = "Nearly incompressible"
 COST = 3.5
@@ -47,19 +224,19 @@ def case() -> Result:
     wanted = [(mesh, nu) for mesh in CASES for nu in TARGETS if mesh != (48, 64) or nu == TARGETS[0]]
     nu, coarse = TARGETS[0], CASES[IDENTIFIED]
     return Result(
-        corrections={(mesh, nu): runs.correction(mesh, nu) for mesh, nu in wanted},
-        ladder=fitted_order([size(mesh) for mesh in LADDER], runs.ladder_errors(nu)),
+        corrections={(mesh, nu): correction(mesh, nu) for mesh, nu in wanted},
+        ladder=fitted_order([size(mesh) for mesh in LADDER], ladder_errors(nu)),
         factors={
-            "compressible": runs.identified(runs.direct(IDENTIFIED, COMPRESSIBLE, batch=True)),
-            "direct": runs.identified(runs.direct(IDENTIFIED, nu, batch=True)),
-            "corrected": runs.identified(runs.corrected(IDENTIFIED, coarse, nu, batch=True).response),
+            "compressible": identified(direct(IDENTIFIED, COMPRESSIBLE, batch=True)),
+            "direct": identified(direct(IDENTIFIED, nu, batch=True)),
+            "corrected": identified(corrected(IDENTIFIED, coarse, nu, batch=True).response),
         },
     )
 
 
 def peak() -> float:
     """Largest 5 kHz force at nu = 0.4999 [N]."""
-    return float(runs.smooth(runs.direct(FINE, TARGETS[0]).force_transmission[0]).max())
+    return float(smooth(direct(FINE, TARGETS[0]).force_transmission[0]).max())
 
 
 def row(result: Result) -> tuple[str, str, str]:
@@ -80,14 +257,14 @@ def draw(result: Result, figure: Figure) -> None:
     error of the 5 kHz force of 32 × 44 against the coarse mesh of the correction; dotted: third order;
     dashed: uncorrected."""
     left, right = figure.subplots(1, 2)
-    nu, times = TARGETS[0], 1e3 * runs.runs.shot().forward.sampling.force_times
-    estimate = runs.smooth(runs.corrected(FINE, CASES[FINE], nu).force_change[0])
+    nu, times = TARGETS[0], 1e3 * runs.shot().forward.sampling.force_times
+    estimate = smooth(corrected(FINE, CASES[FINE], nu).force_change[0])
     for coarse, label in ((None, f"ν = {COMPRESSIBLE:g}"), (CASES[FINE], "corrected on 16 × 22")):
-        left.plot(times, runs.smooth(runs.force_difference(FINE, nu, coarse)), label=label)
+        left.plot(times, smooth(force_difference(FINE, nu, coarse)), label=label)
     left.plot(times, estimate, ":", label="estimate of its error")
     left.set(xlabel="time [ms]", ylabel="5 kHz force, difference [N]")
     left.legend()
-    sizes, errors = np.array([size(mesh) for mesh in LADDER]), runs.ladder_errors(nu)
+    sizes, errors = np.array([size(mesh) for mesh in LADDER]), ladder_errors(nu)
     right.loglog(1e2 * sizes, errors, "C1o-", label="corrected")
     right.loglog(1e2 * sizes, 0.7 * errors[-1] * (sizes / sizes[-1]) ** 3, ":", color="0.5")
     right.axhline(result.corrections[FINE, nu].force[0], color="C0", linestyle="--", label="uncorrected")
@@ -99,8 +276,8 @@ def draw(result: Result, figure: Figure) -> None:
 
 def cost_table() -> str:
     """Steps and time of direct runs."""
-    steps = [int(runs.direct(STUDY, nu).steps[0]) for nu in POISSON]
-    times = {n: [runs.processor_time(nu, n) for nu in POISSON] for n in (1, 8)}
+    steps = [int(direct(STUDY, nu).steps[0]) for nu in POISSON]
+    times = {n: [processor_time(nu, n) for nu in POISSON] for n in (1, 8)}
     base = POISSON.index(COMPRESSIBLE)
     rows = [
         [f"{nu:g}", f"{steps[k]}", f"{steps[k] / steps[base]:.2f}"]
@@ -138,10 +315,10 @@ def correction_table(result: Result) -> str:
 def page(result: Result) -> str:
     """The page's text."""
     m, nu, found = result.factors, TARGETS[0], result.corrections
-    forces = [runs.direct(STUDY, value).force_transmission[0] for value in (0.499, nu)]
-    near = 100 * rms(runs.smooth(forces[0] - forces[1])) / peak()
-    failed = 100 * rms(runs.smooth(runs.extrapolated_difference(nu))) / peak()
-    direct = {mesh: found[mesh, nu].direct_cost for mesh in CASES}
+    forces = [direct(STUDY, value).force_transmission[0] for value in (0.499, nu)]
+    near = 100 * rms(smooth(forces[0] - forces[1])) / peak()
+    failed = 100 * rms(smooth(extrapolated_difference(nu))) / peak()
+    costs = {mesh: found[mesh, nu].direct_cost for mesh in CASES}
     dear, cheap = found[FINE, TARGETS[1]].direct_cost, found[FINE, TARGETS[1]].cost
     told = {
         name: [getattr(o, name)[2] / getattr(o, name)[1] for o in found.values()]
@@ -167,7 +344,7 @@ Q(fine, ν) = Q(fine, 0.495) + [Q(coarse, ν) − Q(coarse, 0.495)].
 {cost_table()}
 
 On finer meshes the damping of the deviator takes a larger part in the step, and the ratio of steps falls:
-{direct[24, 32]:.2f} on 24 × 32, {direct[32, 44]:.2f} on 32 × 44, {direct[48, 64]:.2f} on 48 × 64.
+{costs[24, 32]:.2f} on 24 × 32, {costs[32, 44]:.2f} on 32 × 44, {costs[48, 64]:.2f} on 48 × 64.
 
 ## Corrected runs
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from outline import distances, rms
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, distances, rms, shear_modulus, speed_after_rise, table
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.materials import neo_hookean

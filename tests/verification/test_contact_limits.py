@@ -3,9 +3,8 @@
 import contact_limits as topic
 import numpy as np
 import pytest
-from contact_limits_runs import AREA, STEP, STIFFNESS, stuck, twice
-from friction import FORCE_TOLERANCE, force_excess
-from friction_runs import COARSE, compress
+from contact_limits import AREA, STEP, STIFFNESS, stuck, twice
+from friction import COARSE, FORCE_TOLERANCE, compress, force_excess
 from order import assert_order
 from scene import YOUNG
 

@@ -1,7 +1,6 @@
 """Elastic platens, transducer and bar; figures and tolerances as on the page (`elastic_bar.py`)."""
 
 import elastic_bar as topic
-import elastic_checks as checks
 import numpy as np
 import pytest
 from bars_scene import RADIUS, part
@@ -16,20 +15,20 @@ from explicit.materials import neo_hookean
 
 
 def test_uniform_compression_is_exact() -> None:
-    assert checks.static_error() < topic.STATIC_TOLERANCE
+    assert topic.static_error() < topic.STATIC_TOLERANCE
 
 
 def test_phase_velocities_are_those_of_pochhammer_and_chree() -> None:
-    exact, found = checks.phase_velocities()
+    exact, found = topic.phase_velocities()
     error = np.abs(found / exact - 1.0)
     assert error[-1].max() < topic.PHASE_TOLERANCE
-    assert_order(checks.SIZES, error[:, 3], 2.0, 0.2)  # a / wavelength = 0.2; 0.2: three sizes
+    assert_order(topic.SIZES, error[:, 3], 2.0, 0.2)  # a / wavelength = 0.2; 0.2: three sizes
     assert 1.0 - exact[-1] > 20.0 * topic.PHASE_TOLERANCE  # the mesh disperses as it must
 
 
-@pytest.mark.parametrize("name", list(checks.STEPS))
+@pytest.mark.parametrize("name", list(topic.STEPS))
 def test_impulse_at_a_step_of_the_impedance(name: str) -> None:
-    found, exact, imbalance = checks.impedance_step(name)
+    found, exact, imbalance = topic.impedance_step(name)
     np.testing.assert_allclose(found, exact, rtol=0, atol=topic.STEP_TOLERANCE)
     assert imbalance < topic.ENERGY_TOLERANCE
 

@@ -2,7 +2,7 @@
 
 import equilibrium
 import pytest
-from equilibrium_runs import inf_sup
+from equilibrium import inf_sup
 from order import assert_order
 
 pytestmark = pytest.mark.slow

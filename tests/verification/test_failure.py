@@ -3,7 +3,7 @@
 import failure
 import numpy as np
 import pytest
-from failure_runs import EXPECTED, SHORT, STEPPING, TIMES
+from failure import EXPECTED, SHORT, STEPPING, TIMES
 from scene import LENGTH, RADIUS
 
 from explicit import Outcome

@@ -2,9 +2,7 @@
 
 import dynamic_bonded as dynamic
 import energy
-import fbar_checks as checks
-import fbar_element
-import fbar_runs as runs
+import fbar
 import frictionless
 import numpy as np
 import patch
@@ -22,22 +20,22 @@ from explicit.materials import neo_hookean
 @pytest.mark.parametrize("element", list(ELEMENTS))
 @pytest.mark.parametrize("precision", list(patch.TOLERANCE))
 def test_patch_and_rigid_motion_of_every_element(element: str, precision: str) -> None:
-    single = checks.single(element)
+    single = fbar.single(element)
     for found in (single.interior, single.face, single.rigid):
         assert found[precision] < patch.TOLERANCE[precision]
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_damping_power_of_every_element(element: str) -> None:
-    assert abs(checks.single(element).rate_power) < 1e-13  # sums of a few products of order one
+    assert abs(fbar.single(element).rate_power) < 1e-13  # sums of a few products of order one
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
 @pytest.mark.parametrize("law", [neo_hookean, frictionless.yeoh_like])
 def test_forces_are_the_gradient_of_the_energy(element: str, law: object) -> None:
     material = law(27e3)  # type: ignore[operator]
-    errors = fbar_element.gradient_errors(element, material)
-    assert errors.min() < fbar_element.GRADIENT_TOLERANCE
+    errors = fbar.gradient_errors(element, material)
+    assert errors.min() < fbar.GRADIENT_TOLERANCE
     assert errors[0] > 1e3 * errors.min()  # the difference formula's own error, of second order
     assert errors[-1] > 1e2 * errors.min()  # round-off over the step
     # a hundred times closer, four digits
@@ -46,30 +44,30 @@ def test_forces_are_the_gradient_of_the_energy(element: str, law: object) -> Non
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_energy_balance_of_every_element(element: str) -> None:
-    assert max(checks.single(element).imbalance.values()) < energy.TOLERANCE
+    assert max(fbar.single(element).imbalance.values()) < energy.TOLERANCE
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_frictionless_compression_of_every_element(element: str) -> None:
-    assert checks.single(element).frictionless < frictionless.FORCE_TOLERANCE
+    assert fbar.single(element).frictionless < frictionless.FORCE_TOLERANCE
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
-@pytest.mark.parametrize("poisson", checks.POISSON)
+@pytest.mark.parametrize("poisson", fbar.POISSON)
 @pytest.mark.parametrize(("beta", "kind"), [(0.0, "deviatoric"), (2.5e-5, "deviatoric"), (2.5e-5, "full")])
 def test_the_step_bound_is_one(element: str, poisson: float, beta: float, kind: str) -> None:
-    found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind)
-    assert found.least >= checks.BOUND_FLOOR[element]
+    found = fbar.bound_quality(element, poisson, beta=beta, kind=kind)
+    assert found.least >= fbar.BOUND_FLOOR[element]
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
-@pytest.mark.parametrize("poisson", checks.POISSON)
+@pytest.mark.parametrize("poisson", fbar.POISSON)
 @pytest.mark.parametrize(("beta", "kind"), [(0.0, "deviatoric"), (2.5e-5, "deviatoric"), (2.5e-5, "full")])
 def test_the_bound_by_eigenvalue_is_a_sharper_one(
     element: str, poisson: float, beta: float, kind: str
 ) -> None:
-    found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind, by="eigenvalue")
-    by_trace = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind)
+    found = fbar.bound_quality(element, poisson, beta=beta, kind=kind, by="eigenvalue")
+    by_trace = fbar.bound_quality(element, poisson, beta=beta, kind=kind)
     assert found.least >= 1.0  # a bound, with nothing left out
     # Undamped and nearly incompressible both are the volumetric part's; this one holds the pressure's work.
     assert found.median <= max(by_trace.median, 1.05)
@@ -111,59 +109,59 @@ def static_force(poisson: float) -> float:
 def test_coarse_static_force_and_radius() -> None:
     found = static.compress(static.COARSE, element="fbar")
     assert found.completed
-    assert np.abs(static.force_error(found)).max() < checks.STATIC_TOLERANCE["coarse"]
-    assert np.abs(found.radius - static.reference().radius).max() < checks.RADIUS_TOLERANCE["coarse"]
+    assert np.abs(static.force_error(found)).max() < fbar.STATIC_TOLERANCE["coarse"]
+    assert np.abs(found.radius - static.reference().radius).max() < fbar.RADIUS_TOLERANCE["coarse"]
     assert (found.hourglass == 0.0).all()
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_impact_on_every_mesh(element: str) -> None:
-    errors = runs.impact_errors(element, 5e3)
-    assert errors[0] < checks.IMPACT_TOLERANCE["coarse"]
-    assert errors[-1] < checks.IMPACT_TOLERANCE["fine"]
-    assert runs.impact_outlines(element)[-1].max() < dynamic.PROFILE_TOLERANCE
+    errors = fbar.impact_errors(element, 5e3)
+    assert errors[0] < fbar.IMPACT_TOLERANCE["coarse"]
+    assert errors[-1] < fbar.IMPACT_TOLERANCE["fine"]
+    assert fbar.impact_outlines(element)[-1].max() < dynamic.PROFILE_TOLERANCE
     assert (np.diff(errors) < 0.0).all()
 
 
 def test_both_elements_converge_to_one_impact() -> None:
-    assert runs.limit_differences(5e3, dynamic.END)[2] < checks.AGREEMENT
+    assert fbar.limit_differences(5e3, dynamic.END)[2] < fbar.AGREEMENT
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_order_of_every_element(element: str) -> None:
-    assert runs.small_order(element).order > 2.0  # second order; steeper while 5 kHz is near a mesh's cut-off
+    assert fbar.small_order(element).order > 2.0  # second order; steeper while 5 kHz is near a mesh's cut-off
 
 
 @pytest.mark.slow
 def test_fine_static_force_and_radius() -> None:
     found = static.compress((48, 66), element="fbar")
-    assert np.abs(static.force_error(found)).max() < checks.STATIC_TOLERANCE["fine"]
-    assert np.abs(found.radius - static.reference().radius).max() < checks.RADIUS_TOLERANCE["fine"]
+    assert np.abs(static.force_error(found)).max() < fbar.STATIC_TOLERANCE["fine"]
+    assert np.abs(found.radius - static.reference().radius).max() < fbar.RADIUS_TOLERANCE["fine"]
 
 
 @pytest.mark.slow
 def test_extrapolated_static_forces() -> None:
     wanted = static.reference()
-    for element in runs.ELEMENTS:
-        force = runs.static_limits(element)[0].value
-        assert np.abs(force / wanted.force - 1.0).max() < checks.LIMIT_TOLERANCE
-    common = runs.common_forces()
+    for element in fbar.ELEMENTS:
+        force = fbar.static_limits(element)[0].value
+        assert np.abs(force / wanted.force - 1.0).max() < fbar.LIMIT_TOLERANCE
+    common = fbar.common_forces()
     found = np.array([one.value for one in common])
-    assert np.abs(found / wanted.force - 1.0).max() < checks.LIMIT_TOLERANCE
+    assert np.abs(found / wanted.force - 1.0).max() < fbar.LIMIT_TOLERANCE
     # no node has landed at 10 %: one law for eight meshes, and the reference within its own uncertainty
     assert common[0].deviation < 1e-3 * wanted.force[0]
     assert abs(found[0] - wanted.force[0]) < wanted.sigma[0]
     # at most the singular edge's order in linear theory, first order or not far below
-    assert 0.6 < common[0].order < runs.STATIC_ORDER
+    assert 0.6 < common[0].order < fbar.STATIC_ORDER
 
 
 @pytest.mark.slow
 def test_hourglass_stiffness_matters_on_a_flat_disc_and_not_on_a_fine_mesh() -> None:
     spread = {}
-    for mesh in (runs.DISC_MESHES[0], runs.DISC_MESHES[-1]):
-        forces = [runs.disc(mesh, "one_point", chi).force[-1] for chi in runs.CHI]
-        spread[mesh] = np.ptp(forces) / runs.disc(mesh, "fbar").force[-1]
+    for mesh in (fbar.DISC_MESHES[0], fbar.DISC_MESHES[-1]):
+        forces = [fbar.disc(mesh, "one_point", chi).force[-1] for chi in fbar.CHI]
+        spread[mesh] = np.ptp(forces) / fbar.disc(mesh, "fbar").force[-1]
     coarse, fine = spread.values()
     assert coarse > 0.05  # what the page warns of
     assert fine < 0.01

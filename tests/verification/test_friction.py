@@ -3,7 +3,7 @@
 import friction as topic
 import numpy as np
 import pytest
-from friction_runs import DRAG
+from friction import DRAG
 from static_bonded import reference as bonded
 
 FOLDS_SLIPS_STICKS = (0.1, 0.3, 1000.0)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import impact as topic
-import impact_checks as checks
 import numpy as np
 import pytest
 from bars_scene import BAR, PLATEN, SPEED, STRIKER, TRANSDUCER, apparatus, open_01, part, unbonded
@@ -26,7 +25,7 @@ from explicit.materials import neo_hookean
 
 def test_equal_bars_face_on_face() -> None:
     """Force Z v / 2 for 2 L / c0, the bar at v / 2 behind the wave, its free end at v."""
-    history = checks.equal_bars()
+    history = topic.equal_bars()
     pressed = history.shaper_force[: 2 * 512]  # the striker's round trip in steps
     np.testing.assert_allclose(pressed, 0.5 * BAR.impedance * SPEED, rtol=topic.LEVEL_TOLERANCE)
     assert np.abs(history.shaper_force[1024:4096]).max() < topic.LEVEL_TOLERANCE * pressed[0]
@@ -37,18 +36,18 @@ def test_equal_bars_face_on_face() -> None:
 
 
 def test_staircase_of_a_thicker_striker() -> None:
-    found, exact = checks.staircase()
+    found, exact = topic.staircase()
     np.testing.assert_allclose(found, exact, rtol=topic.LEVEL_TOLERANCE)
 
 
 def test_linear_shaper_is_an_exponential() -> None:
-    error, _ = checks.linear_shaper()
+    error, _ = topic.linear_shaper()
     assert error[-1] < topic.SHAPER_TOLERANCE
-    assert_order(checks.SHAPER_STEPS, error, 2.0, 0.1)
+    assert_order(topic.SHAPER_STEPS, error, 2.0, 0.1)
 
 
 def test_momentum_energy_and_the_joint_work() -> None:
-    momentum, energy, joint = checks.balances(checks.free_flight())
+    momentum, energy, joint = topic.balances(topic.free_flight())
     assert momentum < topic.MOMENTUM_TOLERANCE
     assert energy < topic.BALANCE_TOLERANCE
     assert joint == pytest.approx(1.0, abs=topic.JOINT_TOLERANCE)
@@ -56,7 +55,7 @@ def test_momentum_energy_and_the_joint_work() -> None:
 
 def test_shaper_unloads_along_its_slope() -> None:
     """The loop of a shaper is its table up, its slope down, and it does not pull."""
-    history = checks.free_flight()
+    history = topic.free_flight()
     shaper = apparatus().shaper
     assert shaper is not None
     x, force = history.shaper_approach, history.shaper_force
@@ -69,11 +68,11 @@ def test_shaper_unloads_along_its_slope() -> None:
 
 
 def test_flight_on_a_spring_is_a_swing() -> None:
-    assert checks.flight_on_a_spring() == pytest.approx((1.0, 1.0), rel=topic.SWING_TOLERANCE)
+    assert topic.flight_on_a_spring() == pytest.approx((1.0, 1.0), rel=topic.SWING_TOLERANCE)
 
 
 def test_free_flyer_keeps_its_velocity() -> None:
-    history = checks.free_flight()
+    history = topic.free_flight()
     events = find_events(history)
     late = history.times > events.separation
     momentum = history.flyer.momentum()[late]

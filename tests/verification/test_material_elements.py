@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fbar_element import GRADIENT_TOLERANCE, bound_quality, gradient_errors
+from fbar import GRADIENT_TOLERANCE, bound_quality, gradient_errors
 from frictionless import FORCE_TOLERANCE, LOADING, RADIUS, RADIUS_TOLERANCE, slow_compression
 from scipy.optimize import brentq
 

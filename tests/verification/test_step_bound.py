@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from elements import evaluate
-from fbar_element import largest_frequency
+from fbar import largest_frequency
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run

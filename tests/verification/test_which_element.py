@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import which_element as topic
-import which_element_runs as runs
 from elements import evaluate
-from fbar_element import states
+from fbar import states
 from order import assert_order
 from scene import DENSITY, LENGTH, RADIUS
 
@@ -13,12 +12,12 @@ from explicit import Model, cylinder
 from explicit.materials import neo_hookean
 from explicit.mesh import element_geometry
 
-COARSE = runs.COARSE[-1]
+COARSE = topic.COARSE[-1]
 
 
-@pytest.mark.parametrize("form", list(runs.FORMS))
+@pytest.mark.parametrize("form", list(topic.FORMS))
 def test_artificial_energy_is_small(form: str) -> None:
-    ledger = runs.batch(form, COARSE).energy
+    ledger = topic.batch(form, COARSE).energy
     assert (ledger.artificial_share() < topic.ARTIFICIAL).all()
     assert (ledger.artificial[:, -1] < topic.ARTIFICIAL * ledger.elastic[:, -1]).all()
     assert ledger.imbalance().max() < 1e-3  # as of the page on energy: the dissipation is accounted for
@@ -30,7 +29,7 @@ def test_each_form_has_its_energy() -> None:
         ("one-point, viscous", False, True),
         ("F-bar", False, False),
     ):
-        ledger = runs.batch(form, COARSE).energy
+        ledger = topic.batch(form, COARSE).energy
         assert bool((ledger.hourglass[:, -1] > 0.0).all()) == stored
         assert bool((ledger.hourglass_damping[:, -1] > 0.0).all()) == lost
         # a viscosity never gives energy back; 1e-12 of the strain energy is round-off
@@ -38,9 +37,9 @@ def test_each_form_has_its_energy() -> None:
 
 
 def test_artificial_energy_vanishes_with_the_mesh() -> None:
-    sizes = [runs.size(mesh) for mesh in runs.COARSE]
-    for form in list(runs.FORMS)[:2]:
-        shares = [runs.artificial_share(form, mesh) for mesh in runs.COARSE]
+    sizes = [topic.size(mesh) for mesh in topic.COARSE]
+    for form in list(topic.FORMS)[:2]:
+        shares = [topic.artificial_share(form, mesh) for mesh in topic.COARSE]
         # second order where strain is smooth, first at the singular edges
         assert_order(sizes, shares, 1.5, 0.75, at_least=True)
 
@@ -79,14 +78,14 @@ def test_viscous_control_leaves_linear_fields_alone() -> None:
 
 
 def test_an_unknown_form_is_refused() -> None:
-    given = runs.shot().forward.model(runs.Numerics(mesh=(2, 2)))
+    given = topic.shot().forward.model(topic.Numerics(mesh=(2, 2)))
     with pytest.raises(ValueError, match="hourglass_form must be 'stiffness' or 'viscous', got 'enhanced'"):
         Model(given.mesh, given.density, given.materials, given.motions, hourglass_form="enhanced")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("form", list(runs.FORMS))
+@pytest.mark.parametrize("form", list(topic.FORMS))
 def test_coarse_mesh_identifies_m(form: str) -> None:
-    assert runs.identified(form, COARSE) == pytest.approx(topic.TRUTH, abs=topic.FACTOR_TOLERANCE["coarse"])
+    assert topic.identified(form, COARSE) == pytest.approx(topic.TRUTH, abs=topic.FACTOR_TOLERANCE["coarse"])
 
 
 @pytest.mark.slow
@@ -104,8 +103,8 @@ def test_m_converges_to_the_known_answer() -> None:
 @pytest.mark.slow
 def test_elements_have_one_limit() -> None:
     result = topic.case()
-    assert runs.apart(result.found.force_limits) < topic.LIMITS_APART["force"] * topic.peak()
-    assert runs.apart(result.found.outline_limits) < topic.LIMITS_APART["outline"]
+    assert topic.apart(result.found.force_limits) < topic.LIMITS_APART["force"] * topic.peak()
+    assert topic.apart(result.found.outline_limits) < topic.LIMITS_APART["outline"]
     for force, outline in result.orders.values():
         # between the edges' first and the inside's second
         assert force.order > 1.2
@@ -115,6 +114,6 @@ def test_elements_have_one_limit() -> None:
 @pytest.mark.slow
 def test_grading_pays() -> None:
     even, graded = (
-        abs(runs.identified("one-point, stiffness", topic.STUDY, g) - topic.TRUTH) for g in (1.0, 2.0)
+        abs(topic.identified("one-point, stiffness", topic.STUDY, g) - topic.TRUTH) for g in (1.0, 2.0)
     )
     assert graded < 0.8 * even  # a third is saved; 0.8 leaves room for the ringing

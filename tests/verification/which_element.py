@@ -2,14 +2,191 @@
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-import which_element_runs as runs
+from dynamic_bonded import low_pass
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
-from richardson import CommonLimit, common_limit, limit
-from scene import rms, table
-from which_element_runs import FORMS, GRADINGS, MESHES, TRUTH, Convergence
+from scene import CommonLimit, common_limit, limit, rms, table
+from scipy.interpolate import BarycentricInterpolator
+from scipy.optimize import minimize_scalar
+
+from doe import Box
+from explicit import Response
+from kolsky.inverse.coarse_search import search
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction, predict
+from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.shot.load import load_shot
+
+FloatArray = NDArray[np.float64]
+Mesh = tuple[int, int]
+
+SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
+TRUTH = 1.12
+"""The stiffness factor that the shot was made with (truth.json) [-]."""
+FORMS: dict[str, dict[str, str]] = {
+    "one-point, stiffness": {"element": "one_point", "hourglass_form": "stiffness"},
+    "one-point, viscous": {"element": "one_point", "hourglass_form": "viscous"},
+    "F-bar": {"element": "fbar"},
+}
+"""Elements and hourglass forms, as the page calls them."""
+MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
+COARSE: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
+"""Meshes of the quick tests."""
+SPACING = 0.006
+"""Distance of neighbouring stiffness factors of a batch [-]: data vectors between them, with all their
+ringing, are interpolated by the polynomial through a batch; every other factor left out moves m by 1e-4."""
+CUTOFF = 5e3
+"""Cut-off of the compared force [Hz]."""
+ORDER = 2.0
+"""Order of the extrapolation [-]: the common fit of all elements to m has it, see the page."""
+GRADINGS = (1.0, 2.0, 4.0)
+"""Largest over smallest element of the study of graded meshes [-]."""
+
+
+@cache
+def shot() -> PreparedShot:
+    """The shot ready to run."""
+    return prepare_shot(load_shot(SHOT))
+
+
+def factors(mesh: Mesh) -> FloatArray:
+    """Stiffness factors of a batch [-]: eight on a coarse mesh, whose m is further away, else three."""
+    return TRUTH + SPACING * (np.arange(-1, 7) if mesh[0] <= 24 else np.arange(-1, 2))
+
+
+def middle(mesh: Mesh) -> int:
+    """The simulation of a batch whose histories are compared: the true stiffness factor."""
+    return int(np.argmin(np.abs(factors(mesh) - TRUTH)))
+
+
+@cache
+def batch(form: str, mesh: Mesh, grading: float = 2.0) -> Response:
+    """The shot with `factors`, its own nu = 0.499 and damping.
+
+    The energy ledger stands at every camera frame up to 16 elements across, else at every sixteenth.
+    """
+    numerics = Numerics(mesh=mesh, grading=grading, **FORMS[form])  # type: ignore[arg-type]
+    response = shot().forward.run({"stiffness_factor": factors(mesh)}, numerics, all_nodes=mesh[0] <= 16)
+    assert response.completed.all()
+    return response
+
+
+def size(mesh: Mesh) -> float:
+    """Element size over the specimen's [-]: 1 / sqrt(number of elements)."""
+    return float((mesh[0] * mesh[1]) ** -0.5)
+
+
+def force(form: str, mesh: Mesh, grading: float = 2.0) -> FloatArray:
+    """Low-passed transmitted force of the true stiffness [N], shape [n_force_times]."""
+    return low_pass(batch(form, mesh, grading).force_transmission[middle(mesh)], CUTOFF)
+
+
+@cache
+def prediction(form: str, mesh: Mesh, grading: float = 2.0) -> Prediction:
+    """What the instruments would have seen of the batch."""
+    return predict(batch(form, mesh, grading), shot().observations)
+
+
+def outline(form: str, mesh: Mesh, grading: float = 2.0) -> FloatArray:
+    """Radius at every measured point, true stiffness [m], shape [n_points]; all lie inside."""
+    return prediction(form, mesh, grading).Z[middle(mesh)]
+
+
+def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "noise") -> float:
+    """The stiffness factor of least joint chi-square [-].
+
+    `weights`: "noise" takes the measured noise alone; "identify" adds the discrepancy that
+    `kolsky.inverse.coarse_search.search` estimates, as `kolsky identify` does.
+    """
+    found = prediction(form, mesh, grading)
+    assert found.inside.all()
+    objective = Objective(shot().observations, found.inside.all(axis=0))
+    levels = factors(mesh)
+    vectors = BarycentricInterpolator(levels, objective.vectors(found), axis=0)
+    bounds = (float(levels[0]), float(levels[-1]))
+    if weights == "identify":
+        box = Box(("stiffness_factor",), bounds[:1], bounds[1:])
+        return float(search(box, objective, lambda x: vectors(np.ravel(x))).x[0])
+    cost = minimize_scalar(lambda m: float(objective.chi2(vectors(m))), bounds=bounds, method="bounded")
+    if not bounds[0] + 1e-4 < cost.x < bounds[1] - 1e-4:
+        raise ValueError(f"m = {cost.x:.4f} lies at the edge of the batch {bounds}: widen `factors`")
+    return float(cost.x)
+
+
+@dataclass(frozen=True)
+class Series:
+    """An element's refinement series."""
+
+    sizes: FloatArray
+    """Element sizes [-], shape [n_meshes]."""
+    force: FloatArray
+    """Rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]."""
+    outline: FloatArray
+    """Rms distance of the radii from their common limit [m], shape [n_meshes]."""
+    factor: FloatArray
+    """Identified m, weighted by the noise [-], shape [n_meshes]."""
+    weighted: FloatArray
+    """Identified m, weighted as `kolsky identify` does [-], shape [n_meshes]."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """What all elements converge to, and how."""
+
+    series: dict[str, Series]
+    """By element."""
+    force_limits: dict[str, FloatArray]
+    """Extrapolated 5 kHz force of each element [N], shape [n_force_times]."""
+    outline_limits: dict[str, FloatArray]
+    """Extrapolated radii of each element [m], shape [n_points]."""
+
+
+def convergence(meshes: tuple[Mesh, ...] = MESHES) -> Convergence:
+    """Extrapolate each element's force and outline; the mean of the limits is what all are measured from."""
+    sizes = np.array([size(mesh) for mesh in meshes])
+    forces = {form: np.array([force(form, mesh) for mesh in meshes]) for form in FORMS}
+    outlines = {form: np.array([outline(form, mesh) for mesh in meshes]) for form in FORMS}
+    force_limits = {form: limit(sizes, values, ORDER).value for form, values in forces.items()}
+    outline_limits = {form: limit(sizes, values, ORDER).value for form, values in outlines.items()}
+    whole_force = np.mean(list(force_limits.values()), axis=0)
+    whole_outline = np.mean(list(outline_limits.values()), axis=0)
+    series = {
+        form: Series(
+            sizes=sizes,
+            force=np.array([rms(values - whole_force) for values in forces[form]]),
+            outline=np.array([rms(values - whole_outline) for values in outlines[form]]),
+            factor=np.array([identified(form, mesh) for mesh in meshes]),
+            weighted=np.array([identified(form, mesh, weights="identify") for mesh in meshes]),
+        )
+        for form in FORMS
+    }
+    return Convergence(series, force_limits, outline_limits)
+
+
+def apart(limits: dict[str, FloatArray]) -> float:
+    """Largest rms distance of two elements' limits, in their unit."""
+    values = list(limits.values())
+    return max(rms(a - b) for i, a in enumerate(values) for b in values[:i])
+
+
+def artificial_history(form: str, mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Times [s] of the ledger, and artificial energy over the strain energy of the same instant [-]."""
+    ledger = batch(form, mesh).energy
+    one = middle(mesh)
+    kept = np.isfinite(ledger.elastic[one]) & (ledger.elastic[one] > 0.0)
+    share = ledger.artificial[one, kept] / ledger.elastic[one, kept]
+    return shot().forward.sampling.surface_times[kept], share
+
+
+def artificial_share(form: str, mesh: Mesh) -> float:
+    """Largest artificial energy over the largest strain energy [-]."""
+    return float(batch(form, mesh).energy.artificial_share()[middle(mesh)])
+
 
 TITLE = "Elements: which one to take"
 FIGURE_SIZE = (6.7, 5.0)
@@ -40,7 +217,7 @@ class Result:
 @cache
 def case() -> Result:
     """Three elements and hourglass forms on four meshes; half a minute."""
-    found = runs.convergence()
+    found = convergence()
     every = list(found.series.values())
     return Result(
         found=found,
@@ -54,12 +231,12 @@ def case() -> Result:
 
 def peak() -> float:
     """Largest 5 kHz force on the finest mesh [N]."""
-    return float(runs.force("one-point, stiffness", MESHES[-1]).max())
+    return float(force("one-point, stiffness", MESHES[-1]).max())
 
 
 def row(result: Result) -> tuple[str, str, str]:
     """Line of the index: what is compared, what was measured, what is allowed."""
-    share = max(runs.artificial_share(form, MESHES[0]) for form in FORMS)
+    share = max(artificial_share(form, MESHES[0]) for form in FORMS)
     finest = max(abs(one.factor[-1] / TRUTH - 1) for one in result.found.series.values())
     apart, allowed = abs(result.factor.value / TRUTH - 1), FACTOR_TOLERANCE
     return (
@@ -80,7 +257,7 @@ def draw(result: Result, figure: Figure) -> None:
     for k, (form, one) in enumerate(every.items()):
         style = {"color": f"C{k}", "marker": mark[form], "label": form}
         if form != "F-bar":
-            times, share = runs.artificial_history(form, MESHES[0])
+            times, share = artificial_history(form, MESHES[0])
             energy.semilogy(1e3 * times, 100 * share, color=f"C{k}", label=form)
         force.loglog(1e2 * one.sizes, one.force, **style)
         outline.loglog(1e2 * one.sizes, 1e6 * one.outline, **style)
@@ -108,10 +285,10 @@ def energy_table() -> str:
     rows = []
     for form in list(FORMS)[:2]:
         for mesh in MESHES:
-            ledger, one = runs.batch(form, mesh).energy, runs.middle(mesh)
+            ledger, one = batch(form, mesh).energy, middle(mesh)
             parts = (getattr(ledger, name)[one, -1] for name in ("hourglass", "hourglass_damping", "elastic"))
             stored, lost, elastic = parts
-            times, share = runs.artificial_history(form, mesh)
+            times, share = artificial_history(form, mesh)
             late = share[times > 0.3e-3].max()
             cells = (stored / elastic, lost / elastic, (stored + lost) / elastic, share.max(), late)
             rows.append([f"{form}, {mesh[0]} × {mesh[1]}", *(f"{100 * cell:.3f}" for cell in cells)])
@@ -124,13 +301,13 @@ def convergence_table(result: Result) -> str:
     rows = []
     for form, one in result.found.series.items():
         for k, mesh in enumerate(MESHES):
-            steps = int(runs.batch(form, mesh).steps[runs.middle(mesh)])
+            steps = int(batch(form, mesh).steps[middle(mesh)])
             errors = [f"{100 * one.force[k] / peak():.3f}", f"{1e6 * one.outline[k]:.2f}"]
             found = [f"{one.factor[k]:.4f}", f"{one.weighted[k]:.4f}"]
             rows.append([f"{form}, {mesh[0]} × {mesh[1]}", f"{steps}", *errors, *found])
         force, outline = result.orders[form]
         orders = [f"{fit.order:.2f} ± {fit.standard_error:.2f}" for fit in (force, outline)]
-        limits = [limit(one.sizes, values, runs.ORDER) for values in (one.factor, one.weighted)]
+        limits = [limit(one.sizes, values, ORDER) for values in (one.factor, one.weighted)]
         found = [f"{m.value:.4f} ± {m.deviation:.4f}" for m in limits]
         rows.append([f"{form}, order; limit", "", *orders, *found])
     header = ["element, mesh", "steps", "5 kHz force [%]", "outline [µm]", "m, noise", "m, as `identify`"]
@@ -144,12 +321,12 @@ def grading_table(result: Result) -> str:
     rows = []
     for form in ("one-point, stiffness", "F-bar"):
         for grading in GRADINGS:
-            found = runs.batch(form, STUDY, grading)
+            found = batch(form, STUDY, grading)
             errors = (
-                100 * rms(runs.force(form, STUDY, grading) - whole) / peak(),
-                1e6 * rms(runs.outline(form, STUDY, grading) - edge),
+                100 * rms(force(form, STUDY, grading) - whole) / peak(),
+                1e6 * rms(outline(form, STUDY, grading) - edge),
             )
-            steps, m = int(found.steps[runs.middle(STUDY)]), runs.identified(form, STUDY, grading)
+            steps, m = int(found.steps[middle(STUDY)]), identified(form, STUDY, grading)
             rows.append(
                 [f"{form}, {grading:g}", f"{steps}", f"{errors[0]:.3f}", f"{errors[1]:.2f}", f"{m:.4f}"]
             )
@@ -158,7 +335,7 @@ def grading_table(result: Result) -> str:
 
 def page(result: Result) -> str:
     """The page's text."""
-    apart = (runs.apart(result.found.force_limits), runs.apart(result.found.outline_limits))
+    spread = (apart(result.found.force_limits), apart(result.found.outline_limits))
     common = result.factor
     best = {form: one.weighted for form, one in result.found.series.items()}
     one, four = best["one-point, stiffness"], best["F-bar"]
@@ -207,7 +384,7 @@ the mean of the three limits, each extrapolated with h² over all meshes; and th
 
 {convergence_table(result)}
 
-The limits of two elements lie at most {100 * apart[0] / peak():.2f} % (force) and {1e6 * apart[1]:.1f} µm
+The limits of two elements lie at most {100 * spread[0] / peak():.2f} % (force) and {1e6 * spread[1]:.1f} µm
 (outline) apart: what is left on the finest mesh is of that size, so that its error, and the orders with it,
 are known to about a factor of two. "Limit" is each element's own m extrapolated with h², ± the largest
 distance of a mesh from that law. Second order is what the elements have where the solution is smooth; at the

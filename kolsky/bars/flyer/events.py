@@ -10,7 +10,6 @@ the motion; joint and impact show best in the flyer's transducer, the push-back 
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -223,14 +222,6 @@ _AFTER_IMPACT = 8
 """Frames after a second impact from which its time is taken, where only the displacement shows it."""
 
 
-class Ending(Protocol):
-    """End of symmetry, as `kolsky.bars.flyer.flight.SymmetryEnd` offers it."""
-
-    @property
-    def row(self) -> int | None:
-        """First frame at which symmetry has ended."""
-
-
 @dataclass(frozen=True)
 class FlyerEvents:
     """The events of a flyer's test in their order."""
@@ -265,7 +256,6 @@ def flyer_events(
     incident: Signal | None = None,
     transmitted: Signal | None = None,
     bar: Bar | None = None,
-    symmetry: tuple[FloatArray, Ending] | None = None,
     ringing: float = RINGING,
 ) -> FlyerEvents:
     """Find the events of a flyer's test in what was recorded of it.
@@ -275,25 +265,12 @@ def flyer_events(
 
     Returns: each event with time, sigma and how it was found, or why it was not.
 
-    Parameters
-    ----------
-    motion
-        The flyer's displacement toward the specimen at the frames, on the shot's clock.
-    rest
-        A time in the static frames [s].
-    incident
-        Force at the flyer's transducer, compression positive [N].
-    transmitted
-        Transmitted force, compression positive [N].
-    bar
-        The transmission bar: the specimen's back face then moves as the transmitted force and its returns
-        from the bar's free end have it, and the arrest is the flyer's relative to that face. At rest if left
-        out; needs `transmitted`.
-    symmetry
-        Frame times [s] and what `kolsky.bars.flyer.flight.symmetry_end` found at them, where there are
-        pictures.
-    ringing
-        Span over which the transducers' signals are averaged [s]; longer than the flyer rings.
+    ``motion``: the flyer's displacement toward the specimen at the frames, on the shot's clock. ``rest``: a
+    time in the static frames [s]. ``incident``: force at the flyer's transducer, compression positive [N].
+    ``transmitted``: transmitted force, compression positive [N]. ``bar``: the transmission bar: the
+    specimen's back face then moves as the transmitted force and its returns from the bar's free end have it,
+    and the arrest is the flyer's relative to that face. At rest if left out; needs `transmitted`.
+    ``ringing``: span over which the transducers' signals are averaged [s]; longer than the flyer rings.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")
@@ -315,7 +292,9 @@ def flyer_events(
         arrest,
         find_push_back(arrest, impact, transmitted, ringing),
         impact,
-        _symmetry(symmetry),
+        Event(
+            "end of symmetry", None, None, "needs pictures: an exported displacement has one direction only"
+        ),
     ]
     return FlyerEvents(tuple(events), path)
 
@@ -434,17 +413,3 @@ def _slope_jump(motion: FlyerMotion, turn: int, last: int) -> Kink | None:
         return None
     kink = find_kink(t, x, sigma, (t[3], t[-3]), degree=4, power=1, begins=True, bends=True)
     return kink if kink.gain > _CERTAIN and kink.change > 0.0 else None
-
-
-def _symmetry(symmetry: tuple[FloatArray, Ending] | None) -> Event:
-    name = "end of symmetry"
-    if symmetry is None:
-        return Event(name, None, None, "needs pictures: an exported displacement has one direction only")
-    time, end = symmetry
-    if end.row is None:
-        return Event(name, None, None, "the flyer keeps its direction to the end of the pictures")
-    row = end.row
-    frame = float(time[row] - time[row - 1]) if row else float(time[1] - time[0])
-    return Event(
-        name, float(time[row]), frame / np.sqrt(12.0), "the velocity leaves its direction after separation"
-    )

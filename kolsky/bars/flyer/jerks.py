@@ -171,25 +171,15 @@ def evidence(
     Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
     n_controls].
 
-    Parameters
-    ----------
-    theta
-        Log noise scales, then log tau at the control points, shape [n_parts + n_controls].
-    y
-        Displacement over sigma, about the static frames' mean [-], shape [n_frames].
-    weight
-        Typical sigma over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement.
-    spans
-        Lengths of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static.
-    hats
-        Values of `hat_functions` at the spans [-], shape [n_spans, n_controls].
-    parts
-        Parts of each frame's variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts];
-        None: the declared one alone.
-    shared
-        An error that successive frames have in common, a first-order autoregression of variance 1 as one more
-        state: its size over sigma in each frame [-], 0 where a frame has no displacement, and what is left of
-        it from the frame before [-], shape [n_frames] each; None: there is none.
+    ``theta``: log noise scales, then log tau at the control points, shape [n_parts + n_controls]. ``y``:
+    displacement over sigma, about the static frames' mean [-], shape [n_frames]. ``weight``: typical sigma
+    over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement. ``spans``: lengths of
+    the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``: values
+    of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
+    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared one
+    alone. ``shared``: an error that successive frames have in common, a first-order autoregression of
+    variance 1 as one more state: its size over sigma in each frame [-], 0 where a frame has no displacement,
+    and what is left of it from the frame before [-], shape [n_frames] each; None: there is none.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])

@@ -99,7 +99,6 @@ def synchronise(
     rest: float,
     travel: float,
     sigma_zero: float = 0.0,
-    sigma_trigger: float = 0.0,
     reach: float = REACH,
 ) -> Synchronisation:
     """Lag between the cameras and a transducer that sits behind a mass on the flyer.
@@ -111,24 +110,12 @@ def synchronise(
     Raises ValueError if the mass or the travel is not positive, too few frames move within the travel, or the
     signal does not cover them.
 
-    Parameters
-    ----------
-    motion
-        The flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
-    force
-        Force at the transducer [N], compression positive, baseline removed.
-    mass
-        Mass between its sensing plane and the specimen [kg].
-    rest
-        A time on the signal's clock before the wave arrives [s]; integration begins there.
-    travel
-        Displacement up to which frames are used [m]; some 5 % of the specimen's length.
-    sigma_zero
-        Standard uncertainty of the force's zero [N].
-    sigma_trigger
-        Standard uncertainty of the declared clocks against each other [s]; added in quadrature.
-    reach
-        Largest lag that is looked for, either way [s].
+    ``motion``: the flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
+    ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
+    sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
+    integration begins there. ``travel``: displacement up to which frames are used [m]; some 5 % of the
+    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``:
+    largest lag that is looked for, either way [s].
     """
     if not mass > 0.0:
         raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")
@@ -139,24 +126,7 @@ def synchronise(
     twice = cumulative_trapezoid(once, t, initial=0.0)
     curves = np.stack([x, once, twice, 0.5 * (t - t[0]) ** 2 / mass])
     free = np.inf
-    fit = _Fit(motion, t, curves, np.array([free, free, free, sigma_zero]), travel, reach)
-    return fit.solve(sigma_trigger)
-
-
-def synchronise_velocity(
-    motion: FlyerMotion,
-    velocity: Signal,
-    *,
-    rest: float,
-    travel: float,
-    sigma_zero: float = 0.0,
-    sigma_trigger: float = 0.0,
-    reach: float = REACH,
-) -> Synchronisation:
-    """Lag between the cameras and the velocity of the face that they saw, from the bar's waves."""
-    t, v = _from(velocity, rest)
-    curves = np.stack([cumulative_trapezoid(v, t, initial=0.0), t - t[0]])
-    return _Fit(motion, t, curves, np.array([np.inf, sigma_zero]), travel, reach).solve(sigma_trigger)
+    return _Fit(motion, t, curves, np.array([free, free, free, sigma_zero]), travel, reach).solve()
 
 
 class _Fit:
@@ -217,7 +187,7 @@ class _Fit:
         rest = y - G @ np.linalg.lstsq(G, y, rcond=None)[0]
         return float(rest @ rest)
 
-    def solve(self, sigma_trigger: float) -> Synchronisation:
+    def solve(self) -> Synchronisation:
         """The best lag with its uncertainty."""
         step = 0.25 * self.interval
         grid = step * np.arange(-int(self.reach / step), int(self.reach / step) + 1)
@@ -243,7 +213,7 @@ class _Fit:
         growth = max(1.0, ratio)
         return Synchronisation(
             lag=lag,
-            sigma=float(np.hypot(np.sqrt(growth * covariance[-1, -1]), sigma_trigger)),
+            sigma=float(np.sqrt(growth * covariance[-1, -1])),
             gain=float(solution[1] / self.scale[0]),
             sigma_gain=float(np.sqrt(growth * covariance[1, 1]) / self.scale[0]),
             chi2_per_dof=ratio,

@@ -104,7 +104,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         reduction=with_opposite_sign(reduction) if tension else reduction,
         corrections=log.corrections,
         budget=quoted.table(budget, sign),
-        facts=quoted.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
+        facts=quoted.facts(best, arrival, checks, windows, reduction, summary),
         remarks=(
             *given.notes,
             *quoted.remarks(reduction, budget, checks, given, summary.plateau),

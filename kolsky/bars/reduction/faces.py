@@ -30,8 +30,6 @@ def face_waves(
     guides: tuple[Waveguide, Waveguide] | None = None,
     band: float | None = None,
     arrival: float | None = None,
-    follow_windows: bool = False,
-    transit: float = 0.0,
     delays: tuple[float, float] = (0.0, 0.0),
     apart: tuple[BarSignal, BarSignal, BarSignal] | None = None,
 ) -> FaceWaves:
@@ -48,10 +46,7 @@ def face_waves(
     frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars:
     above, a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
     ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the
-    result. The beginning of the incident window if it is left out. ``follow_windows``: whether the windows'
-    beginnings are the same instant at the specimen, instead of what distances and wave speeds say: for
-    windows aligned by hand. ``transit``: time by which the transmitted wave is moved forward [s]: the
-    specimen's transit, to compare waves that belong together instead of forces of the same instant.
+    result. The beginning of the incident window if it is left out.
     ``delays``: times by which the reflected and the transmitted wave are later at their gauges than travel
     times say [s]: for waves that are aligned by their arrivals. ``apart``: the incident, reflected and
     transmitted wave each by itself at its gauge, where they were told apart; the windows then only say which
@@ -70,11 +65,8 @@ def face_waves(
     if count < 4:
         raise ValueError(f"the shortest window holds {count} samples; it takes 4 or more")
     first = windows.incident[0]
-    if follow_windows:
-        reflected, transmitted = windows.reflected[0], windows.transmitted[0]
-    else:
-        reflected = first + 2.0 * travel_time(incident)
-        transmitted = first + travel_time(incident) + travel_time(transmission) + transit
+    reflected = first + 2.0 * travel_time(incident)
+    transmitted = first + travel_time(incident) + travel_time(transmission)
     reflected, transmitted = reflected + delays[0], transmitted + delays[1]
     zero = first if arrival is None else arrival
     stations = (incident, incident, transmission) if apart is None else apart
@@ -84,7 +76,7 @@ def face_waves(
     pairs_of = zip(
         stations,
         (first, reflected, transmitted),
-        pairs if follow_windows else wide,
+        wide,
         (incident.position, -incident.position, -transmission.position),
         (None, None, None) if guides is None else (guides[0], guides[0], guides[1]),
         strict=True,

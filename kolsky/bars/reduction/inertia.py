@@ -118,26 +118,18 @@ def correct_axial_inertia(
     second: History,
     specimen: Specimen,
     *,
-    back_acceleration: History | None = None,
     apply: bool = True,
 ) -> tuple[History, Correction]:
-    """Mean nominal stress along the specimen from that at its back face, see `axial_stress`.
+    """Mean nominal stress along the specimen from that at its back face, which rests, see `axial_stress`.
 
     ``back_stress``: nominal stress at the transmission side (one wave) [Pa]. ``second``: second derivative of
-    the nominal compression [1/s^2]. ``specimen``: the specimen before the test. ``back_acceleration``: of the
-    back face [m/s^2]; a face at rest if left out. ``apply``: False leaves the stress as it is. Raises
-    ValueError if shapes differ.
+    the nominal compression [1/s^2]. ``specimen``: the specimen before the test. ``apply``: False leaves the
+    stress as it is. Raises ValueError if shapes differ.
     """
-    rest = History(np.zeros_like(second.value), np.zeros_like(second.value), "m/s^2")
-    a = rest if back_acceleration is None else back_acceleration
-    _one_shape(back_stress.value, (second, a))
+    _one_shape(back_stress.value, (second,))
     rho, length = specimen.density, specimen.length
-    change = axial_stress(second.value, density=rho, length=length, back_acceleration=a.value)
-    sigma = np.sqrt(
-        back_stress.sigma**2
-        + (rho * length**2 / 6.0 * second.sigma) ** 2
-        + (rho * length / 2.0 * a.sigma) ** 2
-    )
+    change = axial_stress(second.value, density=rho, length=length)
+    sigma = np.sqrt(back_stress.sigma**2 + (rho * length**2 / 6.0 * second.sigma) ** 2)
     reason = (
         f"{1e3 * length:.4g} mm of {rho:.4g} kg/m^3, second derivative of the strain up to"
         f" {np.abs(second.value).max():.3g} 1/s^2"
@@ -335,46 +327,29 @@ def compensate_mass(
     acceleration: History,
     mass: Quantity,
     *,
-    side: str = "incident",
     sigma_time: float = 0.0,
     apply: bool = True,
     source: str = "the face's motion",
 ) -> tuple[History, Correction]:
     """Force on the specimen from that at a gauge, with a moving mass between the two.
 
-    ``F = F_gauge - m a`` before the specimen and ``F = F_gauge + m a`` behind it, where the mass is pushed
-    by the specimen.
+    ``F = F_gauge - m a`` before the specimen.
 
-    Raises ValueError if shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
+    Raises ValueError if shapes differ, the mass is not positive, or a sigma is negative.
 
-    Parameters
-    ----------
-    time
-        Times of the histories on one clock [s], shape [n], increasing.
-    force
-        Force at the gauge [N].
-    acceleration
-        Acceleration of the mass in the direction of the incident wave [m/s^2].
-    mass
-        Mass between the sensing plane and the specimen [kg].
-    side
-        Where the gauge is: "incident" or "transmission".
-    sigma_time
-        Standard uncertainty of the acceleration's clock against the force's [s].
-    apply
-        False leaves the force as it is; the correction is measured all the same.
-    source
-        Where the acceleration is from, for the audit log.
+    ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
+    [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
+    mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
+    acceleration's clock against the force's [s]. ``apply``: False leaves the force as it is; the correction
+    is measured all the same. ``source``: where the acceleration is from, for the audit log.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))
     _not_negative(sigma_time=sigma_time, sigma_mass=mass.sigma)
     if not mass.value > 0.0:
         raise ValueError(f"{mass.name} is {mass.value:g} kg, must be > 0 kg")
-    if side not in SIDES:
-        raise ValueError(f"side is {side!r}, must be one of {', '.join(SIDES)}")
     a = acceleration.value
-    change = -mass.value * a if side == "incident" else mass.value * a
+    change = -mass.value * a
     jerk = np.gradient(a, t)
     sigma = np.sqrt(
         force.sigma**2
@@ -383,10 +358,10 @@ def compensate_mass(
         + (mass.value * jerk * sigma_time) ** 2
     )
     reason = (
-        f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up"
+        f"{1e3 * mass.value:.4g} g between the incident gauge and the specimen, acceleration from {source} up"
         f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
     )
-    log = audited(f"mass compensation, {side}", "mass", change, force.unit, apply, reason)
+    log = audited("mass compensation, incident", "mass", change, force.unit, apply, reason)
     return (History(force.value + change, sigma, force.unit) if apply else force), log
 
 

@@ -2,7 +2,7 @@
 database."""
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from dic.files import text_cell
 from kolsky.bars.audit import table_of
-from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, WavesResult
+from kolsky.bars.records import (
+    BarSignal,
+    FlyerResult,
+    History,
+    ReducedTest,
+    Reduction,
+    WavesResult,
+)
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import replacing, write_table
+from kolsky.base.files import replacing
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
-HISTORIES = {
-    "front_force": "N",
-    "back_force": "N",
-    "front_velocity": "m/s",
-    "back_velocity": "m/s",
-}
-"""Single histories of a reduction and their units."""
 WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_waves"}
 """Group names of the ways of analysis."""
 
@@ -44,31 +44,21 @@ def write_hdf5(path: Path, result: ReducedTest) -> None:
         _tables(entry, result)
 
 
-def write_csv(folder: Path, result: ReducedTest) -> None:
-    """Write waves.csv (histories), waves_corrections.csv (audit log) and waves_budget.csv."""
+def tables(result: ReducedTest) -> dict[str, Mapping[str, Any]]:
+    """Histories, audit log of the corrections, and budget as named columns, SI."""
     r = result.reduction
     columns: dict[str, Any] = {"time (s)": r.time}
-    for way in WAYS:
-        if way not in r.strain:
-            continue
-        for name, kind, unit in (
-            ("strain", r.strain, "1"),
-            ("rate", r.rate, "1/s"),
-            ("stress", r.stress, "Pa"),
-        ):
-            columns[f"{name}, {way} ({unit})"] = kind[way].value
-            columns[f"sigma of {name}, {way} ({unit})"] = kind[way].sigma
-    for name, unit in HISTORIES.items():
-        columns[f"{name.replace('_', ' ')} ({unit})"] = getattr(r, name).value
-        columns[f"sigma of {name.replace('_', ' ')} ({unit})"] = getattr(r, name).sigma
+    for way, name, history in _histories(r):
+        words = f"{name}, {way}" if way else name.replace("_", " ")
+        columns[f"{words} ({history.unit})"] = history.value
+        columns[f"sigma of {words} ({history.unit})"] = history.sigma
     columns["imbalance R (1)"] = r.imbalance
     columns.update(result.extra)
-    write_table(folder / "waves.csv", {key: np.asarray(value).tolist() for key, value in columns.items()})
-    write_table(folder / "waves_corrections.csv", table_of(result.corrections))
     budget = result.budget
-    write_table(
-        folder / "waves_budget.csv",
-        {
+    return {
+        "waves": {key: np.asarray(value).tolist() for key, value in columns.items()},
+        "waves_corrections": table_of(result.corrections),
+        "waves_budget": {
             "input": [row.quantity.name for row in budget.contributions],
             "value": [row.quantity.value for row in budget.contributions],
             "standard uncertainty": [row.quantity.sigma for row in budget.contributions],
@@ -85,7 +75,7 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
                 for name, (_, _, unit) in budget.results.items()
             },
         },
-    )
+    }
 
 
 def _waves(entry: OpenGroup, result: WavesResult) -> None:
@@ -98,15 +88,20 @@ def _waves(entry: OpenGroup, result: WavesResult) -> None:
     for name in ("incident", "reflected", "transmitted"):
         put(windows, name, getattr(result.windows, name), "s")
     _text(entry, "analysis", result.analysis)
-    window = group(entry, "validity")
-    _text(window, "sentence", result.validity)
-    if result.valid is not None:
-        put(window, "window", result.valid, "s")
+    _validity(entry, result)
     waves = result.faces
     faces = data(entry, "faces", "incident", "time")
     put(faces, "time", waves.time, "s")
     for name in ("incident", "reflected", "transmitted"):
         put(faces, name, getattr(waves, name), "1", sigma=waves.sigma[name])
+
+
+def _validity(entry: OpenGroup, result: WavesResult | FlyerResult) -> OpenGroup:
+    window = group(entry, "validity")
+    _text(window, "sentence", result.validity)
+    if result.valid is not None:
+        put(window, "window", result.valid, "s")
+    return window
 
 
 def _station(parent: OpenGroup, station: BarSignal) -> None:
@@ -133,10 +128,7 @@ def _flyer(entry: OpenGroup, result: FlyerResult) -> None:
         if at is not None and sigma is not None:
             put(part, "time", at, "s")
             put(part, "sigma", sigma, "s")
-    window = group(entry, "validity")
-    _text(window, "sentence", result.validity)
-    if result.valid is not None:
-        put(window, "window", result.valid, "s")
+    window = _validity(entry, result)
     for name, values in result.inertia.items():
         put(window, name, values, "s" if name == "time" else "1")
     if result.synchronisation is not None:
@@ -147,15 +139,12 @@ def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
     r = result.reduction
     whole = group(entry, "reduction", default="three_waves")
     put(whole, "time", r.time, "s")
-    for way, name in WAYS.items():
-        if way not in r.strain:
-            continue
-        part = data(whole, name, "stress", "time")
-        part["time"] = whole["time"]
-        for quantity, kind in (("strain", r.strain), ("rate", r.rate), ("stress", r.stress)):
-            _history(part, quantity, kind[way])
-    for name in HISTORIES:
-        _history(whole, name, getattr(r, name))
+    for way, name, history in _histories(r):
+        if way and WAYS[way] not in whole:
+            data(whole, WAYS[way], "stress", "time")["time"] = whole["time"]
+        part = whole[WAYS[way]] if way else whole
+        put(part, name, history.value, history.unit)
+        put(part, f"{name}_sigma", history.sigma, history.unit)
     put(whole, "imbalance", r.imbalance, "1")
     if r.balanced is not None:
         put(whole, "balanced", r.balanced, "s")
@@ -164,9 +153,13 @@ def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
         put(whole, words.replace(" ", "_"), values, unit.removesuffix(")"))
 
 
-def _history(part: OpenGroup, name: str, history: History) -> None:
-    put(part, name, history.value, history.unit)
-    put(part, f"{name}_sigma", history.sigma, history.unit)
+def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
+    """Way of analysis, "" for what all share, name and values of every history."""
+    for way in WAYS:
+        if way in r.strain:
+            yield from ((way, name, getattr(r, name)[way]) for name in ("strain", "rate", "stress"))
+    shared = ("front_force", "back_force", "front_velocity", "back_velocity")
+    yield from (("", name, getattr(r, name)) for name in shared)
 
 
 def _tables(entry: OpenGroup, result: ReducedTest) -> None:

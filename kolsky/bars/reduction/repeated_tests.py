@@ -144,20 +144,16 @@ def _check(curve: Curve) -> None:
         )
 
 
-QUANTITIES = ("stress", "rate", "strain")
-AXES = ("strain", "time")
+WAY = "three waves"
+"""The analysis that is averaged."""
 
 
 @dataclass(frozen=True)
 class RepeatedTests:
     """The mean of repeated tests, its scatter, and what the tests have in common."""
 
-    quantity: str
-    """"stress", "rate" or "strain"."""
-    over: str
-    """"strain" or "time"."""
     unit: str
-    """Unit of the quantity."""
+    """Unit of the stress."""
     repeats: Repeats
     """Mean, scatter and single tests on the common axis."""
     shared: FloatArray
@@ -172,62 +168,28 @@ class RepeatedTests:
         return self.repeats.band(probability, shared=self.shared)
 
 
-def repeated_tests(
-    reductions: Mapping[str, Reduction],
-    *,
-    quantity: str = "stress",
-    over: str = "strain",
-    way: str = "three waves",
-    points: int | None = None,
-) -> RepeatedTests:
-    """Average a history of several tests.
+def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
+    """Average the nominal stress of several tests over their strain.
 
-    Over strain only the loading counts, the longest stretch of each test in which its strain increases; a
-    remark says from where to where. The standard uncertainties of the single tests, which all rest on the
-    same bars, gauges and instruments, are taken as shared, their noise with them: where it matters, the band
-    is on the safe side by it.
+    Only the loading counts, the longest stretch of each test in which its strain increases; a remark says
+    from where to where. The standard uncertainties of the single tests, which all rest on the same bars,
+    gauges and instruments, are taken as shared, their noise with them: where it matters, the band is on the
+    safe side by it.
 
-    Raises ValueError if an option is unknown, or as `kolsky.bars.reduction.repeated_tests.average`.
-
-    Parameters
-    ----------
-    reductions
-        Reductions by the names of the tests, with their full bands (`kolsky.bars.reduction.analyse`).
-    quantity
-        A key of `QUANTITIES`.
-    over
-        "strain" or "time"; "strain" not for the strain itself.
-    way
-        "one wave", "two waves" or "three waves".
-    points
-        Points of the common axis; see `kolsky.bars.reduction.repeated_tests.average`.
+    ``reductions``: reductions by the names of the tests, with their full bands
+    (`kolsky.bars.reduction.analyse`). Raises ValueError as `average`.
     """
-    if quantity not in QUANTITIES or over not in AXES or quantity == over:
-        raise ValueError(
-            f"quantity must be one of {', '.join(QUANTITIES)} over one of {', '.join(AXES)} and not over"
-            f" itself, got {quantity!r} over {over!r}"
-        )
     curves, remarks, unit = [], [], ""
     for name, reduction in reductions.items():
-        kinds = getattr(reduction, quantity)
-        if way not in kinds:
-            raise ValueError(f"{name}: no analysis is called {way!r}; there are {', '.join(kinds)}")
-        history: History = kinds[way]
-        unit = history.unit
-        inside = slice(None)
-        axis = reduction.time
-        if over == "strain":
-            axis = reduction.strain[way].value
-            inside = rising(axis)
-            first, last = axis[inside][0], axis[inside][-1]
-            if inside.start or inside.stop < axis.size:
-                remarks.append(f"{name}: loading from strain {first:.4g} to {last:.4g}, the rest is cut off")
+        history, axis = reduction.stress[WAY], reduction.strain[WAY].value
+        unit, inside = history.unit, rising(axis)
+        first, last = axis[inside][0], axis[inside][-1]
+        if inside.start or inside.stop < axis.size:
+            remarks.append(f"{name}: loading from strain {first:.4g} to {last:.4g}, the rest is cut off")
         curves.append(Curve(name, axis[inside], history.value[inside], history.sigma[inside]))
-    found = average(curves, points=points)
+    found = average(curves)
     assert found.within is not None  # every curve has its sigma
     return RepeatedTests(
-        quantity=quantity,
-        over=over,
         unit=unit,
         repeats=Repeats(
             axis=found.axis,

@@ -21,7 +21,6 @@ from kolsky.bars.reduction.validity import (
     Plateau,
     Span,
     judge_plateau,
-    report_equilibrium,
     weighted_mean,
 )
 from kolsky.bars.reduction.windows import PulseCheck
@@ -399,7 +398,6 @@ def facts(
     windows: Windows,
     reduction: Reduction,
     summary: Summary,
-    specimen: Specimen,
 ) -> dict[str, tuple[float, str]]:
     """Facts of the record and of its reduction: value and unit by name."""
     energy = summary.energy
@@ -431,9 +429,8 @@ def facts(
         found["plateau to"] = (summary.plateau.span.last, "s")
     if summary.modulus is not None:
         found["loading modulus in equilibrium"] = (summary.modulus.value, "Pa")
-    balance = report_equilibrium(reduction, specimen_length=specimen.length)
-    if balance.ring_up is not None:
-        found["time to equilibrium"] = (balance.ring_up, "s")
+    if reduction.balanced is not None:
+        found["time to equilibrium"] = (max(0.0, reduction.balanced[0]), "s")
     return found
 
 

@@ -18,24 +18,6 @@ LEAST_FORCE = 5.0
 """Multiple of its averaged noise below which a mean force says nothing of R."""
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """Force equilibrium of a test: its time span, its largest imbalance, the time to reach it."""
-
-    span: tuple[float, float] | None
-    """Longest time span in which |R| stays within the allowance [s]; None if there is none."""
-    allowance: float
-    """The allowance [-]."""
-    ring_up: float | None
-    """Time from the arrival of the incident wave at the specimen to the span's beginning [s]."""
-    transits: float | None
-    """The same in transits of a wave through the specimen [-]; None without its wave speed."""
-    worst: float | None
-    """Largest |R| within the span [-]; above the allowance where a shorter excursion was bridged."""
-    reason: str
-    """In words: the span, or why there is none."""
-
-
 def imbalance(
     front: FloatArray, back: FloatArray, sigma_front: float, sigma_back: float, *, width: int = 1
 ) -> FloatArray:
@@ -77,40 +59,6 @@ def balanced_span(
         return None
     first, last = max(merged, key=lambda run: run[1] - run[0])
     return (float(time[first]), float(time[last])) if last > first else None
-
-
-def report_equilibrium(
-    reduction: Reduction,
-    *,
-    specimen_length: float,
-    allowance: float = ALLOWANCE,
-    specimen_wave_speed: float | None = None,
-) -> Equilibrium:
-    """Force equilibrium of a reduction.
-
-    ``reduction``: the reduction, with its R and its span; its time 0 is the arrival of the incident wave.
-    ``specimen_length``: length of the specimen [m]. ``allowance``: the allowance the span was found with [-].
-    ``specimen_wave_speed``: wave speed in the specimen [m/s], where it is known. Davies and Hunter (1963) ask
-    for pi transits before a plastic specimen is taken as uniform; an elastic one takes longer the softer it
-    is against the bars, Eq. (R.11).
-    """
-    if reduction.balanced is None:
-        finite = np.abs(reduction.imbalance[np.isfinite(reduction.imbalance)])
-        least = f"the smallest is {finite.min():.3g}" if finite.size else "the forces stay within their noise"
-        reason = f"|R| is nowhere within {allowance:g}: {least}"
-        return Equilibrium(None, allowance, None, None, None, reason)
-    first, last = reduction.balanced
-    inside = (reduction.time >= first) & (reduction.time <= last)
-    within = np.abs(reduction.imbalance[inside])
-    worst = float(within[np.isfinite(within)].max())
-    ring_up = max(0.0, first)
-    transits = None if specimen_wave_speed is None else ring_up * specimen_wave_speed / specimen_length
-    count = "" if transits is None else f", {transits:.1f} transits of the specimen"
-    reason = (
-        f"|R| within {allowance:g} from {first:.4g} s to {last:.4g} s, "
-        f"{ring_up:.3g} s after the wave's arrival{count}"
-    )
-    return Equilibrium(reduction.balanced, allowance, ring_up, transits, worst, reason)
 
 
 def _runs(flag: BoolArray) -> list[tuple[int, int]]:
@@ -410,23 +358,12 @@ def validity(
     Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
     intervals.
 
-    Parameters
-    ----------
-    time
-        Times [s], uniform, shape [n].
-    front_force, back_force
-        Forces on the specimen's faces, the front one after mass compensation [N].
-    strain
-        Nominal compression [-].
-    inertial_stress
-        What inertia adds to the nominal stress, radial and axial together [Pa], shape [n]: see
-        `kolsky.bars.reduction.inertia`.
-    area
-        Cross-section of the specimen before the test [m^2].
-    share
-        Share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1).
-    average
-        Length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
+    ``time``: times [s], uniform, shape [n]. ``front_force``, ``back_force``: forces on the specimen's faces,
+    the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``: what
+    inertia adds to the nominal stress, radial and axial together [Pa], shape [n]: see
+    `kolsky.bars.reduction.inertia`. ``area``: cross-section of the specimen before the test [m^2]. ``share``:
+    share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1). ``average``:
+    length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)

@@ -61,8 +61,6 @@ def find_windows(
     transmission: BarSignal,
     *,
     tension: bool = False,
-    transit: float = 0.0,
-    tail: float = _TAIL,
     manual: Windows | None = None,
     ends: tuple[Limit, ...] | None = None,
 ) -> Windows:
@@ -71,15 +69,14 @@ def find_windows(
     The incident pulse is found by its arrival t_i. The others follow by travel times from the gauges'
     distances x and the bars' wave speeds c0, Eqs. (R.1) and (R.2) of the theory page:
 
-        t_r = t_i + 2 x_i / c_i,    t_t = t_i + x_i / c_i + x_t / c_t + transit.
+        t_r = t_i + 2 x_i / c_i,    t_t = t_i + x_i / c_i + x_t / c_t.
 
-    All windows are equally long: from two diameters' travel before the arrival until `tail` times the
+    All windows are equally long: from two diameters' travel before the arrival until `_TAIL` times the
     incident pulse's duration after its end, or until the first `usable_limits` of any of them.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: whether the
-    incident pulse is one of tension, as the shot declares it. ``transit``: time a wave needs through the
-    specimen [s], >= 0. With 0 the transmitted window starts where a wave would arrive without a specimen,
-    which is never too late. ``tail``: share of the pulse's duration by which the windows outlast it, >= 0.
+    incident pulse is one of tension, as the shot declares it. The transmitted window
+    starts where a wave would arrive without a specimen, which is never too late.
     ``manual``: windows given by hand: they are checked against the records and returned. ``ends``: ends of
     the windows in place of `usable_limits`, where echoes are taken off. Returns: with the source "travel
     times", or "shot file" for `manual`. Raises ValueError if there is no incident pulse of the declared sign,
@@ -87,8 +84,6 @@ def find_windows(
     """
     if manual is not None:
         return _checked(manual, incident, transmission)
-    if not (transit >= 0.0 and tail >= 0.0):
-        raise ValueError(f"transit = {transit} s and tail = {tail} must be >= 0")
     _check_sides(incident, transmission)
     arrival = incident_arrival(incident, tension=tension)
     usable = usable_limits(incident, transmission)
@@ -105,7 +100,7 @@ def find_windows(
         )
     lead = 2.0 * averaging_time(incident)
     reflected = arrival.time + 2.0 * travel_time(incident)
-    transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
+    transmitted = arrival.time + travel_time(incident) + travel_time(transmission)
     for signal, at in ((incident, reflected), (transmission, transmitted)):
         left = signal.strain.end - at
         if left < duration:
@@ -120,7 +115,7 @@ def find_windows(
         transmission.strain.end - transmitted,
     )
     start = min(arrival.time, arrival.onset) - lead - arrival.time
-    length = min((1.0 + tail) * duration, longest)
+    length = min((1.0 + _TAIL) * duration, longest)
 
     def window(at: float) -> tuple[float, float]:
         return at + start, at + length
@@ -216,7 +211,7 @@ VISIBLE = 0.05
 SCATTER = 0.4, 0.05
 """Scatter of a first rise against the incident one's that noise does not explain, in times that a wave needs
 across the bar, and as a share of the incident pulse's rise: dispersion, ringing, the specimen's part in the
-foot. From the first population of `benchmarks/bar_signals.py`, judged on the second."""
+foot. From the first population of `populations/bar_signals.py`, judged on the second."""
 
 
 @dataclass(frozen=True)
@@ -242,21 +237,21 @@ class PulseCheck:
 
 
 def check_windows(
-    incident: BarSignal, transmission: BarSignal, *, tension: bool = False, transit: float = 0.0
+    incident: BarSignal, transmission: BarSignal, *, tension: bool = False
 ) -> tuple[PulseCheck, PulseCheck]:
     """Predicted and observed arrivals of the reflected and the transmitted pulse.
 
     A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
     touch the bars, or is slow to load, delays the transmitted one.
 
-    ``incident``, ``transmission``, ``tension``, ``transit``: as for `find_windows`. Returns: of the reflected
+    ``incident``, ``transmission``, ``tension``: as for `find_windows`. Returns: of the reflected
     and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)
     limits = usable_limits(incident, transmission)
     reflected = arrival.time + 2.0 * travel_time(incident)
-    transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
+    transmitted = arrival.time + travel_time(incident) + travel_time(transmission)
     smallest = VISIBLE * abs(arrival.level)
     source = _Source(incident, arrival, sign)
     behind = arrival.end if isfinite(arrival.end) else reflected - 5.0 * averaging_time(incident)

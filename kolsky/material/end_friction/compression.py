@@ -35,8 +35,6 @@ class Compression:
     """Derivatives of the radius [m], shape [n, n_parameters]."""
     outline: FloatArray
     """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
-    largest_s: float
-    """Largest sqrt(I1 - 3) of any Gauss point at the last strain [-]."""
     past: float
     """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
     steps: int = 0
@@ -309,26 +307,13 @@ def compress(
 
     Raises NoEquilibriumError if no equilibrium lies near the last one.
 
-    Parameters
-    ----------
-    laws
-        The law, then for each parameter the law with that parameter changed by its entry of `steps`.
-    mesh
-        Its upper half.
-    strain
-        Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
-    bulk
-        Bulk modulus K [Pa].
-    modulus
-        Shear modulus at rest, which contact is measured in [Pa].
-    steps
-        Change of each parameter, shape [n_parameters].
-    bonded
-        True if the faces are glued to the platens, where the side sticks too once it lands.
-    friction
-        Coulomb's coefficient of face and side if they are not; infinity: they do not slip [-].
-    by_friction
-        True if the coefficient is one more parameter, the last.
+    ``laws``: the law, then for each parameter the law with that parameter changed by its entry of `steps`.
+    ``mesh``: its upper half. ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-],
+    shape [n]. ``bulk``: bulk modulus K [Pa]. ``modulus``: shear modulus at rest, which contact is measured in
+    [Pa]. ``steps``: change of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued
+    to the platens, where the side sticks too once it lands. ``friction``: coulomb's coefficient of face and
+    side if they are not; infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more
+    parameter, the last.
     """
     if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a compression must ascend inside (0, 1)")
@@ -348,7 +333,6 @@ def compress(
         stress_by=np.array([row[2] for row in rows]) / area,
         bulge_by=np.array([row[3] for row in rows]),
         outline=np.array([row[4] for row in rows]),
-        largest_s=float(s.max()),
         past=float(volume[s > (1.0 - lam) * np.sqrt((lam + 2.0) / lam)].sum() / volume.sum()),
         steps=run.steps,
         snaps=run.snaps,

@@ -116,34 +116,20 @@ def correct_friction(
     Raises ValueError if friction is free without a measured radius, the stress is not positive, no
     equilibrium exists, or no law meets the test; the message says which, and where.
 
-    Parameters
-    ----------
-    band
-        The apparent nominal stress over nominal compressive strain.
-    specimen
-        Its undeformed size.
-    ends
-        What holds it at its ends.
-    bulge, bulge_sigma
-        Radius at mid-height at the strains of `band` [m], shape [n], and its standard deviation [m].
-    numerics
-        Meshes and Poisson's ratio.
-    laws
-        Laws of the library that are tried beside the curves of nodes, names of
-        `kolsky.material.fits.compare.candidates`.
+    ``band``: the apparent nominal stress over nominal compressive strain. ``specimen``: its undeformed size.
+    ``ends``: what holds it at its ends. ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of
+    `band` [m], shape [n], and its standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``:
+    laws of the library that are tried beside the curves of nodes, names of
+    `kolsky.material.fits.compare.candidates`.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
         found = fit_nodes(test)
     except FitFailedError as error:
         raise ValueError(f"the friction cannot be taken out: {error}") from error
-    failed: list[ModelFit] = []
     nearest = min(found, key=lambda one: one.chi2)
-    for candidate in candidates(laws) if laws else ():
-        try:
-            found.append(fit_candidate(test, candidate, nearest))
-        except FitFailedError as error:
-            failed.append(ModelFit.without(candidate.name, str(error)))
+    more, failed = _fit_candidates(test, laws, nearest)
+    found += more
     found, test = on_refined_mesh(found, test)
     positive = [(one.model.stress(test.own(one.theta), band.strain) > 0.0).all() for one in found]
     failed += [
@@ -157,6 +143,20 @@ def correct_friction(
     if best.misfit > LARGEST_MISFIT:
         raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
+
+
+def _fit_candidates(
+    test: MeasuredSpecimen, laws: tuple[str, ...], near: ModelOptimum
+) -> tuple[list[ModelOptimum], list[ModelFit]]:
+    """Fits of laws of the library, and those that failed with their reasons."""
+    found: list[ModelOptimum] = []
+    failed: list[ModelFit] = []
+    for candidate in candidates(laws) if laws else ():
+        try:
+            found.append(fit_candidate(test, candidate, near))
+        except FitFailedError as error:
+            failed.append(ModelFit.without(candidate.name, str(error)))
+    return found, failed
 
 
 def checked_test(
@@ -321,30 +321,14 @@ def fit_specimen(
 
     Raises ValueError if no law can be fitted; the message has each one's reason.
 
-    Parameters
-    ----------
-    band
-        Apparent nominal stress over nominal compressive strain.
-    specimen
-        Its undeformed size.
-    ends
-        What holds it at its ends.
-    laws
-        Names of `kolsky.material.fits.compare.candidates`.
-    bulge, bulge_sigma
-        Radius at mid-height [m], shape [n], and its standard deviation [m].
-    numerics
-        Meshes and Poisson's ratio.
+    ``band``: apparent nominal stress over nominal compressive strain. ``specimen``: its undeformed size.
+    ``ends``: what holds it at its ends. ``laws``: names of `kolsky.material.fits.compare.candidates`.
+    ``bulge``, ``bulge_sigma``: radius at mid-height [m], shape [n], and its standard deviation [m].
+    ``numerics``: meshes and Poisson's ratio.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]
-    found: list[ModelOptimum] = []
-    failed: list[ModelFit] = []
-    for candidate in candidates(laws):
-        try:
-            found.append(fit_candidate(test, candidate, near))
-        except FitFailedError as error:
-            failed.append(ModelFit.without(candidate.name, str(error)))
+    found, failed = _fit_candidates(test, laws, near)
     if not found:
         raise ValueError("; ".join(f"{one.name}: {one.reason}" for one in failed))
     found, test = on_refined_mesh(found, test, near=np.inf)

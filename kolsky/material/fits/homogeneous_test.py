@@ -11,7 +11,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.material.fits.homogeneous import Mode, check_deformation
 from kolsky.readers.contents import Layout
-from kolsky.readers.measured_tables import column_names, read_columns, read_homogeneous, read_ratio
+from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns
 
 
 @dataclass(frozen=True)
@@ -179,31 +179,44 @@ def read_homogeneous_test(
     mode
         Deformation of the test.
     """
-    path = Path(path)
-    if columns.force:
-        return _of_force(path, columns)
-    table = read_homogeneous(
-        path,
-        deformation=columns.stretch or columns.strain,
-        stress=columns.stress,
-        deformation_unit=columns.strain_unit,
-        stress_unit=columns.stress_unit,
-        layout=Layout(header_line=columns.header_line),
-    )
+    path, by_force = Path(path), bool(columns.force)
+    deformation = columns.displacement if by_force else columns.stretch or columns.strain
+    kinds = ("m", "N") if by_force else ("1", "Pa")
+    wanted = {
+        "deformation": WantedColumn(
+            deformation, kinds[0], columns.strain_unit, pure=not by_force, option="--strain-unit"
+        ),
+        "stress": WantedColumn(
+            columns.force or columns.stress, kinds[1], columns.stress_unit, option="--stress-unit"
+        ),
+    }
+    if columns.lateral:
+        wanted["lateral"] = WantedColumn(columns.lateral, "1", pure=True, option="in its heading")
+    values, sha256 = read_columns(path, wanted, Layout(header_line=columns.header_line))
     sign = 1.0 if columns.convention == "tension-positive" else -1.0
-    # A stretch has no sign to be declared; strain and stress share theirs.
-    deformation = table.deformation if columns.stretch else mode.at_rest + sign * table.deformation
+    lateral = values.get("lateral")
+    if lateral is not None and columns.lateral_strain:
+        lateral = lateral + 1.0
+    if by_force:
+        assert columns.length is not None
+        assert columns.area is not None
+        d = 1.0 + sign * values["deformation"] / columns.length
+        stress = sign * values["stress"] / columns.area
+    else:
+        # A stretch has no sign to be declared; strain and stress share theirs.
+        d = values["deformation"] if columns.stretch else mode.at_rest + sign * values["deformation"]
+        stress = sign * values["stress"]
     try:
         test = HomogeneousTest(
             name=path.stem,
-            mode=mode,
-            deformation=np.asarray(deformation),
-            stress=sign * table.stress,
-            lateral=_lateral(path, columns),
+            mode=Mode.UNIAXIAL if by_force else mode,
+            deformation=d,
+            stress=stress,
+            lateral=lateral,
         )
     except ValueError as error:
         raise InputError(path, str(error), cure="check columns, units and --convention") from None
-    return test, table.sha256
+    return test, sha256
 
 
 def with_table_headings(path: Path, columns: Columns) -> Columns:
@@ -220,47 +233,6 @@ def with_table_headings(path: Path, columns: Columns) -> Columns:
         if names.issuperset(TABLE_HEADINGS)
         else columns
     )
-
-
-def _of_force(path: Path, columns: Columns) -> tuple[HomogeneousTest, str]:
-    """A uniaxial test from displacement and force."""
-    assert columns.length is not None
-    assert columns.area is not None
-    values, digest = read_columns(
-        path,
-        {"displacement": (columns.displacement, "m"), "force": (columns.force, "N")},
-        units={
-            column: unit
-            for column, unit in (
-                (columns.displacement, columns.strain_unit),
-                (columns.force, columns.stress_unit),
-            )
-            if unit is not None
-        },
-        header_line=columns.header_line,
-    )
-    sign = 1.0 if columns.convention == "tension-positive" else -1.0
-    try:
-        test = HomogeneousTest(
-            name=path.stem,
-            mode=Mode.UNIAXIAL,
-            deformation=1.0 + sign * values["displacement"] / columns.length,
-            stress=sign * values["force"] / columns.area,
-            lateral=_lateral(path, columns),
-        )
-    except ValueError as error:
-        raise InputError(path, str(error), cure="check columns, units and --convention") from None
-    return test, digest
-
-
-def _lateral(path: Path, columns: Columns) -> FloatArray | None:
-    """Stretch across the load, if its column is named."""
-    if not columns.lateral:
-        return None
-    values = read_ratio(
-        path, columns.lateral, Layout(header_line=columns.header_line), cure='"(1)" or "(%)" in its heading'
-    )
-    return values + 1.0 if columns.lateral_strain else values
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:

@@ -15,7 +15,7 @@ from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 
-_INITIAL = 0.05
+INITIAL = 0.05
 """End of the range of Young's modulus, as nominal strain [-]."""
 DROP = 0.2
 """Share of the largest stress that a broken specimen has lost [-]."""
@@ -57,14 +57,13 @@ class Recovery:
     """Healed over undamaged [-]."""
 
 
-def youngs_modulus(strain: FloatArray, stress: FloatArray, *, upto: float = _INITIAL) -> Measured | None:
-    """Slope of the regression line of stress over strain, |strain| <= `upto`.
+def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
+    """Slope of the regression line of stress over strain, |strain| <= `INITIAL`.
 
-    ``strain``, ``stress``: nominal, of one sign convention [-] and [Pa], shape [n]. ``upto``: end of the
-    range [-]. Returns: modulus [Pa] with the regression's standard error; None with fewer than `FEWEST`
-    strains in the range.
+    ``strain``, ``stress``: nominal, of one sign convention [-] and [Pa], shape [n]. Returns: modulus [Pa]
+    with the regression's standard error; None with fewer than `FEWEST` strains in the range.
     """
-    inside = np.abs(strain) <= upto * (1.0 + 1e-9)
+    inside = np.abs(strain) <= INITIAL * (1.0 + 1e-9)
     x, y = strain[inside], stress[inside]
     if np.unique(x).size < FEWEST:
         return None
@@ -90,14 +89,14 @@ def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
     return Measured(slope, float(np.sqrt(rest @ rest / (x.size - 1) / (x @ x))))
 
 
-def fracture(strain: FloatArray, stress: FloatArray, *, drop: float = DROP) -> Fracture | None:
-    """Largest stress and its strain, if the stress then falls by the share `drop`; None if it never does.
+def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
+    """Largest stress and its strain, if the stress then falls by the share `DROP`; None if it never does.
 
     The fall counts only where the strain has not gone back by more than `BACK`: unloading is no fracture.
     Stress and strain are positive along the load, in the order of the test, shape [n].
     """
     top = int(np.argmax(stress))
-    fallen = (stress[top:] <= (1.0 - drop) * stress[top]) & (strain[top:] >= (1.0 - BACK) * strain[top])
+    fallen = (stress[top:] <= (1.0 - DROP) * stress[top]) & (strain[top:] >= (1.0 - BACK) * strain[top])
     if not fallen.any():
         return None
     return Fracture(float(stress[top]), float(strain[top]))

@@ -1,11 +1,13 @@
 """A comparison of laws as tables and as JSON: one place for what is written, printed and shown."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from kolsky.base.files import columns_of
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
 from kolsky.material.fits.homogeneous import Mode
@@ -161,32 +163,30 @@ def _laws(comparison: Comparison) -> Columns:
 
 
 def _constants(comparison: Comparison) -> Columns:
-    made: Columns = {k: [] for k in ("law", "constant", "value (SI)", "u (SI)", "unit", "state")}
-    for row, f in _fitted(comparison):
-        for spec in f.law.PARAMETERS:
-            free = spec.name in f.free
-            state = "at a bound" if spec.name in f.at_bound else "fitted" if free else "held"
-            made["law"].append(row.candidate.name)
-            made["constant"].append(spec.name)
-            made["value (SI)"].append(f.values[spec.name])
-            sigma = f.sigma[spec.name] if state == "fitted" else math.nan
-            made["u (SI)"].append(sigma if math.isfinite(sigma) else "")
-            made["unit"].append(spec.unit)
-            made["state"].append(state)
-        if "poisson" in f.free and f.poisson is not None:
-            state = "at a bound" if "poisson" in f.at_bound else "fitted"
-            sigma = f.sigma["poisson"]
-            row_of = (
-                row.candidate.name,
-                "poisson",
-                f.poisson,
-                sigma if math.isfinite(sigma) else "",
-                "1",
-                state,
-            )
-            for key, value in zip(made, row_of, strict=True):
-                made[key].append(value)
-    return made
+    rows = (
+        {
+            "law": row.candidate.name,
+            "constant": name,
+            "value (SI)": value,
+            "u (SI)": sigma if math.isfinite(sigma) else "",
+            "unit": unit,
+            "state": state,
+        }
+        for row, f in _fitted(comparison)
+        for name, value, sigma, unit, state in _constants_of(f)
+    )
+    return columns_of(rows, ("law", "constant", "value (SI)", "u (SI)", "unit", "state"))
+
+
+def _constants_of(f: Fit) -> Iterator[tuple[str, float, float, str, str]]:
+    """Name, value, standard uncertainty, unit and state of each constant, and of a fitted Poisson's ratio."""
+    rows = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
+    if "poisson" in f.free and f.poisson is not None:
+        rows.append(("poisson", f.poisson, "1"))
+    for name, value, unit in rows:
+        state = "at a bound" if name in f.at_bound else "fitted" if name in f.free else "held"
+        sigma = f.sigma[name] if state == "fitted" or name == "poisson" else math.nan
+        yield name, value, sigma, unit, state
 
 
 def _errors(comparison: Comparison) -> Columns:

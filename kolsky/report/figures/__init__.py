@@ -1,4 +1,4 @@
-"""Figures of every page by file; a new one is its file and its entry in one of the registries below."""
+"""Figures of every page; a new one is its function and its name in one of the registries of `PLACES`."""
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
@@ -6,124 +6,94 @@ from typing import Any
 
 from kolsky.report.figures.base import FigureKind
 
-__all__ = [
-    "ACTUATORS",
-    "BARS_TOGETHER",
-    "BAR_CHECKS",
-    "BASELINES",
-    "BUDGETS",
-    "CALIBRATION",
-    "CHECKS",
-    "FLYER_TESTS",
-    "FULL_FIELDS",
-    "JOINT",
-    "MATERIALS",
-    "MODULI",
-    "PICTURE_CHECKS",
-    "PLANS",
-    "PREDICTIONS",
-    "RATES",
-    "RECORDINGS",
-    "REGISTRY",
-    "RELAXATIONS",
-    "REPEATS",
-    "SCANS",
-    "SENSITIVITY",
-    "SHEETS",
-    "SHOWN_BY",
-    "SPECIMENS",
-    "SPECKLES",
-    "SURFACES",
-    "SWEEPS",
-    "TRENDS",
-    "WAVES",
-    "FigureKind",
-    "figures_of",
-]
-
 Registry = Mapping[str, FigureKind[Any]]
 """Figures of one page by name, in the order in which the page shows them."""
 
 
-def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
-    """Return the figures of several files as one registry.
-
-    Raises
-    ------
-    ValueError
-        If two figures have the same name.
-    """
-    found: dict[str, FigureKind[Any]] = {}
-    for kind in (kind for figures in files for kind in figures):
-        if kind.name in found:
+def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
+    """Return figures as a registry; ValueError if two have the same name."""
+    registry: dict[str, FigureKind[Any]] = {}
+    for kind in figures:
+        if kind.name in registry:
             raise ValueError(f"two figures of one page are called {kind.name!r}; rename one of them")
-        found[kind.name] = kind
-    return found
+        registry[kind.name] = kind
+    return registry
 
 
 PLACES: dict[str, tuple[str, ...]] = {
-    # Several shots identified together
-    "JOINT": ("joint.FIGURES",),
+    "JOINT": ("joint.joint_shots", "joint.joint_curve"),
     # Recordings behind an identification; shown before those of `REGISTRY`
-    "RECORDINGS": ("recordings.RECORDED",),
-    # Check run of an identification: those of `REGISTRY` that show nothing else
+    "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification
-    "REGISTRY": ("comparison.COMPARISON", "misfit.MISFIT", "misfit.UNCERTAINTY", "comparison.SIMULATION"),
-    # Surfaces measured by image correlation
-    "SURFACES": ("surface_points.SURFACE_POINTS", "surface_motion.FIGURES", "surface_points.SPECKLE_OVERLAY"),
-    # Stereo calibration
-    "CALIBRATION": ("calibration.FIGURES",),
+    "REGISTRY": (
+        "comparison.force",
+        "comparison.shape_residual",
+        "comparison.profiles",
+        "comparison.force_residual",
+        "misfit.misfit",
+        "misfit.contour",
+        "misfit.likelihood",
+        "misfit.ridge",
+        "misfit.corner",
+        "comparison.energy",
+        "comparison.meshes",
+        "comparison.scene",
+    ),
+    "SURFACES": (
+        "surface_points.overlay_sigma",
+        "surface_points.overlay_epipolar",
+        "surface_points.lost_points",
+        "surface_motion.kymograph",
+        "surface_motion.flyer",
+        "surface_motion.flight",
+        "surface_points.speckles",
+    ),
+    "CALIBRATION": ("calibration.calibration_residuals", "calibration.calibration_pairs"),
     # Shot before anything is run
-    "CHECKS": ("recordings.CHECKED",),
+    "CHECKS": ("recordings.checked_shot",),
     # Shot whose pictures are not correlated yet
-    "PICTURE_CHECKS": ("recordings.CHECKED_PICTURES",),
+    "PICTURE_CHECKS": ("recordings.checked_pictures",),
     # Test between bars before it is reduced
-    "BAR_CHECKS": ("waves.CHECKED_BARS",),
-    # Speckle pattern of one camera
-    "SPECKLES": ("surface_points.SPECKLE_FLOOR",),
-    # Reduction of a test between bars
-    "WAVES": ("waves.REDUCTION",),
-    # Classical reduction of a flyer test
-    "FLYER_TESTS": ("waves.FLYER_TEST",),
-    # Measurement by image correlation alone
-    "FULL_FIELDS": ("surface_points.FULL_FIELD",),
-    # Shot with the bars together
-    "BARS_TOGETHER": ("waves.BARS_TOGETHER",),
-    # Repeated tests
-    "REPEATS": ("waves.REPEATED_TESTS",),
-    # Plan of an experiment
-    "PLANS": ("planning.PLANNED",),
-    # Planned test
-    "PREDICTIONS": ("planning.PREDICTED",),
-    # Scan of a planned test
-    "SCANS": ("planning.SCANNED",),
-    # Group of shots compared over their strain rates
-    "RATES": ("rates.SLOPES", "rates.EQUAL_STRAIN"),
-    # Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)
-    "TRENDS": ("studies.TREND_FIGURES",),
-    # Reference curve from quasi-static tests
-    "BASELINES": ("material.REFERENCE_CURVE",),
-    # Laws fitted to homogeneous tests
-    "MATERIALS": ("material.FITTED_LAWS",),
-    # Global sensitivity of a shot
-    "SENSITIVITY": ("studies.SOBOL_INDICES",),
-    # Design of experiments over a shot's parameters
-    "SWEEPS": ("studies.SWEEP",),
-    # Error budget
-    "BUDGETS": ("studies.BUDGET",),
-    # Moduli of tests of every kind over their time scales
-    "MODULI": ("rates.MODULI",),
-    # Slow tests and shots on one axis of time
-    "RELAXATIONS": ("material.SLOW_TESTS",),
-    # Whole specimens fitted to forces
-    "SPECIMENS": ("specimen.SPECIMEN",),
-    # Sheet fitted to a displacement field
-    "SHEETS": ("specimen.SHEET",),
-    # Pressurised actuator
-    "ACTUATORS": ("actuator.FIGURES",),
+    "BAR_CHECKS": ("waves.checked_bars",),
+    "SPECKLES": ("surface_points.speckle_floor",),
+    "WAVES": ("waves.waves",),
+    "FLYER_TESTS": ("waves.flyer_test",),
+    "FULL_FIELDS": ("surface_points.full_field", "surface_points.histories"),
+    "BARS_TOGETHER": ("waves.bars_together",),
+    "REPEATS": ("waves.repeats",),
+    "PLANS": ("planning.plan_information", "planning.plan_slopes", "planning.plan_choices"),
+    "PREDICTIONS": ("planning.signals",),
+    "SCANS": ("planning.scan",),
+    "RATES": ("rates.rate_slope", "rates.rate_forest", "rates.rate_stiffness", "rates.rate_equal_strain"),
+    "TRENDS": (
+        "studies.trend_poisson",
+        "studies.trend_damping",
+        "studies.trend_friction",
+        "studies.trend_stiffness",
+    ),
+    "BASELINES": ("material.baseline",),
+    "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
+    "SENSITIVITY": ("studies.sensitivity",),
+    "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
+    "BUDGETS": ("studies.budget",),
+    "MODULI": ("rates.rate_moduli",),
+    "RELAXATIONS": (
+        "material.relaxation_moduli",
+        "material.relaxation_holds",
+        "material.relaxation_oscillation",
+        "material.relaxation_shifts",
+    ),
+    "SPECIMENS": ("specimen.forces", "specimen.correlations", "specimen.strains", "specimen.mesh"),
+    "SHEETS": (
+        "specimen.sheet_map",
+        "specimen.sheet_histories",
+        "specimen.sheet_steps",
+        "specimen.sheet_fields",
+    ),
+    "ACTUATORS": ("actuator.shapes", "actuator.bend", "actuator.motion", "actuator.markers", "actuator.loop"),
 }
-"""Files and names of the figures of each registry; a file is loaded when one of its registries is asked
-for, since a command shows one page."""
+"""Files and functions of the figures of each registry in the order of its page; a file is loaded when one of
+its registries is needed, since a command shows one page."""
 
 SHOWN_BY: dict[str, str] = {
     "dic.calibration.views.Calibration": "CALIBRATION",
@@ -156,45 +126,29 @@ SHOWN_BY: dict[str, str] = {
 }
 """Registries by the class of what their figures show."""
 
+__all__ = ["SHOWN_BY", "FigureKind", "figures_of", *PLACES]
+
 
 def __getattr__(name: str) -> Registry:
     """Load a registry of `PLACES` when it is first asked for."""
     if name not in PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = by_name(*map(_figures, PLACES[name]))
-    globals()[name] = found
-    return found
-
-
-def _figures(place: str) -> Iterable[FigureKind[Any]]:
-    """Figures of one file, "file.NAME": those of a list, or the one."""
-    file, _, name = place.partition(".")
-    found = getattr(import_module(f"{__name__}.{file}"), name)
-    return (found,) if isinstance(found, FigureKind) else found
+    places = (place.split(".") for place in PLACES[name])
+    registry = by_name(getattr(import_module(f"{__name__}.{file}"), figure) for file, figure in places)
+    globals()[name] = registry
+    return registry
 
 
 def figures_of(shown: Any) -> Registry:
-    """Figures that show a result.
+    """Figures that show a result, e.g. a `kolsky.inverse.result.Identification`.
 
-    Parameters
-    ----------
-    shown
-        A result, e.g. a `kolsky.inverse.result.Identification`.
-
-    Returns
-    -------
-    Registry
-        The figures by name; each has a `caption` of the result.
-
-    Raises
-    ------
-    TypeError
-        If no figure shows things of this class.
+    Returns: the figures by name; each has a `caption` of the result. Raises TypeError if no figure shows
+    things of this class.
     """
     name = f"{type(shown).__module__}.{type(shown).__qualname__}"
     if name not in SHOWN_BY:
         known = ", ".join(sorted(known.rpartition(".")[2] for known in SHOWN_BY))
         raise TypeError(f"no figure shows a {type(shown).__name__}; there are figures of {known}")
-    registry = SHOWN_BY[name]
-    found: Registry = globals()[registry] if registry in globals() else __getattr__(registry)
-    return found
+    place = SHOWN_BY[name]
+    registry: Registry = globals()[place] if place in globals() else __getattr__(place)
+    return registry

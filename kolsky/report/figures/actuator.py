@@ -8,6 +8,7 @@ from kolsky.bodies.actuator_bending import path_angle
 from kolsky.bodies.actuator_model import Bending
 from kolsky.report.body_views import ActuatorView, outer_faces, side_view
 from kolsky.report.figures.base import (
+    BAR,
     FORCE,
     GREY,
     MEASURED,
@@ -16,15 +17,15 @@ from kolsky.report.figures.base import (
     MS,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
+    label_point,
     label_text,
 )
 
 COLOURS = (SHAPE, MODEL, FORCE, GREY)
 """Colours of the directions of gravity, in turn."""
-BAR = 1e-5
 MOST_DIRECTIONS = 3
 """Directions that have panels of their own; the tables have all."""
 SHADES = 0.45, 0.9
@@ -47,8 +48,15 @@ def draw_shape(ax: Axes, run: Bending, step: int) -> None:
     ax.autoscale_view()
 
 
-def _draw_shapes(view: ActuatorView, panels: Panels) -> None:
-    """Draw every direction at the declared pressures."""
+@figure(
+    PAGE,
+    lambda view: 60.0 * min(len(view.directions), MOST_DIRECTIONS),
+    lambda view: [
+        [f"{one.name} {k}" for k in range(len(one.asked[-3:]))] for one in view.directions[:MOST_DIRECTIONS]
+    ],
+    applies=lambda view: bool(view.directions),
+)
+def shapes(view: ActuatorView, panels: Panels) -> str:
     for number, one in enumerate(view.directions[:MOST_DIRECTIONS]):
         for k, step in enumerate(one.asked[-3:]):
             ax = panels[f"{one.name} {k}"]
@@ -59,15 +67,11 @@ def _draw_shapes(view: ActuatorView, panels: Panels) -> None:
             if k == 0:
                 ax.set_ylabel("$z$ (mm)")
                 label_panel(ax, "abc"[number])
-
-
-def _caption_shapes(view: ActuatorView) -> str:
-    """Return the caption."""
     return "The actuator at the largest declared pressures, seen from the side, in the deformed state."
 
 
-def _draw_bend(view: ActuatorView, panels: Panels) -> None:
-    """Draw the bend over pressure, and the healed one."""
+@figure(PAGE, 75.0, [["bend"]], applies=lambda view: bool(view.directions))
+def bend(view: ActuatorView, panels: Panels) -> str:
     ax = panels["bend"]
     for colour, one in zip(COLOURS, view.directions, strict=False):
         run, name = one.pristine, label_text(one.name, 20)
@@ -78,68 +82,49 @@ def _draw_bend(view: ActuatorView, panels: Panels) -> None:
         if one.path is not None:
             ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
-            ax.plot(
-                bar,
-                np.degrees(one.healed.angle),
-                "--" if one.path is None else "+",
-                color=colour,
-                lw=1.0,
-                label=f"{name}, healed",
-            )
-    ax.set_xlabel("pressure (bar)")
-    ax.set_ylabel("bending angle (°)")
+            line = "--" if one.path is None else "+"
+            ax.plot(bar, np.degrees(one.healed.angle), line, color=colour, lw=1.0, label=f"{name}, healed")
+    ax.set(xlabel="pressure (bar)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
-
-
-def _caption_bend(view: ActuatorView) -> str:
-    """Return the caption."""
     healed = any(one.healed is not None for one in view.directions)
-    said = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
+    text = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
     if any(one.path is not None for one in view.directions):
-        said += (
+        text += (
             " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
         )
-    return said + (" Dashed: with the constants of the healed material." if healed else "")
+    return text + (" Dashed: with the constants of the healed material." if healed else "")
 
 
-def draw_markers(view: ActuatorView, panels: Panels) -> None:
-    """Draw measured markers on the simulated ones."""
+@figure(
+    PAGE,
+    80.0,
+    lambda view: [list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]],
+    applies=lambda view: bool(view.markers),
+    letters=True,
+)
+def markers(view: ActuatorView, panels: Panels) -> str:
     names = list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]
-    for number, name in enumerate(names):
+    for name in names:
         ax = panels[name]
-        label_panel(ax, "abc"[number])
         for one in view.markers:
             if one.gravity == name:
                 ax.plot(*(MM * one.simulated.T), "--", color=SHAPE, lw=0.8)
                 ax.plot(*(MM * one.measured.T), "x", color=MEASURED, ms=3)
                 end = MM * one.simulated[-1]
-                ax.annotate(
-                    f"{BAR * one.pressure:.3g} bar", end, xytext=(4, 0), textcoords="offset points",
-                    fontsize="small",
-                )  # fmt: skip
+                label_point(ax, f"{BAR * one.pressure:.3g} bar", end, (4, 0), fontsize="small")
         ax.set_aspect("equal")
         ax.set_title(label_text(name, 24), fontsize="medium")
-        ax.set_xlabel("$x$ (mm)")
-        ax.set_ylabel("$z$ (mm)")
-
-
-def _caption_markers(view: ActuatorView) -> str:
-    """Return the caption."""
+        ax.set(xlabel="$x$ (mm)", ylabel="$z$ (mm)")
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
 
 
-def _draw_motion(view: ActuatorView, panels: Panels) -> None:
-    """Draw the bend over time."""
+@figure(PAGE, 70.0, [["motion"]], applies=lambda view: bool(view.motions))
+def motion(view: ActuatorView, panels: Panels) -> str:
     ax = panels["motion"]
     for colour, one in zip(COLOURS, view.motions, strict=False):
         ax.plot(one.time, np.degrees(one.angle), "-", color=colour, lw=1.0, label=label_text(one.name, 20))
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel("bending angle (°)")
+    ax.set(xlabel="time (s)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
-
-
-def _caption_motion(view: ActuatorView) -> str:
-    """Return the caption."""
     one = view.motions[0]
     return (
         f"Bending angle over time: the pressure rises to {BAR * float(one.pressure[-1]):.3g} bar and is "
@@ -147,8 +132,10 @@ def _caption_motion(view: ActuatorView) -> str:
     )
 
 
-def _draw_loop(view: ActuatorView, panels: Panels) -> None:
-    """Draw the loop: angles, pressure, wall times."""
+@figure(
+    PAGE, 130.0, [["angle"], ["pressure"], ["wall"]], applies=lambda view: bool(view.closed), letters=True
+)
+def loop(view: ActuatorView, panels: Panels) -> str:
     above, middle, below = panels["angle"], panels["pressure"], panels["wall"]
     for colour, (name, run) in zip(COLOURS, view.closed.items(), strict=False):
         above.plot(run.time, np.degrees(run.measured), ".", color=colour, ms=1, alpha=0.4)
@@ -164,68 +151,8 @@ def _draw_loop(view: ActuatorView, panels: Panels) -> None:
     below.set_ylabel("wall time (ms)")
     below.set_yscale("log")
     below.set_xlabel("time (s)")
-    for letter, ax in zip("abc", (above, middle, below), strict=True):
-        label_panel(ax, letter)
-
-
-def _caption_loop(view: ActuatorView) -> str:
-    """Return the caption."""
-    run = next(iter(view.closed.values()))
     return (
         "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and what the camera gave "
-        "(dots), "
-        f"(b) the pressure, (c) the wall time of the controller in each tick and the period, "
+        "(dots), (b) the pressure, (c) the wall time of the controller in each tick and the period, "
         f"{MS / run.rate:.3g} ms (dashed)."
     )
-
-
-FIGURES = (
-    FigureKind(
-        name="shapes",
-        width=PAGE,
-        height=lambda view: 60.0 * min(len(view.directions), MOST_DIRECTIONS),
-        caption=_caption_shapes,
-        panels=lambda view: [
-            [f"{one.name} {k}" for k in range(len(one.asked[-3:]))]
-            for one in view.directions[:MOST_DIRECTIONS]
-        ],
-        draw=_draw_shapes,
-        applies=lambda view: bool(view.directions),
-    ),
-    FigureKind(
-        name="bend",
-        width=PAGE,
-        height=lambda view: 75.0,
-        caption=_caption_bend,
-        panels=lambda view: [["bend"]],
-        draw=_draw_bend,
-        applies=lambda view: bool(view.directions),
-    ),
-    FigureKind(
-        name="motion",
-        width=PAGE,
-        height=lambda view: 70.0,
-        caption=_caption_motion,
-        panels=lambda view: [["motion"]],
-        draw=_draw_motion,
-        applies=lambda view: bool(view.motions),
-    ),
-    FigureKind(
-        name="markers",
-        width=PAGE,
-        height=lambda view: 80.0,
-        caption=_caption_markers,
-        panels=lambda view: [list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]],
-        draw=draw_markers,
-        applies=lambda view: bool(view.markers),
-    ),
-    FigureKind(
-        name="loop",
-        width=PAGE,
-        height=lambda view: 130.0,
-        caption=_caption_loop,
-        panels=lambda view: [["angle"], ["pressure"], ["wall"]],
-        draw=_draw_loop,
-        applies=lambda view: bool(view.closed),
-    ),
-)

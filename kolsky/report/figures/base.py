@@ -1,14 +1,18 @@
 """Definition of a figure: its size, its panels and the function that draws it."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colorbar import Colorbar
+from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from matplotlib.text import Annotation
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import Identification
@@ -23,26 +27,36 @@ FORCE = "#E69F00"
 SHAPE = "#0072B2"
 PAPER = "#CC79A7"
 BAND = "#56B4E9"
+GREEN = "#009E73"
+YELLOW = "#F0E442"
 GREY = "#8C8C8C"
-"""Okabe-Ito colours (and one grey), one meaning each in all figures."""
+"""Okabe-Ito colours (and one grey); the first six have one meaning each in all figures."""
+
+SERIES = (SHAPE, MODEL, GREEN, PAPER, FORCE, BAND, MEASURED)
+MARKERS = "osD^v<>"
+"""Colours and markers of series of one kind, in turn."""
+
+DOTS: dict[str, Any] = {"fmt": "o", "ms": 1.6, "mew": 0.0, "elinewidth": 0.5}
+"""Style of measured points with error bars."""
 
 ROUTES = {"joint": MEASURED, "force only": FORCE, "shape only": SHAPE, "paper": PAPER}
 """Colour of each route."""
 
-MS, MM, UM, MJ = 1e3, 1e3, 1e6, 1e3
-"""Factors from SI to ms, mm, µm and mJ, the units of the axes."""
+MS, MM, UM, MJ, KPA, BAR = 1e3, 1e3, 1e6, 1e3, 1e-3, 1e-5
+"""Factors from SI to ms, mm, µm, mJ, kPa and bar, the units of the axes."""
 
 COLUMN, PAGE = 85.0, 170.0
 """Width of a journal's column and page [mm]."""
 
 
+LETTERS = "abcdefghijklmnopqrstuvwxyz"
 LONG_LABELS = 1e4
 """Values over their range beyond which a tick's label needs six digits or more."""
 
 
 @dataclass(frozen=True)
 class FigureKind(Generic[Shown]):
-    """One figure of a page; a new one is its file and its entry in a registry of `kolsky.report.figures`."""
+    """One figure of a page, made by `figure`."""
 
     name: str
     """Name of the saved file, letters, digits and hyphens."""
@@ -50,16 +64,62 @@ class FigureKind(Generic[Shown]):
     """Width [mm]."""
     height: Callable[[Shown], float]
     """Height [mm]."""
-    caption: Callable[[Shown], str]
-    """Caption in plain text."""
     panels: Callable[[Shown], list[list[str]]]
     """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
-    draw: Callable[[Shown, Panels], None]
-    """Draws a result into the panels; computes only differences and ratios of what it is given."""
-    mosaic: dict[str, Any] = field(default_factory=dict)
-    """Further options of `Figure.subplot_mosaic`."""
-    applies: Callable[[Shown], bool] = lambda result: True
+    draw: Callable[[Shown, Panels], str]
+    """Draws a result into the panels and returns the caption; computes only differences and ratios."""
+    applies: Callable[[Shown], bool]
     """True if the result holds what the figure shows."""
+    letters: bool | Sequence[str]
+    """True if all panels are marked (a), (b), ...; the names of those that are."""
+    mosaic: Mapping[str, Any]
+    """Further options of `Figure.subplot_mosaic`."""
+
+    def draw_into(self, target: Figure, result: Shown) -> str:
+        """Draw a result into an empty figure and return the caption."""
+        mosaic: list[Any] = self.panels(result)
+        panels = target.subplot_mosaic(mosaic, **self.mosaic)
+        caption = self.draw(result, panels)
+        if self.letters and len(panels) > 1:
+            for letter, name in zip(LETTERS, panels if self.letters is True else self.letters, strict=False):
+                label_panel(panels[name], letter)
+        return caption
+
+    def caption(self, result: Shown) -> str:
+        """Return the caption in plain text."""
+        return self.draw_into(Figure(layout="constrained"), result)
+
+
+def figure(
+    width: float,
+    height: float | Callable[[Any], float],
+    panels: list[list[str]] | Callable[[Any], list[list[str]]],
+    *,
+    applies: Callable[[Any], bool] = lambda result: True,
+    letters: bool | Sequence[str] = False,
+    **mosaic: Any,
+) -> Callable[[Callable[[Shown, Panels], str]], FigureKind[Shown]]:
+    """Make a figure of the function that draws it and returns its caption; the name is the function's.
+
+    ``width``, ``height``: size [mm]. ``panels``: names of the panels, row by row. ``height`` and ``panels``
+    may be functions of the result. ``applies``: true if a result holds what the figure shows.
+    ``letters``: true to mark several panels (a), (b), ..., or the names of those to mark. ``mosaic``: further
+    options of `Figure.subplot_mosaic`.
+    """
+
+    def kind(draw: Callable[[Shown, Panels], str]) -> FigureKind[Shown]:
+        return FigureKind(
+            name=draw.__name__.replace("_", "-"),
+            width=width,
+            height=height if callable(height) else lambda result: height,
+            panels=panels if callable(panels) else lambda result: panels,
+            draw=draw,
+            applies=applies,
+            letters=letters,
+            mosaic=mosaic,
+        )
+
+    return kind
 
 
 def label_panel(ax: Axes, text: str) -> None:
@@ -91,13 +151,11 @@ def few_ticks(ax: Axes, most: int) -> None:
     ax.locator_params(axis="x", nbins=min(most, 3) if long else most)
 
 
-def plain_log_ticks(ax: Axes) -> None:
-    """Label a logarithmic x axis with plain numbers; within a factor of five they lie at equal distances."""
-    low, high = ax.get_xlim()
-    far = high > 5.0 * low
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if far else MaxNLocator(3))
-    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+def plain_log_ticks(axis: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Label a logarithmic axis with plain numbers, ``subs`` in each decade."""
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def label_text(text: str, most: int) -> str:
@@ -114,11 +172,44 @@ def label_text(text: str, most: int) -> str:
     return line.replace("$", r"\$")
 
 
-def smooth_bar(bar: Colorbar) -> None:
-    """Draw a colour bar as vectors; Matplotlib would put a bitmap into the vector file."""
+def colour_bar(mapped: ScalarMappable, axes: Axes | list[Axes], label: str, **options: Any) -> None:
+    """Add a colour bar drawn as vectors; Matplotlib would put a bitmap into the vector file."""
+    parent = (axes if isinstance(axes, Axes) else axes[0]).get_figure(root=True)
+    assert parent is not None  # an axes of a report always lies in one
+    bar = parent.colorbar(mapped, ax=axes, label=label, **options)
     if bar.solids is not None:
         bar.solids.set_rasterized(False)
         bar.solids.set_edgecolor("face")  # no white seams between its steps
+
+
+def legend_above(ax: Axes, *, ncols: int) -> None:
+    """Put the legend of a panel above all panels."""
+    parent = ax.get_figure(root=True)
+    assert parent is not None  # an axes of a report always lies in one
+    parent.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=ncols)
+
+
+def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) -> None:
+    """Show a camera's picture between its darkest and brightest greys; half as dark lets points stand out."""
+    low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
+    least = 2.0 * low - high - 1 if dark else low
+    ax.imshow(picture, cmap="gray", vmin=least, vmax=max(high, low + 1), interpolation="none")
+    ax.set_xlabel("$x$ (px)")
+
+
+def show_points(
+    ax: Axes, places: NDArray[np.float64], values: NDArray[np.float64], low: float, high: float, **style: Any
+) -> PathCollection:
+    """Show places, shape [n, 2], coloured by values between two ends."""
+    x, y = places.T
+    return ax.scatter(x, y, c=values, vmin=low, vmax=high, **({"lw": 0.0} | style))
+
+
+def label_point(
+    ax: Axes, text: str, point: tuple[float, float], shift: tuple[float, float], **style: Any
+) -> Annotation:
+    """Write a text beside a point, ``shift`` away [points]."""
+    return ax.annotate(text, point, xytext=shift, textcoords="offset points", **style)
 
 
 def largest(values: NDArray[np.float64], default: float = 1.0) -> float:

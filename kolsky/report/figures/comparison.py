@@ -12,6 +12,9 @@ from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    DOTS,
+    FORCE,
+    GREEN,
     GREY,
     MEASURED,
     MJ,
@@ -19,13 +22,15 @@ from kolsky.report.figures.base import (
     MODEL,
     MS,
     PAGE,
+    PAPER,
+    SHAPE,
     UM,
-    FigureKind,
+    YELLOW,
     Panels,
-    label_panel,
+    colour_bar,
+    figure,
     largest,
     note_empty,
-    smooth_bar,
 )
 from kolsky.report.scene.scene_data import FIELDS, has_scene
 from kolsky.report.scene.stills import COUNT as STILLS
@@ -33,17 +38,15 @@ from kolsky.report.scene.stills import draw_still, scene_of_stills
 from kolsky.results.numbers import percent
 
 
-def _caption_force(result: Identification) -> str:
-    """Return the caption."""
-    return (
-        "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
-        "optimum (top); simulated minus measured force of each bin with the k = 2 band of the measured noise "
-        "(bottom). Compression is positive."
-    )
-
-
-def draw_force(result: Identification, panels: Panels) -> None:
-    """Draw the overlay and the residual."""
+@figure(
+    COLUMN,
+    80.0,
+    [["force"], ["residual"]],
+    applies=lambda result: result.comparison.force_time.size > 0,
+    sharex=True,
+    height_ratios=[2.4, 1.0],
+)
+def force(result: Identification, panels: Panels) -> str:
     c = result.comparison
     time = MS * c.force_time
     top, low = panels["force"], panels["residual"]
@@ -58,23 +61,16 @@ def draw_force(result: Identification, panels: Panels) -> None:
     low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label="noise, k = 2")
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel(r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
+    low.set(xlabel="Time $t$ (ms)", ylabel=r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
     low.legend(loc="lower left", ncols=2)
     if time.size > 1:
         half = 0.5 * (time[1] - time[0])
         low.set_xlim(time[0] - half, time[-1] + half)
     low.margins(y=0.25)
-
-
-def _caption_outline_residual(result: Identification) -> str:
-    """Return the caption."""
-    outside = int((~result.comparison.inside).sum())
-    counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
-    marks = f"crosses: {counted}, not counted" if outside else f"{counted}"
     return (
-        "Simulated minus measured Z over height and time, one cell a measured point; the colour scale ends "
-        f"at the 99th percentile of its size. Lines: the ends of the simulated specimen; {marks}."
+        "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
+        "optimum (top); simulated minus measured force of each bin with the k = 2 band of the measured noise "
+        "(bottom). Compression is positive."
     )
 
 
@@ -97,32 +93,37 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
     return corners
 
 
-def _draw_outline_residual(result: Identification, panels: Panels) -> None:
-    """Draw the map with its colour bar."""
+@figure(COLUMN, 62.0, [["map"]], applies=lambda result: result.comparison.centre_line.time.size > 0)
+def shape_residual(result: Identification, panels: Panels) -> str:
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
-    ax.set_xlabel("Time $t$ (ms)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Time $t$ (ms)", ylabel="Height $y$ (mm)")
     left_over = UM * (c.Z_model - line.Z)
-    seen = c.inside & np.isfinite(left_over)
-    limit = float(np.percentile(np.abs(left_over[seen]), 99.0)) if seen.any() else 1.0
-    corners: Any = cells(MS * line.time, line.frame, MM * line.y)[seen]
+    inside = c.inside & np.isfinite(left_over)
+    limit = float(np.percentile(np.abs(left_over[inside]), 99.0)) if inside.any() else 1.0
+    corners: Any = cells(MS * line.time, line.frame, MM * line.y)[inside]
     # Edges in the colour of the face: without them viewers show white seams between the cells.
-    mapped = PolyCollection(corners, array=left_over[seen], cmap="RdBu_r", edgecolors="face", linewidths=0.1)
+    mapped = PolyCollection(
+        corners, array=left_over[inside], cmap="RdBu_r", edgecolors="face", linewidths=0.1
+    )
     mapped.set_clim(-limit, limit)
     ax.add_collection(mapped)
-    if not seen.any():
+    if not inside.any():
         note_empty(ax, "no simulated outline")
-    if (~c.inside).any() and seen.any():
+    if (~c.inside).any() and inside.any():
         ax.plot(MS * line.time[~c.inside], MM * line.y[~c.inside], "x", color=MEASURED, ms=1.6, mew=0.4)
     for end in (np.min, np.max):
         ax.plot(MS * response.surface_times, MM * end(response.surface_y[0], axis=1), color=MEASURED, lw=0.7)
     if line.time.size:
         ax.set_xlim(MS * line.time.min(), MS * line.time.max())
     ax.set_ylim(0.0, 1.03 * MM * max(largest(line.y, 1e-3), largest(response.surface_y, 1e-3)))
-    figure = ax.get_figure()
-    assert figure is not None  # an axes of a report always lies in one
-    label = r"$Z_\mathrm{sim} - Z_\mathrm{meas}$ (µm)"
-    smooth_bar(figure.colorbar(mapped, ax=ax, extend="both", label=label, pad=0.02))
+    colour_bar(mapped, ax, r"$Z_\mathrm{sim} - Z_\mathrm{meas}$ (µm)", extend="both", pad=0.02)
+    outside = int((~result.comparison.inside).sum())
+    counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
+    marks = f"crosses: {counted}, not counted" if outside else f"{counted}"
+    return (
+        "Simulated minus measured Z over height and time, one cell a measured point; the colour scale ends "
+        f"at the 99th percentile of its size. Lines: the ends of the simulated specimen; {marks}."
+    )
 
 
 OUTLINES = 6
@@ -136,22 +137,21 @@ def chosen_frames(result: Identification) -> NDArray[np.int64]:
     return frames[np.round(np.arange(1, OUTLINES + 1) * (frames.size - 1) / OUTLINES).astype(int)]
 
 
-def _caption_outlines(result: Identification) -> str:
-    """Return the caption."""
-    return (
-        "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
-        "side surface (top); ΔZ, simulated minus measured Z of the same points, with ±2σ (bottom). y is the "
-        "height above the transmission platen."
-    )
-
-
-def _draw_outlines(result: Identification, panels: Panels) -> None:
-    """Draw the overlay above the residual, one column per time."""
+@figure(
+    PAGE,
+    105.0,
+    [[f"{row} {column}" for column in range(OUTLINES)] for row in ("outline", "residual")],
+    applies=lambda result: result.comparison.centre_line.time.size > 0,
+    sharey=True,
+    height_ratios=[1.25, 1.0],
+    letters=[f"outline {column}" for column in range(OUTLINES)],
+)
+def profiles(result: Identification, panels: Panels) -> str:
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
     left_over = UM * (c.Z_model - line.Z)
-    shown = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
-    limits = (shown.min() - 0.3, shown.max() + 0.3) if shown.size else (0.0, 1.0)
+    radii = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
+    limits = (radii.min() - 0.3, radii.max() + 0.3) if radii.size else (0.0, 1.0)
     reach = 1.15 * largest((np.abs(left_over) + 2.0 * UM * line.sigma)[np.isin(line.frame, frames)])
     for column in range(OUTLINES):
         top, low = panels[f"outline {column}"], panels[f"residual {column}"]
@@ -169,7 +169,6 @@ def _draw_outlines(result: Identification, panels: Panels) -> None:
             continue
         rows = line.frame == frames[column]
         time = line.time[rows][0]
-        label_panel(top, f"{'abcdef'[column]}")
         top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
         # The model's outline is drawn where it was sampled at the frame's time; the rest is for the points.
         nearest = int(np.argmin(np.abs(response.surface_times - time)))
@@ -179,25 +178,29 @@ def _draw_outlines(result: Identification, panels: Panels) -> None:
         else:
             order = np.argsort(line.y[rows])
             top.plot(MM * c.Z_model[rows][order], MM * line.y[rows][order], color=MODEL, label="simulated")
-        style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "ms": 1.8, "mew": 0.0, "elinewidth": 0.6}
         y = MM * line.y[rows]
-        top.errorbar(MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", **style)
-        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], **style)
+        top.errorbar(
+            MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", color=MEASURED, **DOTS
+        )
+        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], color=MEASURED, **DOTS)
     # The specimen is flattest in the last picture: that panel has room above it.
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
-
-
-def _caption_force_residual(result: Identification) -> str:
-    """Return the caption."""
     return (
-        "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
-        "its distribution beside the standard normal one (right). Stretches of one sign are error of the "
-        "model, not noise."
+        "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
+        "side surface (top); ΔZ, simulated minus measured Z of the same points, with ±2σ (bottom). y is the "
+        "height above the transmission platen."
     )
 
 
-def _draw_force_residual(result: Identification, panels: Panels) -> None:
-    """Draw history and histogram."""
+@figure(
+    COLUMN,
+    50.0,
+    [["history", "share"]],
+    applies=lambda result: result.comparison.force_time.size > 0,
+    sharey=True,
+    width_ratios=[3.2, 1.0],
+)
+def force_residual(result: Identification, panels: Panels) -> str:
     c = result.comparison
     weighted = (c.force_model - c.force_measured) / c.force_sigma
     history, share = panels["history"], panels["share"]
@@ -205,8 +208,7 @@ def _draw_force_residual(result: Identification, panels: Panels) -> None:
     history.axhline(0.0, color=GREY, lw=0.5)
     history.vlines(MS * c.force_time, 0.0, weighted, color=MODEL, lw=0.5)
     history.plot(MS * c.force_time, weighted, "o", color=MODEL, ms=1.5, mew=0.0)
-    history.set_xlabel("Time $t$ (ms)")
-    history.set_ylabel(r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
+    history.set(xlabel="Time $t$ (ms)", ylabel=r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
 
     reach = max(4.0, 1.05 * largest(weighted))
     history.set_ylim(-reach, reach)
@@ -223,77 +225,27 @@ def _draw_force_residual(result: Identification, panels: Panels) -> None:
     share.set_xlabel("Density (–)")
     share.set_xlim(left=0.0)
     share.tick_params(labelleft=False)
-
-
-COMPARISON: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="force",
-        width=COLUMN,
-        height=lambda result: 80.0,
-        caption=_caption_force,
-        panels=lambda result: [["force"], ["residual"]],
-        draw=draw_force,
-        applies=lambda result: result.comparison.force_time.size > 0,
-        mosaic={"sharex": True, "height_ratios": [2.4, 1.0]},
-    ),
-    FigureKind(
-        name="shape-residual",
-        width=COLUMN,
-        height=lambda result: 62.0,
-        caption=_caption_outline_residual,
-        panels=lambda result: [["map"]],
-        draw=_draw_outline_residual,
-        applies=lambda result: result.comparison.centre_line.time.size > 0,
-    ),
-    FigureKind(
-        name="profiles",
-        width=PAGE,
-        height=lambda result: 105.0,
-        caption=_caption_outlines,
-        panels=lambda result: [
-            [f"{row} {column}" for column in range(OUTLINES)] for row in ("outline", "residual")
-        ],
-        draw=_draw_outlines,
-        mosaic={"sharey": True, "height_ratios": [1.25, 1.0]},
-        applies=lambda result: result.comparison.centre_line.time.size > 0,
-    ),
-    FigureKind(
-        name="force-residual",
-        width=COLUMN,
-        height=lambda result: 50.0,
-        caption=_caption_force_residual,
-        panels=lambda result: [["history", "share"]],
-        draw=_draw_force_residual,
-        applies=lambda result: result.comparison.force_time.size > 0,
-        mosaic={"sharey": True, "width_ratios": [3.2, 1.0]},
-    ),
-)
-
-
-PARTS = {
-    "elastic": "#0072B2",
-    "kinetic": "#56B4E9",
-    "damping": "#E69F00",
-    "viscous": "#999999",
-    "friction": "#CC79A7",
-    "hourglass": "#F0E442",
-    "hourglass_damping": "#D55E00",
-    "impact": "#009E73",
-}
-
-
-def _caption_energy(result: Identification) -> str:
-    """Return the caption."""
-    worst = percent(worst_imbalance(result.response))
     return (
-        "Energy ledger of the check run: the work of both platens (line) and what it became (areas, "
-        "stacked), and the share that is not accounted for, over the largest work; "
-        f"its largest size is {worst}. The legend gives each part’s largest share of that work."
+        "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
+        "its distribution beside the standard normal one (right). Stretches of one sign are error of the "
+        "model, not noise."
     )
 
 
-def _draw_energy(result: Identification, panels: Panels) -> None:
-    """Draw the stacked ledger above its residual."""
+PARTS = {
+    "elastic": SHAPE,
+    "kinetic": BAND,
+    "damping": FORCE,
+    "viscous": GREY,
+    "friction": PAPER,
+    "hourglass": YELLOW,
+    "hourglass_damping": MODEL,
+    "impact": GREEN,
+}
+
+
+@figure(COLUMN, 78.0, [["ledger"], ["residual"]], sharex=True, height_ratios=[2.8, 1.0])
+def energy(result: Identification, panels: Panels) -> str:
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
@@ -316,27 +268,22 @@ def _draw_energy(result: Identification, panels: Panels) -> None:
         top.legend(loc="upper left", reverse=True)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, 100.0 * ledger.residual[0] / scale, color=MEASURED, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel("Residual (%)")
+    low.set(xlabel="Time $t$ (ms)", ylabel="Residual (%)")
     if time.size:
         low.set_xlim(time[0], time[-1])
     low.margins(y=0.2)
+    worst = percent(worst_imbalance(result.response))
+    return (
+        "Energy ledger of the check run: the work of both platens (line) and what it became (areas, "
+        "stacked), and the share that is not accounted for, over the largest work; "
+        f"its largest size is {worst}. The legend gives each part’s largest share of that work."
+    )
 
 
 MESHES = 4
 """Panels of the figure of meshes."""
 LINES = 16
 """Lines of the mesh drawn in each direction, about; more would print as a grey area."""
-
-
-def _caption_meshes(result: Identification) -> str:
-    """Return the caption."""
-    size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
-    thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
-    return (
-        f"Deformed mesh of the check run ({size}{thinned}) in the half-plane r ≥ 0, and the mirrored "
-        "silhouette with the measured points, nearest frame, on the other side."
-    )
 
 
 def _kept_nodes(result: Identification) -> bool:
@@ -363,9 +310,10 @@ def _thinned(elements: int) -> list[int]:
     return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
 
 
-def _draw_meshes(result: Identification, panels: Panels) -> None:
-    """Draw the lines of the mesh; nodes run along the radius first, as `explicit.mesh.cylinder` numbers
-    them."""
+@figure(
+    PAGE, _meshes_height, [[f"mesh {column}" for column in range(MESHES)]], applies=_kept_nodes, sharey=True
+)
+def meshes(result: Identification, panels: Panels) -> str:
     response, line = result.response, result.comparison.centre_line
     assert response.nodes is not None  # checked by `applies`
     n_radial, n_axial = result.refined_mesh
@@ -379,9 +327,9 @@ def _draw_meshes(result: Identification, panels: Panels) -> None:
         raise ValueError("the last node of each row of the mesh is not on the side; was it renumbered?")
 
     reached = np.flatnonzero(np.isfinite(grid).all(axis=(1, 2, 3)))
-    shown = reached[np.round(np.linspace(0, reached.size - 1, MESHES)).astype(int)]
+    chosen = reached[np.round(np.linspace(0, reached.size - 1, MESHES)).astype(int)]
     width, height = _panel_size(result)
-    for column, k in enumerate(shown):
+    for column, k in enumerate(chosen):
         ax = panels[f"mesh {column}"]
         rows = [MM * grid[k, j] for j in _thinned(n_axial)] + [MM * grid[k, :, i] for i in _thinned(n_radial)]
         ax.add_collection(LineCollection(rows, colors=MODEL, linewidths=0.3))
@@ -398,24 +346,16 @@ def _draw_meshes(result: Identification, panels: Panels) -> None:
             ax.set_ylabel("Height $y$ (mm)")
         else:
             ax.tick_params(labelleft=False)
-
-
-def _caption_scene(result: Identification) -> str:
-    """Return the caption."""
+    size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
+    thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
     return (
-        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
-        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
-        "Points: as measured."
+        f"Deformed mesh of the check run ({size}{thinned}) in the half-plane r ≥ 0, and the mirrored "
+        "silhouette with the measured points, nearest frame, on the other side."
     )
 
 
-def _can_show_stills(result: Identification) -> bool:
-    """Return True if the result holds the scene."""
-    return has_scene(result)
-
-
-def _draw_scene(result: Identification, panels: Panels) -> None:
-    """Set the pictures side by side."""
+@figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
+def scene(result: Identification, panels: Panels) -> str:
     stage = scene_of_stills(result)
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
     for ax in axes:
@@ -425,39 +365,9 @@ def _draw_scene(result: Identification, panels: Panels) -> None:
         ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
-    bar = axes[0].figure.colorbar(  # type: ignore[union-attr]
-        colours, ax=axes, location="bottom", label=kind.label, aspect=50, shrink=0.5
+    colour_bar(colours, axes, kind.label, location="bottom", aspect=50, shrink=0.5)
+    return (
+        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
+        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
+        "Points: as measured."
     )
-    smooth_bar(bar)
-
-
-SIMULATION: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="energy",
-        width=COLUMN,
-        height=lambda result: 78.0,
-        caption=_caption_energy,
-        panels=lambda result: [["ledger"], ["residual"]],
-        draw=_draw_energy,
-        mosaic={"sharex": True, "height_ratios": [2.8, 1.0]},
-    ),
-    FigureKind(
-        name="meshes",
-        width=PAGE,
-        height=_meshes_height,
-        caption=_caption_meshes,
-        panels=lambda result: [[f"mesh {column}" for column in range(MESHES)]],
-        draw=_draw_meshes,
-        mosaic={"sharey": True},
-        applies=_kept_nodes,
-    ),
-    FigureKind(
-        name="scene",
-        width=PAGE,
-        height=lambda result: 45.0,
-        caption=_caption_scene,
-        panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
-        draw=_draw_scene,
-        applies=_can_show_stills,
-    ),
-)

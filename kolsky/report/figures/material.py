@@ -1,5 +1,7 @@
 """Figures of slow tests of the material: fitted laws, stability, reference curve, relaxation."""
 
+from typing import Any
+
 import numpy as np
 
 from kolsky.material.fits.compare import Comparison, PathStability, Row, Stability
@@ -12,23 +14,25 @@ from kolsky.report.figures.base import (
     BAND,
     COLUMN,
     GREY,
+    KPA,
+    MARKERS,
     MEASURED,
     MODEL,
     PAGE,
-    FigureKind,
+    SERIES,
     Panels,
-    label_panel,
+    figure,
     label_text,
 )
-from kolsky.report.figures.rates import MODULI, TEST_COLOURS, TEST_MARKERS, TimeScales
+from kolsky.report.figures.rates import TEST_COLOURS, TimeScales, rate_moduli
 from kolsky.report.figures.waves import stress_scale
 from kolsky.studies.rate_dependence import SlowDynamics
 
 MOST_LAWS = 5
 """Largest number of laws in one panel; more cannot be distinguished."""
-LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+RINGS: dict[str, Any] = {"ms": 2.5, "mfc": "none", "mew": 0.5}
+"""Style of the markers of tests."""
 LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
-MODE_MARKERS = ("o", "s", "^", "D", "v")
 
 
 def _shown_laws(comparison: Comparison) -> list[Row]:
@@ -48,21 +52,14 @@ def modes(comparison: Comparison) -> list[Mode]:
     return [mode for mode in Mode if any(test.mode is mode for test in comparison.tests)]
 
 
-def _caption_fits(comparison: Comparison) -> str:
-    """Return the caption."""
-    count = sum(row.fit is not None for row in comparison.rows)
-    return (
-        f"Nominal stress of {len(comparison.tests)} tests (black) and of the "
-        f"{len(_shown_laws(comparison))} laws "
-        f"of least AIC among {count}, fitted to all tests at once."
-    )
-
-
-def _draw_fits(comparison: Comparison, panels: Panels) -> None:
-    """Draw every test and the best laws."""
+@figure(
+    PAGE,
+    lambda comparison: 65.0 if len(modes(comparison)) < 4 else 120.0,
+    lambda comparison: _mosaic_fits([mode.value for mode in modes(comparison)]),
+    letters=True,
+)
+def material_fits(comparison: Comparison, panels: Panels) -> str:
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
-        if len(panels) > 1:
-            label_panel(ax, "abcd"[number])
         tests = [k for k, test in enumerate(comparison.tests) if test.mode is mode]
         factor, unit = stress_scale(
             max((comparison.tests[k].stress for k in tests), key=lambda s: abs(s).max())
@@ -70,35 +67,28 @@ def _draw_fits(comparison: Comparison, panels: Panels) -> None:
         ax.axhline(0.0, color=GREY, lw=0.4)
         for place, k in enumerate(tests):
             test = comparison.tests[k]
-            ax.plot(
-                test.deformation,
-                factor * test.stress,
-                MODE_MARKERS[place % len(MODE_MARKERS)],
-                ms=2.5,
-                mfc="none",
-                mew=0.5,
-                color=MEASURED,
-                markevery=max(1, len(test.stress) // 40),
-                label="measured" if place == 0 else "",
-            )
-        for row, colour, dashes in zip(_shown_laws(comparison), LAW_COLOURS, LAW_DASHES, strict=False):
+            style = RINGS | {"color": MEASURED, "markevery": max(1, len(test.stress) // 40), "ls": "none"}
+            label = "measured" if place == 0 else ""
+            marker = MARKERS[place % len(MARKERS)]
+            ax.plot(test.deformation, factor * test.stress, marker=marker, label=label, **style)
+        for row, colour, dashes in zip(_shown_laws(comparison), SERIES, LAW_DASHES, strict=False):
             assert row.fit is not None
             for place, k in enumerate(tests):
                 part = row.fit.parts[k]
                 order = part.test.deformation.argsort()
-                ax.plot(
-                    part.test.deformation[order],
-                    factor * part.predicted[order],
-                    linestyle=dashes,
-                    color=colour,
-                    lw=0.9,
-                    label=row.candidate.name.replace("_", " ") if place == 0 else "",
-                )
+                x, y = part.test.deformation[order], factor * part.predicted[order]
+                label = row.candidate.name.replace("_", " ") if place == 0 else ""
+                ax.plot(x, y, linestyle=dashes, color=colour, lw=0.9, label=label)
         ax.set_xlabel("Amount of shear (–)" if mode is Mode.SIMPLE_SHEAR else "Stretch (–)")
         ax.set_ylabel(f"Nominal stress ({unit})")
         ax.set_title(mode.value)
         if number == 0:
             ax.legend(loc="best")
+    count = sum(row.fit is not None for row in comparison.rows)
+    return (
+        f"Nominal stress of {len(comparison.tests)} tests (black) and of the {len(_shown_laws(comparison))} "
+        f"laws of least AIC among {count}, fitted to all tests at once."
+    )
 
 
 def _mosaic_fits(names: list[str]) -> list[list[str]]:
@@ -110,16 +100,20 @@ RESIDUAL_HEIGHT = 42.0
 RESIDUAL_COLUMNS = 3
 
 
-def caption_residuals(comparison: Comparison) -> str:
-    """Return the caption."""
-    return (
-        "Law minus measurement for the laws of the figure before, on one scale. Residuals are smooth, not "
-        "scattered, where a law misses the shape of a curve."
-    )
+def _mosaic_residuals(comparison: Comparison) -> list[list[str]]:
+    names = [row.candidate.name for row in _shown_laws(comparison)]
+    columns = min(RESIDUAL_COLUMNS, len(names))
+    names += ["."] * (-len(names) % columns)
+    return [names[k : k + columns] for k in range(0, len(names), columns)]
 
 
-def draw_residuals(comparison: Comparison, panels: Panels) -> None:
-    """Draw the residuals of every test over its strain."""
+@figure(
+    PAGE,
+    lambda comparison: 10.0 + RESIDUAL_HEIGHT * len(_mosaic_residuals(comparison)),
+    _mosaic_residuals,
+    sharey=True,
+)
+def material_residuals(comparison: Comparison, panels: Panels) -> str:
     rows = _shown_laws(comparison)
     largest = max((p.residual for r in rows if r.fit for p in r.fit.parts), key=lambda x: abs(x).max())
     factor, unit = stress_scale(largest)
@@ -130,32 +124,21 @@ def draw_residuals(comparison: Comparison, panels: Panels) -> None:
         ax.axhline(0.0, color=GREY, lw=0.5)
         for place, part in enumerate(row.fit.parts):
             order = part.test.strain.argsort()
-            ax.plot(
-                part.test.strain[order],
-                factor * part.residual[order],
-                "-" + MODE_MARKERS[place % len(MODE_MARKERS)],
-                ms=2.0,
-                mfc="none",
-                mew=0.5,
-                lw=0.6,
-                markevery=max(1, len(order) // 25),
-                color=LAW_COLOURS[place % len(LAW_COLOURS)],
-                label=part.test.name if len(comparison.tests) <= len(LAW_COLOURS) else "",
-            )
+            x, y = part.test.strain[order], factor * part.residual[order]
+            style = RINGS | {"color": SERIES[place % len(SERIES)], "markevery": max(1, len(order) // 25)}
+            label = part.test.name if len(comparison.tests) <= len(SERIES) else ""
+            ax.plot(x, y, marker=MARKERS[place % len(MARKERS)], lw=0.6, label=label, **style)
         ax.set_title(f"{row.candidate.name.replace('_', ' ')}: rmse {factor * row.fit.rmse:.3g} {unit}")
         if number % RESIDUAL_COLUMNS == 0:
             ax.set_ylabel(f"Law less measured ({unit})")
         shear = any(part.test.mode is Mode.SIMPLE_SHEAR for part in row.fit.parts)
         ax.set_xlabel("Nominal strain or shear (–)" if shear else "Nominal strain (–)")
-    if several and len(comparison.tests) <= len(LAW_COLOURS):
+    if several and len(comparison.tests) <= len(SERIES):
         panels[rows[0].candidate.name].legend(loc="best")
-
-
-def _mosaic_residuals(comparison: Comparison) -> list[list[str]]:
-    names = [row.candidate.name for row in _shown_laws(comparison)]
-    columns = min(RESIDUAL_COLUMNS, len(names))
-    names += ["."] * (-len(names) % columns)
-    return [names[k : k + columns] for k in range(0, len(names), columns)]
+    return (
+        "Law minus measurement for the laws of the figure before, on one scale. Residuals are smooth, not "
+        "scattered, where a law misses the shape of a curve."
+    )
 
 
 STABILITY_PATHS = (
@@ -167,17 +150,12 @@ STABILITY_PATHS = (
 """Equibiaxial tension is uniaxial compression with another stretch; both are drawn, each in its own."""
 
 
-def _caption_stability(comparison: Comparison) -> str:
-    """Return the caption."""
-    return (
-        "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
-        "there; in a vertical stroke: the law locks; with no mark: stable over the whole range evaluated. "
-        "Blue: the stretches of the tests in this mode."
-    )
-
-
-def _draw_stability(comparison: Comparison, panels: Panels) -> None:
-    """Draw a bar for each law and path."""
+@figure(
+    PAGE,
+    lambda comparison: 18.0 + 4.5 * sum(row.fit is not None for row in comparison.rows),
+    [[title for _, _, title in STABILITY_PATHS]],
+)
+def material_stability(comparison: Comparison, panels: Panels) -> str:
     rows = [row for row in comparison.rows if row.fit is not None]
     places = np.arange(len(rows), 0, -1)
     for number, ((mode, direction, title), ax) in enumerate(
@@ -204,36 +182,28 @@ def _draw_stability(comparison: Comparison, panels: Panels) -> None:
         ax.set(xlabel="Stretch (–)", title=title, ylim=(0.3, len(rows) + 0.7))
         ax.set_yticks(places, [row.candidate.name.replace("_", " ") for row in rows] if number == 0 else [])
         ax.tick_params(axis="y", left=False, right=False)
+    return (
+        "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
+        "there; in a vertical stroke: the law locks; with no mark: stable over the whole range evaluated. "
+        "Blue: the stretches of the tests in this mode."
+    )
 
 
 def _path(row: Row, mode: Mode, direction: str) -> PathStability:
     return next(path for path in row.stability if path.mode is mode and path.direction == direction)
 
 
-KPA = 1e-3
-"""Factor from Pa to kPa."""
-
-
-def _caption_reference_curve(made: ReferenceCurve) -> str:
-    """Return the caption."""
-    corrected = "" if made.friction is None else ", their mean (dashed) and the curve without end friction"
-    return (
-        f"(a) Nominal stress against nominal strain of {len(made.tests)} tests (grey){corrected}, with its"
-        " k = 2 band. (b) Apparent modulus of Gaussian rubber elasticity, Eq. (M.9), likewise."
-    )
-
-
-def _draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
-    """Draw the tests, the mean, the material's curve and its modulus."""
+@figure(PAGE, 70.0, [["curve", "modulus"]], letters=True)
+def baseline(result: ReferenceCurve, panels: Panels) -> str:
     left, right = panels["curve"], panels["modulus"]
-    for number, one in enumerate(made.tests):
+    for number, one in enumerate(result.tests):
         test = one.test
         left.plot(test.strain, KPA * test.stress, color=GREY, lw=0.5, label="" if number else "tests")
-    band, modulus = made.band, made.modulus
-    if made.friction is not None:
-        gaussian = gaussian_strain(band.strain, compression=made.compression)
-        as_measured = 3.0 * made.apparent.stress / gaussian
-        for ax, value in ((left, made.apparent.stress), (right, as_measured)):
+    band, modulus = result.band, result.modulus
+    if result.friction is not None:
+        gaussian = gaussian_strain(band.strain, compression=result.compression)
+        as_measured = 3.0 * result.apparent.stress / gaussian
+        for ax, value in ((left, result.apparent.stress), (right, as_measured)):
             ax.plot(band.strain, KPA * value, "--", color=MODEL, lw=1.0, label="as if frictionless")
     for ax, (low, high), value in (
         (left, band.interval(), band.stress),
@@ -241,144 +211,94 @@ def _draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
     ):
         ax.fill_between(band.strain, KPA * low, KPA * high, color=BAND, alpha=0.4, lw=0.0, label="k = 2")
         ax.plot(band.strain, KPA * value, color=MEASURED, lw=1.0, label="material")
-    side = "compressive" if made.compression else "tensile"
+    side = "compressive" if result.compression else "tensile"
     left.set(xlabel=f"Nominal {side} strain (–)", ylabel="Nominal stress (kPa)")
     right.set(xlabel=f"Nominal {side} strain (–)", ylabel="$E_a$ (kPa)")
     left.set(
-        xlim=(0.0, 1.02 * float(band.strain[-1])), ylim=(0.0, 1.1 * KPA * float(made.apparent.stress[-1]))
+        xlim=(0.0, 1.02 * float(band.strain[-1])), ylim=(0.0, 1.1 * KPA * float(result.apparent.stress[-1]))
     )
     right.set(xlim=left.get_xlim(), ylim=(0.0, 1.05 * right.dataLim.y1))
     left.legend(loc="upper left")
-    label_panel(left, "a")
-    label_panel(right, "b")
-
-
-FITTED_LAWS: tuple[FigureKind[Comparison], ...] = (
-    FigureKind(
-        name="material-fits",
-        width=PAGE,
-        height=lambda comparison: 65.0 if len(modes(comparison)) < 4 else 120.0,
-        caption=_caption_fits,
-        panels=lambda comparison: _mosaic_fits([mode.value for mode in modes(comparison)]),
-        draw=_draw_fits,
-    ),
-    FigureKind(
-        name="material-residuals",
-        width=PAGE,
-        height=lambda comparison: 10.0 + RESIDUAL_HEIGHT * len(_mosaic_residuals(comparison)),
-        caption=caption_residuals,
-        panels=_mosaic_residuals,
-        draw=draw_residuals,
-        mosaic={"sharey": True},
-    ),
-    FigureKind(
-        name="material-stability",
-        width=PAGE,
-        height=lambda comparison: 18.0 + 4.5 * sum(row.fit is not None for row in comparison.rows),
-        caption=_caption_stability,
-        panels=lambda comparison: [[title for _, _, title in STABILITY_PATHS]],
-        draw=_draw_stability,
-    ),
-)
-REFERENCE_CURVE = FigureKind(
-    name="baseline",
-    width=PAGE,
-    height=lambda made: 70.0,
-    caption=_caption_reference_curve,
-    panels=lambda made: [["curve", "modulus"]],
-    draw=_draw_reference_curve,
-)
+    corrected = "" if result.friction is None else ", their mean (dashed) and the curve without end friction"
+    return (
+        f"(a) Nominal stress against nominal strain of {len(result.tests)} tests (grey){corrected}, with its"
+        " k = 2 band. (b) Apparent modulus of Gaussian rubber elasticity, Eq. (M.9), likewise."
+    )
 
 
 KELVIN = 273.15
 
 
-def _shown_moduli(found: SlowDynamics) -> TimeScales:
-    """Return the moduli as their figure takes them."""
-    return TimeScales(found.moduli, found.fitted)
+@figure(COLUMN, 66.0, [["moduli"]], applies=lambda result: len(result.moduli) > 0)
+def relaxation_moduli(result: SlowDynamics, panels: Panels) -> str:
+    return rate_moduli.draw(TimeScales(result.moduli, result.fitted), panels)
 
 
-def holds(found: SlowDynamics) -> list[HistoryTest]:
+def holds(result: SlowDynamics) -> list[HistoryTest]:
     """Return the histories of strain."""
-    return [test for test in found.tests if isinstance(test, HistoryTest)]
+    return [test for test in result.tests if isinstance(test, HistoryTest)]
 
 
-def oscillations(found: SlowDynamics) -> list[DynamicTest]:
+def oscillations(result: SlowDynamics) -> list[DynamicTest]:
     """Return the oscillations, sweeps at their reference temperature."""
-    return [test for test in found.tests if isinstance(test, DynamicTest)]
+    return [test for test in result.tests if isinstance(test, DynamicTest)]
 
 
-def _caption_holds(found: SlowDynamics) -> str:
-    """Return the caption."""
-    return "Nominal stress of the histories of strain (points, bars ±2u) and of the Prony series (lines)."
-
-
-def _draw_holds(found: SlowDynamics, panels: Panels) -> None:
-    """Draw stress over time, measured and by the series."""
+@figure(COLUMN, 60.0, [["stress"]], applies=lambda result: len(holds(result)) > 0)
+def relaxation_holds(result: SlowDynamics, panels: Panels) -> str:
     ax = panels["stress"]
-    for k, test in enumerate(holds(found)):
-        known = np.isfinite(test.sigma) & (test.time > 0.0)
+    for k, test in enumerate(holds(result)):
+        finite = np.isfinite(test.sigma) & (test.time > 0.0)
         colour = TEST_COLOURS[k % len(TEST_COLOURS)]
         ax.errorbar(
-            test.time[known], KPA * test.stress[known], yerr=2.0 * KPA * test.sigma[known],
-            fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.4, lw=0.6, color=colour,
+            test.time[finite], KPA * test.stress[finite], yerr=2.0 * KPA * test.sigma[finite],
+            fmt=MARKERS[k % len(MARKERS)], ms=2.4, lw=0.6, color=colour,
             label=label_text(test.label, 24),
         )  # fmt: skip
-        predicted = test.predict(found.law, [found.fit.model])[0]
-        ax.plot(test.time[known], KPA * predicted[known], color=colour, lw=0.9)
+        predicted = test.predict(result.law, [result.fit.model])[0]
+        ax.plot(test.time[finite], KPA * predicted[finite], color=colour, lw=0.9)
     ax.set_xscale("log")
     ax.set(xlabel="Time (s)", ylabel="Nominal stress (kPa)")
     ax.legend(loc="best")
+    return "Nominal stress of the histories of strain (points, bars ±2u) and of the Prony series (lines)."
 
 
-def _caption_oscillation(found: SlowDynamics) -> str:
-    """Return the caption."""
-    reduced = " Sweeps are brought to their reference temperature." if found.sweeps else ""
-    return f"Storage (a) and loss modulus (b) in tension, bars ±2u, and those of the series (lines).{reduced}"
-
-
-def _draw_oscillation(found: SlowDynamics, panels: Panels) -> None:
-    """Draw storage and loss over the reduced frequency."""
-    tests = oscillations(found)
+@figure(PAGE, 60.0, [["storage", "loss"]], applies=lambda result: len(oscillations(result)) > 0, letters=True)
+def relaxation_oscillation(result: SlowDynamics, panels: Panels) -> str:
+    tests = oscillations(result)
     all_omega = np.concatenate([test.angular_frequency for test in tests])
     omega = np.geomspace(all_omega.min(), all_omega.max(), 200)
-    young = found.young
-    series = found.fit.model.series
-    for letter, (name, model) in zip(
-        "ab", (("storage", series.storage(omega)), ("loss", series.loss(omega))), strict=True
-    ):
+    young = result.young
+    series = result.fit.model.series
+    for name, model in (("storage", series.storage(omega)), ("loss", series.loss(omega))):
         ax = panels[name]
-        label_panel(ax, letter)
         ax.plot(omega, KPA * young * model, color=MODEL, lw=0.9, label="Prony series")
         for k, test in enumerate(tests):
             value = test.storage if name == "storage" else test.loss
             sigma = test.sigma_storage if name == "storage" else test.sigma_loss
             ax.errorbar(
                 test.angular_frequency, KPA * value, yerr=2.0 * KPA * sigma,
-                fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+                fmt=MARKERS[k % len(MARKERS)],
                 ms=2.4, lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=label_text(test.label, 24),
             )  # fmt: skip
         ax.set_xscale("log")
         ax.set(xlabel="Angular frequency $a_T\\omega$ (rad/s)", ylabel=f"{name.capitalize()} modulus (kPa)")
     panels["storage"].legend(loc="best")
+    reduced = " Sweeps are brought to their reference temperature." if result.sweeps else ""
+    return f"Storage (a) and loss modulus (b) in tension, bars ±2u, and those of the series (lines).{reduced}"
 
 
-def _caption_shifts(found: SlowDynamics) -> str:
-    """Return the caption."""
-    return (
-        "Shift factors, free at each temperature (points, bars ±2u) and by Eq. (V.5) where it holds (lines)."
-    )
-
-
-def _draw_shifts(found: SlowDynamics, panels: Panels) -> None:
-    """Draw the shift factors over temperature."""
+@figure(
+    COLUMN, 56.0, [["shifts"]], applies=lambda result: any(one.determined for one in result.sweeps.values())
+)
+def relaxation_shifts(result: SlowDynamics, panels: Panels) -> str:
     ax = panels["shifts"]
-    for k, (name, one) in enumerate(found.sweeps.items()):
+    for k, (name, one) in enumerate(result.sweeps.items()):
         if not one.determined:
             continue
         levels, colour = one.sweep.levels, TEST_COLOURS[k % len(TEST_COLOURS)]
         ax.errorbar(
-            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=MARKERS[k % len(MARKERS)],
             ms=3.0, lw=0.6,
             color=colour, label=label_text(name, 24),
         )  # fmt: skip
@@ -389,43 +309,6 @@ def _draw_shifts(found: SlowDynamics, panels: Panels) -> None:
     ax.axhline(0.0, color=GREY, lw=0.4)
     ax.set(xlabel="Temperature (°C)", ylabel="$\\lg\\, a_T$ (–)")
     ax.legend(loc="best")
-
-
-SLOW_TESTS: tuple[FigureKind[SlowDynamics], ...] = (
-    FigureKind(
-        name="relaxation-moduli",
-        width=COLUMN,
-        height=lambda found: 66.0,
-        caption=lambda found: MODULI.caption(_shown_moduli(found)),
-        panels=lambda found: [["moduli"]],
-        draw=lambda found, panels: MODULI.draw(_shown_moduli(found), panels),
-        applies=lambda found: len(found.moduli) > 0,
-    ),
-    FigureKind(
-        name="relaxation-holds",
-        width=COLUMN,
-        height=lambda found: 60.0,
-        caption=_caption_holds,
-        panels=lambda found: [["stress"]],
-        draw=_draw_holds,
-        applies=lambda found: len(holds(found)) > 0,
-    ),
-    FigureKind(
-        name="relaxation-oscillation",
-        width=PAGE,
-        height=lambda found: 60.0,
-        caption=_caption_oscillation,
-        panels=lambda found: [["storage", "loss"]],
-        draw=_draw_oscillation,
-        applies=lambda found: len(oscillations(found)) > 0,
-    ),
-    FigureKind(
-        name="relaxation-shifts",
-        width=COLUMN,
-        height=lambda found: 56.0,
-        caption=_caption_shifts,
-        panels=lambda found: [["shifts"]],
-        draw=_draw_shifts,
-        applies=lambda found: any(one.determined for one in found.sweeps.values()),
-    ),
-)
+    return (
+        "Shift factors, free at each temperature (points, bars ±2u) and by Eq. (V.5) where it holds (lines)."
+    )

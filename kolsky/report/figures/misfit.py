@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
 from numpy.typing import NDArray
 
@@ -28,12 +26,13 @@ from kolsky.report.figures.base import (
     PAGE,
     ROUTES,
     SHAPE,
-    FigureKind,
     Panels,
+    colour_bar,
     few_ticks,
-    label_panel,
+    figure,
+    legend_above,
     note_empty,
-    smooth_bar,
+    plain_log_ticks,
     weighted_chi2,
 )
 from kolsky.results.nomenclature import axis_label, name_of, route_label
@@ -42,29 +41,17 @@ MISFIT_PARTS = ("chi2", "phi", "routes")
 RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 
 
-def _caption_misfit(result: Identification) -> str:
-    """Return the caption."""
-    others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
-    return (
-        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
-        "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
-        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
-        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
-        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
-        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
-        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
-        "band: the joint optimum and its k = 2 interval, numerical part included."
-    )
-
-
-def _draw_misfit(result: Identification, panels: Panels) -> None:
-    """Draw three panels per parameter."""
-    letters = iter("abcdefghijklmnopqrstuvwx")
+@figure(
+    PAGE,
+    lambda result: 58.0 * max(1, len(result.estimates)),
+    lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
+    letters=True,
+)
+def misfit(result: Identification, panels: Panels) -> str:
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
         chi2, phi, routes = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
         for ax in (chi2, phi, routes):
-            label_panel(ax, next(letters))
             ax.set_xlabel(axis_label(name, estimate.unit))
             # Curves and runs are of the refined mesh, routes and intervals corrected for its error.
             at = estimate.value if ax is routes else estimate.on_mesh
@@ -83,6 +70,17 @@ def _draw_misfit(result: Identification, panels: Panels) -> None:
         _draw_routes(routes, name, estimate, result)
         for ax in (chi2, phi, routes):
             few_ticks(ax, 5)
+    others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
+    return (
+        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
+        "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
+        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
+        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
+        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
+        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
+        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
+        "band: the joint optimum and its k = 2 interval, numerical part included."
+    )
 
 
 def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
@@ -95,7 +93,7 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
     # The surrogate that is searched spans a small box; the whole design is in the next panel.
     edge = 0.03 * (curve.x[-1] - curve.x[0])
     ax.set_xlim(curve.x[0] - edge, curve.x[-1] + edge)
-    _label_ratios(ax)
+    plain_log_ticks(ax.yaxis)
     ax.set_ylim(0.7, 1.5 * np.nanmax(curve.chi2) / np.nanmin(curve.chi2))
     # Triangles on the lower frame: on this scale the optima lie closer than their names are wide.
     for route in result.routes:
@@ -103,13 +101,6 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
             x = route.on_mesh(curve.parameter) if curve.parameter in route.parameters else np.nan
             place: dict[str, Any] = {"transform": ax.get_xaxis_transform()}
             ax.plot(x, 0.03, "^", color=ROUTES[route.name], ms=3.2, mew=0.0, **place)
-
-
-def _label_ratios(ax: Axes) -> None:
-    """Ticks 1, 2, 5, 10, ... of a ratio on a logarithmic axis."""
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
@@ -132,7 +123,7 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
     frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
     for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
         ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
-    _label_ratios(ax)
+    plain_log_ticks(ax.yaxis)
 
 
 def _draw_runs(
@@ -165,8 +156,23 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
     ax.margins(x=0.2)
 
 
-def _caption_contour(result: Identification) -> str:
-    """Return the caption."""
+@figure(PAGE, 78.0, [["whole", "near"]], applies=lambda result: len(result.design.names) == 2, letters=True)
+def contour(result: Identification, panels: Panels) -> str:
+    design = result.design
+    curves = {curve.parameter: curve for curve in result.curves}
+    whole, near = panels["whole"], panels["near"]
+    box = None
+    if set(design.names) <= set(curves):
+        box = np.array([[curves[name].x[0], curves[name].x[-1]] for name in design.names])
+    _plane(whole, result, np.column_stack([design.lower, design.upper]))
+    if box is None:
+        near.set_axis_off()
+    else:
+        _plane(near, result, box)
+        (left, right), (low, high) = box
+        whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
+    if result.routes:
+        legend_above(whole, ncols=4)
     return (
         "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
         "of the final search, in the plane of the two free parameters, interpolated between the runs and "
@@ -176,50 +182,23 @@ def _caption_contour(result: Identification) -> str:
     )
 
 
-def _two_free(result: Identification) -> bool:
-    """Return True if exactly two parameters are free."""
-    return len(result.design.names) == 2
-
-
-def _draw_contour(result: Identification, panels: Panels) -> None:
-    """Draw filled contours of log10 chi-square, the runs and the optima."""
-    design = result.design
-    curves = {curve.parameter: curve for curve in result.curves}
-    whole, near = panels["whole"], panels["near"]
-    box = None
-    if set(design.names) <= set(curves):
-        box = np.array([[curves[name].x[0], curves[name].x[-1]] for name in design.names])
-    _plane(whole, result, np.column_stack([design.lower, design.upper]))
-    label_panel(whole, "a")
-    label_panel(near, "b")
-    if box is None:
-        near.set_axis_off()
-    else:
-        _plane(near, result, box)
-        (left, right), (low, high) = box
-        whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
-    if result.routes:
-        _figure_of(whole).legend(*whole.get_legend_handles_labels(), loc="outside upper center", ncols=4)
-
-
 def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
     design = result.design
     first, second = (result.estimates[name] for name in design.names)
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     chi2 = weighted_chi2(result)
-    here = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
-    coarse = here & (np.array(design.stage) != "check")
-    done = coarse & np.isfinite(chi2)
-    if done.any():
+    in_box = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
+    coarse = in_box & (np.array(design.stage) != "check")
+    completed = coarse & np.isfinite(chi2)
+    if completed.any():
         level = np.log10(chi2 / np.nanmin(np.where(coarse, chi2, np.nan)))
         # Two refinements can repeat a point, which would be a triangle without area.
-        _, single = np.unique(design.points[done], axis=0, return_index=True)
-        _contours(ax, design.points[done][single], level[done][single], box)
-    ax.plot(*design.points[done].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
-    lost = coarse & ~np.isfinite(chi2)
-    if lost.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
-        ax.plot(*design.points[lost].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
+        _, single = np.unique(design.points[completed], axis=0, return_index=True)
+        _contours(ax, design.points[completed][single], level[completed][single], box)
+    ax.plot(*design.points[completed].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
+    failed = coarse & ~np.isfinite(chi2)
+    if failed.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
+        ax.plot(*design.points[failed].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
     for route in result.routes:
         at = [route.on_mesh(name) for name in design.names]
         colour = ROUTES.get(route.name, BAND)
@@ -244,57 +223,22 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     )
     plane = Triangulation(low[0] + span[0] * fine.x, low[1] + span[1] * fine.y, fine.triangles)
     drawn = ax.tricontourf(plane, np.maximum(smooth, 0.0), levels=12, cmap="cividis")
-    label = r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)"
-    smooth_bar(_figure_of(ax).colorbar(drawn, ax=ax, label=label, pad=0.02))
-
-
-def _figure_of(ax: Axes) -> Figure:
-    figure = ax.get_figure(root=True)
-    assert figure is not None  # an axes of a report always lies in one
-    return figure
-
-
-MISFIT: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="misfit",
-        width=PAGE,
-        height=lambda result: 58.0 * max(1, len(result.estimates)),
-        caption=_caption_misfit,
-        panels=lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
-        draw=_draw_misfit,
-    ),
-    FigureKind(
-        name="contour",
-        width=PAGE,
-        height=lambda result: 78.0,
-        caption=_caption_contour,
-        panels=lambda result: [["whole", "near"]],
-        draw=_draw_contour,
-        applies=_two_free,
-    ),
-)
+    colour_bar(drawn, ax, r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)", pad=0.02)
 
 
 LIKELIHOOD_THRESHOLD = 3.84
 
 
-def _caption_likelihood(result: Identification) -> str:
-    """Return the caption."""
-    others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
-    return (
-        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
-        "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
-        "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
-        "answer."
-    )
-
-
-def _draw_likelihood(result: Identification, panels: Panels) -> None:
-    """Draw one panel per parameter."""
-    for number, profile in enumerate(result.profiles):
+@figure(
+    COLUMN,
+    lambda result: 46.0 * len(result.profiles),
+    lambda result: [[profile.name] for profile in result.profiles],
+    applies=lambda result: bool(result.profiles),
+    letters=True,
+)
+def likelihood(result: Identification, panels: Panels) -> str:
+    for profile in result.profiles:
         ax = panels[profile.name]
-        if len(result.profiles) > 1:
-            label_panel(ax, "abcdefghijkl"[number])
         low, high = profile.interval
         left, right = profile.values[0], profile.values[-1]
         low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
@@ -315,6 +259,13 @@ def _draw_likelihood(result: Identification, panels: Panels) -> None:
         ax.set_xlabel(axis_label(profile.name, result.estimates[profile.name].unit))
         ax.set_ylabel(r"Rise of $-2\,\ln L$ (–)")
         few_ticks(ax, 5)
+    others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
+    return (
+        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
+        "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
+        "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
+        "answer."
+    )
 
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
@@ -322,35 +273,25 @@ MOST_SAMPLES = 5.0
 """Largest square root of the rise over the correlation that has a colour of its own."""
 
 
-def _caption_ridge(result: Identification) -> str:
-    """Return the caption."""
-    assert result.ridge is not None
-    first, second = (name_of(name).symbol for name in result.ridge.names)
-    return (
-        "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
-        f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
-        f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
-        "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
-        "answer."
-    )
-
-
-def _draw_ridge(result: Identification, panels: Panels) -> None:
-    """Draw filled contours and both paths."""
+@figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
+def ridge(result: Identification, panels: Panels) -> str:
     ax, ridge = panels["plane"], result.ridge
-    assert ridge is not None
+    assert ridge is not None  # `applies`
+    symbols = [name_of(name).symbol for name in ridge.names]
+    caption = (
+        "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
+        f"residuals raise the variance of {symbols[0]}; its square root is a distance in standard "
+        f"deviations. Dashed: the profiles of {' and '.join(symbols)}, on which the other parameter is "
+        "optimised at every point; in the same colour the rise at which each has its 95 % interval. Star: "
+        "the answer."
+    )
     profiles = {profile.name: profile for profile in result.profiles}
     if not set(ridge.names) <= set(profiles):
         note_empty(ax, "no profiles")
-        return
+        return caption
     distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
-    drawn = ax.contourf(
-        ridge.x,
-        ridge.y,
-        np.minimum(distance, MOST_SAMPLES),
-        levels=np.linspace(0.0, MOST_SAMPLES, 11),
-        cmap="cividis_r",
-    )
+    levels = np.linspace(0.0, MOST_SAMPLES, 11)
+    drawn = ax.contourf(ridge.x, ridge.y, np.minimum(distance, MOST_SAMPLES), levels, cmap="cividis_r")
     for name, colour in zip(ridge.names, LIKELIHOOD_COLOURS, strict=True):
         profile = profiles[name]
         ax.contour(ridge.x, ridge.y, ridge.rise, levels=[profile.level], colors=colour, linewidths=0.9)
@@ -359,13 +300,11 @@ def _draw_ridge(result: Identification, panels: Panels) -> None:
     ax.plot(first.on_mesh, second.on_mesh, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
     ax.set_xlim(ridge.x[0], ridge.x[-1])
     ax.set_ylim(ridge.y[0], ridge.y[-1])
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     few_ticks(ax, 5)
-    figure = ax.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    smooth_bar(figure.colorbar(drawn, ax=ax, label="Distance from the best fit (σ)", pad=0.02))
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    colour_bar(drawn, ax, "Distance from the best fit (σ)", pad=0.02)
+    legend_above(ax, ncols=3)
+    return caption
 
 
 BINS = 30
@@ -373,21 +312,23 @@ DOTS = 800
 """Most samples drawn as dots of a pair."""
 
 
-def _caption_corner(result: Identification) -> str:
-    """Return the caption."""
+def _corner_panels(result: Identification) -> list[list[str]]:
+    """The lower triangle."""
     assert result.posterior is not None
-    chains = result.posterior
-    state = "converged" if chains.converged else "not converged"
-    return (
-        f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
-        f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
-        "Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: "
-        f"{chains.prior}."
-    )
+    names = result.posterior.names
+    return [
+        [f"{row} {column}" if j <= i else "." for j, column in enumerate(names)]
+        for i, row in enumerate(names)
+    ]
 
 
-def _draw_corner(result: Identification, panels: Panels) -> None:
-    """Draw histograms on the diagonal, pairs below it."""
+@figure(
+    PAGE,
+    lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
+    _corner_panels,
+    applies=lambda result: result.posterior is not None,
+)
+def corner(result: Identification, panels: Panels) -> str:
     chains = result.posterior
     assert chains is not None
     every = max(1, -(-len(chains.samples) // DOTS))
@@ -418,49 +359,16 @@ def _draw_corner(result: Identification, panels: Panels) -> None:
             few_ticks(ax, 4)
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
+    assert result.posterior is not None
+    chains = result.posterior
+    state = "converged" if chains.converged else "not converged"
+    return (
+        f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
+        f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
+        f"Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: {chains.prior}."
+    )
 
 
 def _corner_label(name: str) -> str:
     shown = name_of(name)
     return f"${shown.tex}$ ({'–' if shown.unit == '1' else shown.unit})"
-
-
-def _corner_panels(result: Identification) -> list[list[str]]:
-    """The lower triangle."""
-    assert result.posterior is not None
-    names = result.posterior.names
-    return [
-        [f"{row} {column}" if j <= i else "." for j, column in enumerate(names)]
-        for i, row in enumerate(names)
-    ]
-
-
-UNCERTAINTY: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="likelihood",
-        width=COLUMN,
-        height=lambda result: 46.0 * len(result.profiles),
-        caption=_caption_likelihood,
-        panels=lambda result: [[profile.name] for profile in result.profiles],
-        draw=_draw_likelihood,
-        applies=lambda result: bool(result.profiles),
-    ),
-    FigureKind(
-        name="ridge",
-        width=COLUMN,
-        height=lambda result: 72.0,
-        caption=_caption_ridge,
-        panels=lambda result: [["plane"]],
-        draw=_draw_ridge,
-        applies=lambda result: result.ridge is not None,
-    ),
-    FigureKind(
-        name="corner",
-        width=PAGE,
-        height=lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
-        caption=_caption_corner,
-        panels=_corner_panels,
-        draw=_draw_corner,
-        applies=lambda result: result.posterior is not None,
-    ),
-)

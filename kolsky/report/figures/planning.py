@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from kolsky.prediction.design import Aim, Scan
@@ -16,18 +16,21 @@ from kolsky.report.figures.base import (
     BAND,
     FORCE,
     GREY,
+    MARKERS,
     MEASURED,
     MM,
     MODEL,
     MS,
     PAGE,
+    SERIES,
     SHAPE,
     UM,
-    FigureKind,
     Panels,
-    label_panel,
+    colour_bar,
+    figure,
+    label_point,
     largest,
-    smooth_bar,
+    plain_log_ticks,
 )
 from kolsky.results.nomenclature import name_of
 from kolsky.studies.local_sensitivity import ObservationGrid
@@ -44,32 +47,51 @@ def draw_map(
     about zero.
     """
     top = largest(values)
-    shown = np.ma.masked_invalid(values.T)
-    drawn = ax.pcolormesh(
-        MS * grid.frames,
-        MM * grid.heights,
-        shown,
-        cmap="RdBu_r" if bottom is None else "cividis",
-        vmin=-top if bottom is None else bottom,
-        vmax=top,
-        shading="nearest",
-        rasterized=True,
-    )
+    colours, least = ("RdBu_r", -top) if bottom is None else ("cividis", bottom)
+    style: dict[str, Any] = {"cmap": colours, "vmin": least, "vmax": top, "rasterized": True}
+    cells = np.ma.masked_invalid(values.T)
+    drawn = ax.pcolormesh(MS * grid.frames, MM * grid.heights, cells, shading="nearest", **style)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
-    ticks = MaxNLocator(4)
-    bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
-    bar.set_label(label)
-    smooth_bar(bar)
+    colour_bar(drawn, ax, label, aspect=25, pad=0.02, ticks=MaxNLocator(4))
 
 
 PER_MM_MS, PER_MS = 1e-6, 1e-3
 """From shares per m and s, and per s, to shares per mm and ms, and per ms."""
-LETTERS = "abcdefghijklmnop"
 
 
-def _caption_information(plan: Plan) -> str:
-    """Return the caption."""
+@figure(
+    PAGE,
+    92.0,
+    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
+    height_ratios=[1.35, 1.0],
+    letters=True,
+)
+def plan_information(plan: Plan, panels: Panels) -> str:
+    information = plan.information
+    grid = information.sensitivity.grid
+    force, outline = information.densities()
+    single, _ = information.densities(alone=True)
+    for j, name in enumerate(plan.names):
+        symbol = name_of(name).tex
+        top, low = panels[f"{name} outline"], panels[f"{name} force"]
+        label = f"Share on ${symbol}$ (1/(mm ms))"
+        draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
+        left, right = top.get_xlim()
+        for count, choices in plan.heights.items():
+            for choice in (c for c in choices if c.criterion == "D"):
+                x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
+                top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
+        top.set_xlim(left, right)
+        time = MS * grid.times
+        low.plot(time, PER_MS * force[j], color=FORCE)
+        if len(plan.names) > 1:
+            low.plot(time, PER_MS * single[j], color=GREY, ls="--", lw=0.8)
+        low.set(xlabel="Time (ms)", xlim=top.get_xlim())
+        low.set_ylim(bottom=0.0)
+        low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
+        if j > 0:
+            top.set_ylabel("")
     several = len(plan.names) > 1
     together = " when all parameters are estimated together" if several else ""
     heights = any(plan.heights.values())
@@ -92,43 +114,41 @@ def _caption_information(plan: Plan) -> str:
     )
 
 
-def _draw_information(plan: Plan, panels: Panels) -> None:
-    """Draw a map over a line for each parameter."""
-    found = plan.information
-    grid = found.sensitivity.grid
-    force, outline = found.densities()
-    alone, _ = found.densities(alone=True)
-    letters = iter(LETTERS)
-    for j, name in enumerate(plan.names):
-        symbol = name_of(name).tex
-        top, low = panels[f"{name} outline"], panels[f"{name} force"]
-        label_panel(top, next(letters))
-        label = f"Share on ${symbol}$ (1/(mm ms))"
-        draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
-        left, right = top.get_xlim()
-        for count, choices in plan.heights.items():
-            for choice in (c for c in choices if c.criterion == "D"):
-                x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
-                top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
-        top.set_xlim(left, right)
-        time = MS * grid.times
-        low.plot(time, PER_MS * force[j], color=FORCE)
-        if len(plan.names) > 1:
-            low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8)
-        low.set(xlabel="Time (ms)", xlim=top.get_xlim())
-        low.set_ylim(bottom=0.0)
-        low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
-        label_panel(low, next(letters))
-        if j > 0:
-            top.set_ylabel("")
-
-
 SLOPE_CHANGE = 0.01
 """Change of a parameter that is drawn, over its scale."""
 
 
-def _caption_slopes(plan: Plan) -> str:
-    """Return the caption."""
+def _design_words(plan: Plan, j: int) -> str:
+    slopes, name = plan.information.sensitivity, name_of(plan.names[j])
+    unit = "" if name.unit == "1" else f" {name.unit}"
+    return f"Δ{name.symbol} = {SLOPE_CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
+
+
+@figure(
+    PAGE,
+    92.0,
+    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
+    height_ratios=[1.0, 1.35],
+    letters=True,
+)
+def plan_slopes(plan: Plan, panels: Panels) -> str:
+    slopes = plan.information.sensitivity
+    time = MS * slopes.grid.times
+    for j, name in enumerate(plan.names):
+        step = SLOPE_CHANGE * slopes.scale[j]
+        top, low = panels[f"{name} force"], panels[f"{name} outline"]
+        change = step * slopes.force_slope[j]
+        slack = SLOPE_CHANGE / slopes.reach * slopes.force_left[j]
+        top.fill_between(time, change - slack, change + slack, color=BAND, alpha=0.35, lw=0.0)
+        top.axhline(0.0, color=GREY, lw=0.5)
+        top.plot(time, change, color=FORCE)
+        top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
+        change_of_radius = UM * step * slopes.radius_slope[j]
+        shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
+        draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
+        top.set_xlim(low.get_xlim())
+        if j > 0:
+            low.set_ylabel("")
     changes = ", ".join(_design_words(plan, j) for j in range(len(plan.names)))
     reach = 100.0 * plan.information.sensitivity.reach
     return (
@@ -139,71 +159,24 @@ def _caption_slopes(plan: Plan) -> str:
     )
 
 
-def _design_words(plan: Plan, j: int) -> str:
-    slopes, name = plan.information.sensitivity, name_of(plan.names[j])
-    unit = "" if name.unit == "1" else f" {name.unit}"
-    return f"Δ{name.symbol} = {SLOPE_CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
-
-
-def _draw_slopes(plan: Plan, panels: Panels) -> None:
-    """Draw a line over a map for each parameter."""
-    slopes = plan.information.sensitivity
-    letters = iter(LETTERS)
-    time = MS * slopes.grid.times
-    for j, name in enumerate(plan.names):
-        step = SLOPE_CHANGE * slopes.scale[j]
-        top, low = panels[f"{name} force"], panels[f"{name} outline"]
-        label_panel(top, next(letters))
-        change = step * slopes.force_slope[j]
-        left = SLOPE_CHANGE / slopes.reach * slopes.force_left[j]
-        top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
-        top.axhline(0.0, color=GREY, lw=0.5)
-        top.plot(time, change, color=FORCE)
-        top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
-        change_of_radius = UM * step * slopes.radius_slope[j]
-        shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
-        draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
-        top.set_xlim(low.get_xlim())
-        label_panel(low, next(letters))
-        if j > 0:
-            low.set_ylabel("")
-
-
-DESIGN_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-DESIGN_MARKERS = "osDv^"
-
-
-def _caption_choices(plan: Plan) -> str:
-    """Return the caption."""
-    return (
-        "Expected standard deviations of the parameters over their scale, all estimated together from force "
-        "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
-        "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
-        "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
-    )
-
-
-def _draw_choices(plan: Plan, panels: Panels) -> None:
-    """Draw three panels."""
+@figure(PAGE, 58.0, [["end", "rate", "correlation"]], letters=True)
+def plan_choices(plan: Plan, panels: Panels) -> str:
     scale = plan.information.sensitivity.scale
     by_end = np.array([e.deviations for e in plan.by_end]) / scale
     speeds = np.array([rate.factor for rate in plan.rates])
     together = np.array([rate.expected.deviations for rate in plan.rates]) / scale
-    alone = np.array([rate.expected.alone for rate in plan.rates]) / scale
+    single = np.array([rate.expected.alone for rate in plan.rates]) / scale
     for j, name in enumerate(plan.names):
-        colour, marker, symbol = DESIGN_COLOURS[j % 5], DESIGN_MARKERS[j % 5], f"${name_of(name).tex}$"
+        colour, marker, symbol = SERIES[j % len(SERIES)], MARKERS[j % len(MARKERS)], f"${name_of(name).tex}$"
         panels["end"].plot(MS * plan.end_times, 100.0 * _finite(by_end[:, j]), color=colour, label=symbol)
         line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
-        panels["rate"].plot(speeds, 100.0 * _finite(alone[:, j]), ls=":", mfc="white", lw=0.7, **line)
+        panels["rate"].plot(speeds, 100.0 * _finite(single[:, j]), ls=":", mfc="white", lw=0.7, **line)
     for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
         first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
         r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
-        style: dict[str, Any] = {
-            "color": DESIGN_COLOURS[number % 5],
-            "marker": DESIGN_MARKERS[number % 5],
-            "ms": 3.2,
-        }
+        colour, marker = SERIES[number % len(SERIES)], MARKERS[number % len(MARKERS)]
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["correlation"].plot(speeds, r, label=f"${first}$, ${second}$", **style)
     panels["end"].set(xlabel="End of the data (ms)", ylabel="Standard deviation over scale (%)")
     panels["rate"].set_ylabel("Standard deviation over scale (%)")
@@ -212,15 +185,18 @@ def _draw_choices(plan: Plan, panels: Panels) -> None:
     panels["correlation"].axhline(0.0, color=GREY, lw=0.5)
     for name in ("end", "rate"):
         panels[name].set_yscale("log")
-        panels[name].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        panels[name].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        panels[name].yaxis.set_minor_formatter(NullFormatter())
+        plain_log_ticks(panels[name].yaxis)
     for name in ("rate", "correlation"):
         _speeds(panels[name], speeds)
-    for key, ax in zip("abc", panels.values(), strict=True):
-        label_panel(ax, key)
+    for ax in panels.values():
         if ax.get_legend_handles_labels()[0] and ax is not panels["rate"]:  # its colours are those of (a)
             ax.legend(loc="best")
+    return (
+        "Expected standard deviations of the parameters over their scale, all estimated together from force "
+        "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
+        "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
+        "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
+    )
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
@@ -232,36 +208,6 @@ def _speeds(ax: Axes, speeds: np.ndarray) -> None:
     ax.set_xscale("log")
     ax.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
     ax.minorticks_off()
-
-
-PLANNED: tuple[FigureKind[Plan], ...] = (
-    FigureKind(
-        name="plan-information",
-        width=PAGE,
-        height=lambda plan: 92.0,
-        caption=_caption_information,
-        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
-        draw=_draw_information,
-        mosaic={"height_ratios": [1.35, 1.0]},
-    ),
-    FigureKind(
-        name="plan-slopes",
-        width=PAGE,
-        height=lambda plan: 92.0,
-        caption=_caption_slopes,
-        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
-        draw=_draw_slopes,
-        mosaic={"height_ratios": [1.0, 1.35]},
-    ),
-    FigureKind(
-        name="plan-choices",
-        width=PAGE,
-        height=lambda plan: 58.0,
-        caption=_caption_choices,
-        panels=lambda plan: [["end", "rate", "correlation"]],
-        draw=_draw_choices,
-    ),
-)
 
 
 MARKS = {
@@ -284,21 +230,9 @@ SCAN_LABELS = {
 }
 
 
-def _caption_prediction(found: Prediction) -> str:
-    """Return the caption."""
-    stand_in = "" if found.response is not None else "; the specimen's static curve stands in for it"
-    return (
-        "The planned test from the striker's touch on; compression is positive, dotted lines are the events "
-        "found in the signals. (a) Force at the middle of the incident bar. (b) Velocity of the flyer and of "
-        "the incident bar's end. (c) Force inside the flyer, mean over 20 µs. (d) Force transmitted by the "
-        f"specimen at its sensor, mean over 20 µs{stand_in}. (e) Paths of the flyer and of the bar's end; "
-        "the right axis is the flyer's over the specimen's length."
-    )
-
-
-def _draw_prediction(found: Prediction, panels: Panels) -> None:
-    """Draw the five panels over one time axis."""
-    bars, test = found.bars, found.test.declared
+@figure(PAGE, 170.0, [[name] for name in PREDICTION_PANELS], letters=True)
+def signals(result: Prediction, panels: Panels) -> str:
+    bars, test = result.bars, result.test.declared
     step = float(bars.times[1])
     every = slice(None, None, max(1, round(EVERY / step)))
     time = MS * bars.times[every]
@@ -316,11 +250,11 @@ def _draw_prediction(found: Prediction, panels: Panels) -> None:
     inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
     panels["flyer"].plot(time, inside[every], color=FORCE, lw=0.8)
     panels["flyer"].set_ylabel("Flyer\n(N)")
-    _limits(panels["flyer"], found, inside)
-    passed = _mean_force(bars.transmission.force(found.test.sensor_depth()), step)
+    _limits(panels["flyer"], result, inside)
+    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
     panels["transmitted"].plot(time, passed[every], color=SHAPE, lw=0.8)
     panels["transmitted"].set_ylabel("Transmitted\n(N)")
-    _limits(panels["transmitted"], found, passed)
+    _limits(panels["transmitted"], result, passed)
     path = panels["path"]
     path.plot(time, (MM * np.cumsum(end) * step)[every], color=GREY, lw=0.6, label="bar's end")
     path.plot(time, MM * bars.flyer_path[every], color=MODEL, lw=0.9, label="flyer")
@@ -329,11 +263,18 @@ def _draw_prediction(found: Prediction, panels: Panels) -> None:
     share = 100.0 / (MM * test.specimen.length)
     right = path.secondary_yaxis("right", functions=(_times(share), _times(1.0 / share)))
     right.set_ylabel("(%)")
-    for name, letter in zip(PREDICTION_PANELS, "abcde", strict=True):
+    for name in PREDICTION_PANELS:
         panels[name].set_xlim(0.0, time[-1])
-        _mark(panels[name], found, named=name == "bar")
-        label_panel(panels[name], letter)
+        _mark(panels[name], result, named=name == "bar")
         panels[name].tick_params(labelbottom=name == PREDICTION_PANELS[-1])
+    stand_in = "" if result.response is not None else "; the specimen's static curve stands in for it"
+    return (
+        "The planned test from the striker's touch on; compression is positive, dotted lines are the events "
+        "found in the signals. (a) Force at the middle of the incident bar. (b) Velocity of the flyer and of "
+        "the incident bar's end. (c) Force inside the flyer, mean over 20 µs. (d) Force transmitted by the "
+        f"specimen at its sensor, mean over 20 µs{stand_in}. (e) Paths of the flyer and of the bar's end; "
+        "the right axis is the flyer's over the specimen's length."
+    )
 
 
 def _times(factor: float) -> Callable[[Any], Any]:
@@ -341,27 +282,20 @@ def _times(factor: float) -> Callable[[Any], Any]:
     return lambda value: factor * np.asarray(value)
 
 
-def _mark(ax: Axes, found: Prediction, *, named: bool) -> None:
+def _mark(ax: Axes, result: Prediction, *, named: bool) -> None:
     for name, words in MARKS.items():
-        at = getattr(found.events, name)
+        at = getattr(result.events, name)
         if not np.isfinite(at):
             continue
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
         if named:
-            ax.annotate(
-                words,
-                (MS * at, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha="center",
-                fontsize="small",
-            )
+            top: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center"}
+            label_point(ax, words, (MS * at, 1.0), (0, 3), fontsize="small", **top)
 
 
-def _limits(ax: Axes, found: Prediction, signal: np.ndarray) -> None:
+def _limits(ax: Axes, result: Prediction, signal: np.ndarray) -> None:
     """Leave the blow of bar and flyer out of the axes: limits from the flight, with room."""
-    events, times = found.events, found.bars.times
+    events, times = result.events, result.bars.times
     if not np.isfinite(events.separation):
         return
     last = events.second_impact if np.isfinite(events.second_impact) else times[-1]
@@ -378,58 +312,28 @@ def _mean_force(signal: np.ndarray, step: float) -> np.ndarray:
     return np.convolve(signal, np.full(n, 1.0 / n), mode="same")
 
 
-PREDICTED = (
-    FigureKind[Prediction](
-        name="signals",
-        width=PAGE,
-        height=lambda found: 170.0,
-        caption=_caption_prediction,
-        panels=lambda found: [[name] for name in PREDICTION_PANELS],
-        draw=_draw_prediction,
-    ),
-)
-
-
-def _caption_scan(shown: tuple[Scan, Aim | None]) -> str:
-    """Return the caption."""
-    scan, aim = shown
-    varied = " and ".join(one.key for one in scan.varied)
-    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
-    return f"What {varied} do to the test, by the specimen's static curve{aimed}."
-
-
-def _draw_scan(shown: tuple[Scan, Aim | None], panels: Panels) -> None:
-    """Draw one number a panel over the first quantity, a line for each value of the second."""
-    scan, aim = shown
-    first, *rest = scan.varied
-    others = np.unique(scan.points[:, 1]) if rest else [None]
-    for name, letter in zip(PREDICTION_SHOWN, "abc", strict=True):
+@figure(PAGE, 62.0, [list(PREDICTION_SHOWN)], letters=True)
+def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
+    scan, aim = result
+    first, *second = scan.varied
+    others = np.unique(scan.points[:, 1]) if second else [None]
+    for name in PREDICTION_SHOWN:
         ax, values = panels[name], scan.column(name)
         for k, other in enumerate(others):
             rows = slice(None) if other is None else scan.points[:, 1] == other
             x, y = scan.points[rows, 0], values[rows]
             colour = str(0.7 * k / max(len(others) - 1, 1))
-            label = None if other is None else f"{other:.4g} {rest[0].unit}"
+            label = None if other is None else f"{other:.4g} {second[0].unit}"
             order = np.argsort(x, kind="stable")
-            ax.plot(x[order], y[order], marker="o", ms=2.5, lw=0.8 if len(rest) < 2 else 0.0, color=colour)
+            ax.plot(x[order], y[order], marker="o", ms=2.5, lw=0.8 if len(second) < 2 else 0.0, color=colour)
             ax.lines[-1].set_label(label or "_")
         if aim is not None:
             ax.plot(aim.at[first.key], getattr(aim.numbers, name), marker="x", color=MODEL, ms=6, ls="")
             if name in aim.wanted:
                 ax.axhline(aim.wanted[name], color=MODEL, lw=0.6, ls=":")
         ax.set(xlabel=f"{first.key} ({first.unit or '1'})", ylabel=SCAN_LABELS[name])
-        label_panel(ax, letter)
-    if rest:
-        panels[PREDICTION_SHOWN[0]].legend(title=rest[0].key, fontsize="small")
-
-
-SCANNED = (
-    FigureKind[tuple[Scan, Aim | None]](
-        name="scan",
-        width=PAGE,
-        height=lambda shown: 62.0,
-        caption=_caption_scan,
-        panels=lambda shown: [list(PREDICTION_SHOWN)],
-        draw=_draw_scan,
-    ),
-)
+    if second:
+        panels[PREDICTION_SHOWN[0]].legend(title=second[0].key, fontsize="small")
+    varied = " and ".join(one.key for one in scan.varied)
+    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
+    return f"What {varied} do to the test, by the specimen's static curve{aimed}."

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 
 from kolsky.material.relaxation.rate_fit import ApparentModuli
 from kolsky.report.figures.base import (
@@ -14,14 +14,17 @@ from kolsky.report.figures.base import (
     COLUMN,
     FORCE,
     GREY,
+    KPA,
+    MARKERS,
     MEASURED,
     MM,
     MODEL,
     PAGE,
     ROUTES,
-    FigureKind,
+    SERIES,
     Panels,
-    label_panel,
+    figure,
+    label_point,
     label_text,
     note_empty,
     plain_log_ticks,
@@ -33,8 +36,35 @@ from kolsky.studies.rates.scatter import SlopeVerdict
 LINE_POINTS = 101
 
 
-def _caption_slope(group: GroupRates) -> str:
-    """Return the caption."""
+@figure(PAGE, 68.0, [["wide", "near"]], width_ratios=[1.25, 1.0], letters=True)
+def rate_slope(group: GroupRates, panels: Panels) -> str:
+    wide, near = panels["wide"], panels["near"]
+    for ax in (wide, near):
+        ax.set_xscale("log")
+        ax.set(xlabel="Strain rate (1/s)", ylabel="Stiffness factor $m$ (–)")
+    wide.axhline(1.0, color=GREY, lw=0.5)
+    rates = sorted({s.quasi_static.rate for s in group.shots if s.quasi_static.rate is not None})
+    for number, rate in enumerate(rates):
+        label = "" if number else "quasi-static"
+        wide.plot(rate, 1.0, "s", color=MEASURED, ms=3.5, label=label)
+    low = min(s.history.true_rate[0] for s in group.shots)
+    high = max(s.history.true_rate[1] for s in group.shots)
+    for ax in (wide, near):
+        _mean(ax, group, low / 1.15, high * 1.15)
+        _line(ax, group)
+        _shots(ax, group)
+    slowest = min([low, *rates])
+    wide.set_xlim(slowest / 3.0, high * 3.0)
+    near.set_xlim(low / 1.3, high * 1.3)
+    if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
+        _plain_rates(wide)
+    _plain_rates(near)
+    near.margins(y=0.25)
+    _lever(wide, group)
+    if group.pooled is not None:
+        near.legend(loc="best", ncols=2)
+    if rates:
+        wide.legend(loc="best")
     line = group.slope
     claimed = line is not None and line.verdict is not SlopeVerdict.REFUSED
     through = (
@@ -52,37 +82,12 @@ def _caption_slope(group: GroupRates) -> str:
     )
 
 
-def _draw_slope(group: GroupRates, panels: Panels) -> None:
-    """Draw both panels."""
-    wide, near = panels["wide"], panels["near"]
-    for ax, mark in ((wide, "a"), (near, "b")):
-        label_panel(ax, mark)
-        ax.set_xscale("log")
-        ax.set_xlabel("Strain rate (1/s)")
-        ax.set_ylabel("Stiffness factor $m$ (–)")
-    wide.axhline(1.0, color=GREY, lw=0.5)
-    rates = sorted({s.quasi_static.rate for s in group.shots if s.quasi_static.rate is not None})
-    for number, rate in enumerate(rates):
-        label = "" if number else "quasi-static"
-        wide.plot(rate, 1.0, "s", color=MEASURED, ms=3.5, label=label)
-    low = min(s.history.true_rate[0] for s in group.shots)
-    high = max(s.history.true_rate[1] for s in group.shots)
-    for ax in (wide, near):
-        _mean(ax, group, low / 1.15, high * 1.15)
-        _line(ax, group)
-        _shots(ax, group)
-    slowest = min([low, *rates])
-    wide.set_xlim(slowest / 3.0, high * 3.0)
-    near.set_xlim(low / 1.3, high * 1.3)
-    if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
-        plain_log_ticks(wide)
-    plain_log_ticks(near)
-    near.margins(y=0.25)
-    _lever(wide, group)
-    if group.pooled is not None:
-        near.legend(loc="best", ncols=2)
-    if rates:
-        wide.legend(loc="best")
+def _plain_rates(ax: Axes) -> None:
+    """Label the rates with plain numbers; within a factor of five they lie at equal distances."""
+    plain_log_ticks(ax.xaxis)
+    low, high = ax.get_xlim()
+    if high <= 5.0 * low:
+        ax.xaxis.set_major_locator(MaxNLocator(3))
 
 
 def _mean(ax: Axes, group: GroupRates, low: float, high: float) -> None:
@@ -130,15 +135,8 @@ def _lever(ax: Axes, group: GroupRates) -> None:
     ax.set_ylim(bottom - 0.25 * (top - bottom), top)  # room below all data
     ax.plot([min(rates), max(rates)], [0.04, 0.04], "|-", color=FORCE, ms=4, lw=1.2, transform=place)
     span = np.log10(max(rates) / min(rates))
-    ax.annotate(
-        f"{span:.2f} decade",
-        (float(np.sqrt(min(rates) * max(rates))), 0.04),
-        xytext=(0, 3),
-        xycoords=place,
-        textcoords="offset points",
-        ha="right",
-        color=FORCE,
-    )
+    middle = float(np.sqrt(min(rates) * max(rates)))
+    label_point(ax, f"{span:.2f} decade", (middle, 0.04), (0, 3), xycoords=place, ha="right", color=FORCE)
 
 
 MOST_SHOTS_DRAWN = ("joint", "force only", "shape only")
@@ -146,28 +144,20 @@ SHOT_HEIGHT = 0.22
 """Distance of the routes of one shot, in rows."""
 
 
-def _caption_forest(group: GroupRates) -> str:
-    """Return the caption."""
-    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
-    return (
-        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
-        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
-        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
-        " Open circles do not count."
-    )
-
-
 def _left_out(group: GroupRates) -> bool:
     """True if the mean is known without one of the shots; it takes three."""
     return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
 
 
-def _draw_forest(group: GroupRates, panels: Panels) -> None:
-    """Draw the forest and the leave-one-out."""
+@figure(
+    PAGE,
+    lambda group: 32.0 + 7.5 * len(group.shots),
+    lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
+    applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
+    letters=True,
+)
+def rate_forest(group: GroupRates, panels: Panels) -> str:
     left, right = panels["shots"], panels.get("without")
-    if right is not None:
-        label_panel(left, "a")
-        label_panel(right, "b")
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):
@@ -179,16 +169,11 @@ def _draw_forest(group: GroupRates, panels: Panels) -> None:
                 value = routes[name].parameters.get("stiffness_factor", np.nan)
                 sigma = routes[name].sigma.get("stiffness_factor", np.nan)
             if np.isfinite(value):
-                left.errorbar(
-                    value,
-                    row + SHOT_HEIGHT * (1 - number),
-                    xerr=2.0 * sigma if np.isfinite(sigma) else None,
-                    fmt="o",
-                    ms=3,
-                    color=ROUTES[name],
-                    mfc=ROUTES[name] if shot.counted else "white",
-                    label=route_label(name) if row == rows[0] else "",
-                )
+                half = 2.0 * sigma if np.isfinite(sigma) else None
+                colour, y = ROUTES[name], row + SHOT_HEIGHT * (1 - number)
+                style: dict[str, Any] = {"color": colour, "mfc": colour if shot.counted else "white"}
+                label = route_label(name) if row == rows[0] else ""
+                left.errorbar(value, y, xerr=half, fmt="o", ms=3, label=label, **style)
     names = [label_text(shot.name, 24) for shot in group.shots]
     left.set_yticks([*rows, 0], [*names, "mean"])
     for ax in panels.values():
@@ -211,33 +196,15 @@ def _draw_forest(group: GroupRates, panels: Panels) -> None:
     if right is not None:
         right.set_yticks([])
     left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
+    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
+    return (
+        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
+        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
+        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
+        " Open circles do not count."
+    )
 
 
-SLOPES: tuple[FigureKind[GroupRates], ...] = (
-    FigureKind(
-        name="rate-slope",
-        width=PAGE,
-        height=lambda group: 68.0,
-        caption=_caption_slope,
-        panels=lambda group: [["wide", "near"]],
-        draw=_draw_slope,
-        mosaic={"width_ratios": [1.25, 1.0]},
-    ),
-    FigureKind(
-        name="rate-forest",
-        width=PAGE,
-        height=lambda group: 32.0 + 7.5 * len(group.shots),
-        caption=_caption_forest,
-        panels=lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
-        draw=_draw_forest,
-        applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
-    ),
-)
-
-
-KPA = 1e-3
-SHOT_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-TEST_MARKERS = "osD^v<>"
 PANELS = {
     "stress": ("nominal stress", "Nominal stress (kPa)"),
     "secant": ("secant modulus", "Secant modulus (kPa)"),
@@ -245,8 +212,32 @@ PANELS = {
 }
 
 
-def caption_stiffness(group: GroupRates) -> str:
-    """Return the caption."""
+@figure(PAGE, 58.0, [list(PANELS)], applies=lambda group: len(group.stiffness) > 0, letters=True)
+def rate_stiffness(group: GroupRates, panels: Panels) -> str:
+    slow = _slow(group)
+    for panel, (quantity, label) in PANELS.items():
+        ax = panels[panel]
+        ax.set_xscale("log")
+        ax.set(xlabel="Strain rate (1/s)", ylabel=label)
+        for k, at in enumerate(group.stiffness):
+            if quantity not in at.quantities:
+                continue
+            colour, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
+            value, sigma = (KPA * x for x in at.quantities[quantity])
+            style: dict[str, Any] = {"color": colour, "fmt": marker, "ms": 2.8, "lw": 0.8}
+            ax.errorbar(at.rates, value, yerr=2.0 * sigma, **style)
+            end = int(np.argmax(at.rates))
+            beyond: dict[str, Any] = {"va": "center", "annotation_clip": False}
+            label_point(ax, f"{at.strain:g}", (at.rates[end], value[end]), (5, 0), color=colour, **beyond)
+            if slow:
+                base, spread = (KPA * x for x in at.baseline[quantity])
+                ax.errorbar(slow, base, yerr=2.0 * spread, mfc="white", **style)
+                ax.plot([slow, at.rates.min()], [base, base], ":", color=colour, lw=0.6)
+        ax.set_yscale("log")
+        plain_log_ticks(ax.yaxis, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+        ax.margins(x=0.2, y=0.1)
+        if not slow:
+            _plain_rates(ax)
     return (
         "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
         " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
@@ -259,74 +250,19 @@ def caption_stiffness(group: GroupRates) -> str:
     )
 
 
-def draw_stiffness(group: GroupRates, panels: Panels) -> None:
-    """Draw the three quantities."""
-    slow = _slow(group)
-    for number, (panel, (quantity, label)) in enumerate(PANELS.items()):
-        ax = panels[panel]
-        label_panel(ax, "abc"[number])
-        ax.set_xscale("log")
-        ax.set_xlabel("Strain rate (1/s)")
-        ax.set_ylabel(label)
-        for k, at in enumerate(group.stiffness):
-            if quantity not in at.quantities:
-                continue
-            colour, marker = SHOT_COLOURS[k % len(SHOT_COLOURS)], TEST_MARKERS[k % len(TEST_MARKERS)]
-            value, sigma = (KPA * x for x in at.quantities[quantity])
-            style: dict[str, Any] = {"color": colour, "fmt": marker, "ms": 2.8, "lw": 0.8}
-            ax.errorbar(at.rates, value, yerr=2.0 * sigma, **style)
-            end = int(np.argmax(at.rates))
-            ax.annotate(
-                f"{at.strain:g}",
-                (at.rates[end], value[end]),
-                xytext=(5, 0),
-                textcoords="offset points",
-                va="center",
-                color=colour,
-                annotation_clip=False,
-            )
-            if slow:
-                base, spread = (KPA * x for x in at.baseline[quantity])
-                ax.errorbar(slow, base, yerr=2.0 * spread, mfc="white", **style)
-                ax.plot([slow, at.rates.min()], [base, base], ":", color=colour, lw=0.6)
-        ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-        ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
-        ax.margins(x=0.2, y=0.1)
-        if not slow:
-            plain_log_ticks(ax)
-
-
 def _slow(group: GroupRates) -> float | None:
     """The one quasi-static rate of the group, if there is one."""
     rates = {shot.quasi_static.rate for shot in group.counted}
     return rates.pop() if len(rates) == 1 else None
 
 
-def _caption_equal_strain(group: GroupRates) -> str:
-    """Return the caption."""
-    assert group.equal_strain is not None  # checked by `applies`
-    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
-    return (
-        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
-        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
-        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
-        " forces: the distance between the lines is no rate sensitivity."
-        f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
-        " (lines)."
-    )
-
-
-def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
-    """Draw force and outline."""
+@figure(PAGE, 72.0, [["force", "shape"]], applies=lambda group: group.equal_strain is not None, letters=True)
+def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     e = group.equal_strain
     assert e is not None  # checked by `applies`
     force, shape = panels["force"], panels["shape"]
-    label_panel(force, "a")
-    label_panel(shape, "b")
     for number, shot in enumerate(group.counted):
-        colour, marker = SHOT_COLOURS[number % len(SHOT_COLOURS)], TEST_MARKERS[number % len(TEST_MARKERS)]
+        colour, marker = SERIES[number % len(SERIES)], MARKERS[number % len(MARKERS)]
         c, h = shot.found.comparison, shot.history
         inside = (c.force_time >= h.time[0]) & (c.force_time <= h.time[-1])
         strain = np.interp(c.force_time[inside], h.time, h.strain)
@@ -336,15 +272,8 @@ def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
         for outline in (s for s in e.shapes if s.shot == shot.name):
             shape.plot(MM * outline.y, MM * outline.model, color=colour, lw=0.5)
             shape.plot(MM * outline.y, MM * outline.Z, marker, color=colour, ms=1.8, mew=0.0)
-    force.plot(
-        e.baseline_strain,
-        e.baseline_force,
-        "--",
-        color=MEASURED,
-        lw=0.9,
-        label="quasi-static × area",
-        zorder=5,
-    )
+    slow: dict[str, Any] = {"color": MEASURED, "lw": 0.9, "zorder": 5}
+    force.plot(e.baseline_strain, e.baseline_force, "--", label="quasi-static × area", **slow)
     for strain in e.strains:
         force.axvline(strain, color=GREY, lw=0.3)
     force.set(xlabel="Nominal strain (–)", ylabel="Force $F$ (N)")
@@ -353,21 +282,24 @@ def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
     if not e.shapes:
         note_empty(shape, "no outline was measured")
     for strain in e.strains:
-        here = [s for s in e.shapes if s.strain == strain]
-        if here:
-            last = max(here, key=lambda s: s.y[-1])
-            shape.annotate(
-                f"{strain:g}",
-                (MM * last.y[-1], MM * last.Z[-1]),
-                xytext=(3, 0),
-                textcoords="offset points",
-                va="center",
-                color=GREY,
-                annotation_clip=False,
-            )
+        outlines = [s for s in e.shapes if s.strain == strain]
+        if outlines:
+            last = max(outlines, key=lambda s: s.y[-1])
+            end = (MM * last.y[-1], MM * last.Z[-1])
+            label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
+    assert group.equal_strain is not None  # checked by `applies`
+    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
+    return (
+        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
+        "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "
+        "specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’ "
+        "forces: the distance between the lines is no rate sensitivity. Right: outlines in the frames "
+        f"nearest to the strains {strains}, measured (markers) and simulated (lines)."
+    )
 
 
-TEST_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#000000", "#56B4E9")
+TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
+"""Colours of tests, in turn, beside that of the model."""
 
 
 @dataclass(frozen=True)
@@ -381,62 +313,26 @@ class TimeScales:
     `kolsky.material.relaxation.rate_fit.fitted_modulus`."""
 
 
-def _caption_moduli(shown: TimeScales) -> str:
-    """Return the caption."""
-    fitted = "" if shown.fitted is None else " Line and band: the fitted model with ±2u."
+@figure(COLUMN, 66.0, [["moduli"]], applies=lambda result: len(result.tests) > 0)
+def rate_moduli(result: TimeScales, panels: Panels) -> str:
+    ax = panels["moduli"]
+    if result.fitted is not None:
+        age, modulus, sigma = result.fitted.age, KPA * result.fitted.modulus, KPA * result.fitted.sigma
+        ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
+        ax.plot(age, modulus, color=MODEL, label=result.fitted.label)
+    for k, test in enumerate(result.tests):
+        ax.errorbar(
+            test.age, KPA * test.modulus, yerr=2.0 * KPA * test.sigma,
+            fmt=MARKERS[k % len(MARKERS)], ms=2.6,
+            lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=test.label,
+        )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set(xlabel="Mean age of the strain (s)", ylabel="Modulus $E_a$ (kPa)")
+    ax.legend(loc="best")
+    ax.margins(x=0.05, y=0.15)
+    fitted = "" if result.fitted is None else " Line and band: the fitted model with ±2u."
     return (
         "Modulus of rubber elasticity, Eq. (M.9), that each test shows by itself, against the mean age of "
         "the strain: the time of holding after a step, half the duration of a steady ramp, 1/ω of an "
         f"oscillation. Bars: ±2u.{fitted}"
     )
-
-
-def _draw_moduli(shown: TimeScales, panels: Panels) -> None:
-    """Draw points with bars, and the model behind them."""
-    ax = panels["moduli"]
-    if shown.fitted is not None:
-        age, modulus, sigma = shown.fitted.age, KPA * shown.fitted.modulus, KPA * shown.fitted.sigma
-        ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
-        ax.plot(age, modulus, color=MODEL, label=shown.fitted.label)
-    for k, test in enumerate(shown.tests):
-        ax.errorbar(
-            test.age, KPA * test.modulus, yerr=2.0 * KPA * test.sigma,
-            fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.6,
-            lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=test.label,
-        )  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_xlabel("Mean age of the strain (s)")
-    ax.set_ylabel("Modulus $E_a$ (kPa)")
-    ax.legend(loc="best")
-    ax.margins(x=0.05, y=0.15)
-
-
-EQUAL_STRAIN: tuple[FigureKind[GroupRates], ...] = (
-    FigureKind(
-        name="rate-stiffness",
-        width=PAGE,
-        height=lambda group: 58.0,
-        caption=caption_stiffness,
-        panels=lambda group: [list(PANELS)],
-        draw=draw_stiffness,
-        applies=lambda group: len(group.stiffness) > 0,
-    ),
-    FigureKind(
-        name="rate-equal-strain",
-        width=PAGE,
-        height=lambda group: 72.0,
-        caption=_caption_equal_strain,
-        panels=lambda group: [["force", "shape"]],
-        draw=_draw_equal_strain,
-        applies=lambda group: group.equal_strain is not None,
-    ),
-)
-MODULI = FigureKind(
-    name="rate-moduli",
-    width=COLUMN,
-    height=lambda shown: 66.0,
-    caption=_caption_moduli,
-    panels=lambda shown: [["moduli"]],
-    draw=_draw_moduli,
-    applies=lambda shown: len(shown.tests) > 0,
-)

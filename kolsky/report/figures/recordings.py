@@ -17,6 +17,7 @@ from kolsky.pictures.picture_set import PicturePair
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    DOTS,
     FORCE,
     GREY,
     MEASURED,
@@ -24,13 +25,15 @@ from kolsky.report.figures.base import (
     MODEL,
     MS,
     PAGE,
+    PAPER,
     SHAPE,
     UM,
-    FigureKind,
     Panels,
-    label_panel,
+    colour_bar,
+    figure,
     note_empty,
-    smooth_bar,
+    show_picture,
+    show_points,
 )
 from kolsky.shot.recordings import ShotRecordings
 from kolsky.shot.records import ForceChannel, PicturedShot, Shot
@@ -39,9 +42,23 @@ if TYPE_CHECKING:
     from dic.result import Body
 
 
-def _caption_raw_signals(shown: ShotRecordings) -> str:
-    """Return the caption."""
-    if shown.baseline is None:
+@figure(COLUMN, 60.0, [["signal"]], applies=lambda result: result.time.size > 0)
+def raw_signals(result: ShotRecordings, panels: Panels) -> str:
+    ax = panels["signal"]
+    first, last = (MS * end for end in result.window)
+    ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0, label="window")
+    if result.baseline is not None:
+        first, last = (MS * end for end in result.baseline)
+        ax.axvspan(first, last, color=MODEL, alpha=0.25, lw=0.0, label="baseline")
+        ax.axhline(result.zero, color=MODEL, lw=0.7, ls="--", label="zero")
+    ax.plot(MS * result.time, result.value, color=MEASURED, lw=0.4, label="recorded")
+    if result.symmetry_end is not None:
+        ax.axvline(MS * result.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
+    ax.set_xlabel("Time $t$ (ms)")
+    ax.set_ylabel("Signal (V)" if result.unit == "V" else f"Force $F$ ({result.unit})")
+    ax.margins(x=0.0)
+    ax.legend(loc="upper left")
+    if result.baseline is None:
         return (
             "Force on the specimen from the waves in the transmission bar, every sample; blue: the window "
             "that is simulated and compared. Compression is positive."
@@ -52,46 +69,22 @@ def _caption_raw_signals(shown: ShotRecordings) -> str:
     )
 
 
-def _draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
-    """Draw samples, zero and windows."""
-    ax = panels["signal"]
-    first, last = (MS * end for end in shown.window)
-    ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0, label="window")
-    if shown.baseline is not None:
-        first, last = (MS * end for end in shown.baseline)
-        ax.axvspan(first, last, color=MODEL, alpha=0.25, lw=0.0, label="baseline")
-        ax.axhline(shown.zero, color=MODEL, lw=0.7, ls="--", label="zero")
-    ax.plot(MS * shown.time, shown.value, color=MEASURED, lw=0.4, label="recorded")
-    if shown.symmetry_end is not None:
-        ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
-    ax.set_xlabel("Time $t$ (ms)")
-    ax.set_ylabel("Signal (V)" if shown.unit == "V" else f"Force $F$ ({shown.unit})")
-    ax.margins(x=0.0)
-    ax.legend(loc="upper left")
-
-
-def _caption_flyer_path(shown: ShotRecordings) -> str:
-    """Return the caption."""
-    if shown.motion.is_velocity:
-        return (
-            "Front face, from the waves in the incident bar. (a) Its fitted displacement, (b) its velocity, "
-            "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
-        )
-    return (
-        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
-        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
-    )
-
-
-def _draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
-    """Draw displacement, velocity and residual."""
-    motion = shown.motion
-    first, last = (MS * end for end in shown.window)
-    for name, ax in panels.items():
+@figure(
+    COLUMN,
+    105.0,
+    [["displacement"], ["velocity"], ["residual"]],
+    applies=lambda result: result.motion.measured_time.size > 1,
+    sharex=True,
+    height_ratios=[1.3, 1.2, 0.8],
+    letters=True,
+)
+def flyer_path(result: ShotRecordings, panels: Panels) -> str:
+    motion = result.motion
+    first, last = (MS * end for end in result.window)
+    for ax in panels.values():
         ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0)
-        if shown.symmetry_end is not None:
-            ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
-        label_panel(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
+        if result.symmetry_end is not None:
+            ax.axvline(MS * result.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
     time, frames = MS * motion.time, MS * motion.measured_time
     ax, low = panels["velocity"], panels["residual"]
     band = 2.0 * motion.velocity_sigma
@@ -102,37 +95,67 @@ def _draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
     ax.set_ylabel("Velocity (m/s)")
     ax = panels["displacement"]
     if not motion.is_velocity:
-        ax.errorbar(
-            frames,
-            MM * motion.measured,
-            yerr=2.0 * MM * motion.sigma,
-            fmt="o",
-            ms=1.4,
-            mew=0.0,
-            color=MEASURED,
-            elinewidth=0.4,
-            label="measured",
-        )
+        value, half = MM * motion.measured, 2.0 * MM * motion.sigma
+        ax.errorbar(frames, value, yerr=half, color=MEASURED, label="measured", **DOTS)
     ax.plot(time, MM * motion.position, color=MODEL, label="fitted")
     ax.set_ylabel("Displacement (mm)")
     ax.legend(loc="upper left")
-    factor, what = (1.0, "Residual (m/s)") if motion.is_velocity else (UM, "Residual (µm)")
+    factor, label = (1.0, "Residual (m/s)") if motion.is_velocity else (UM, "Residual (µm)")
     low.fill_between(
         frames, -2.0 * factor * motion.sigma, 2.0 * factor * motion.sigma, color=GREY, alpha=0.25, lw=0.0
     )
     low.plot(frames, factor * motion.residual, "o", ms=1.2, mew=0.0, color=MEASURED)
-    low.set(xlabel="Time $t$ (ms)", ylabel=what)
+    low.set(xlabel="Time $t$ (ms)", ylabel=label)
     low.margins(x=0.01)
+    if result.motion.is_velocity:
+        return (
+            "Front face, from the waves in the incident bar. (a) Its fitted displacement, (b) its velocity, "
+            "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
+        )
+    return (
+        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
+        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
+    )
 
 
 CAMERAS = ("left", "right")
-LOST = "#CC79A7"
 
 
-def _caption_picture_pair(seen: ShotRecordings) -> str:
-    """Return the caption."""
-    pair = _has_pair(seen)
+def _pair_height(result: ShotRecordings) -> float:
+    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
+    rows, columns = _has_pair(result).pictures[0].shape
+    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
+
+
+@figure(
+    PAGE,
+    _pair_height,
+    [list(CAMERAS), ["quality", "lost"]],
+    applies=lambda result: isinstance(result.pair, PicturePair),
+    height_ratios=[1.7, 1.0],
+    letters=True,
+)
+def picture_pair(result: ShotRecordings, panels: Panels) -> str:
+    pair = _has_pair(result)
     body, frame = pair.result.specimen, pair.frame
+    valid = body.surface.valid[frame]
+    sigma = [camera[frame, valid] for camera in body.match_sigma]
+    low, high = np.percentile(np.concatenate(sigma), [1.0, 99.0])
+    points: Any = None
+    for number, name in enumerate(CAMERAS):
+        ax = panels[name]
+        picture = pair.pictures[number]
+        show_picture(ax, picture, dark=True)
+        ax.set(xlim=(-0.5, picture.shape[1] - 0.5), ylim=(picture.shape[0] - 0.5, -0.5), ylabel="$y$ (px)")
+        places = body.pixels[number][frame]
+        lines = places[_joined(body, valid)]
+        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
+        style: dict[str, Any] = {"s": 9.0, "cmap": "plasma", "lw": 0.4, "edgecolors": "white", "zorder": 3}
+        points = show_points(ax, places[valid], sigma[number], low, max(high, 1.01 * low), **style)
+        ax.set_title(f"camera {number}", loc="right", pad=2.5)
+    beside: dict[str, Any] = {"aspect": 22, "pad": 0.02, "extend": "both", "ticks": MaxNLocator(5)}
+    colour_bar(points, [panels[name] for name in CAMERAS], "Standard deviation (px)", **beside)
+    _histories(pair, panels["quality"], panels["lost"])
     size = np.abs(body.epipolar[body.surface.valid])
     largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
     return (
@@ -145,62 +168,14 @@ def _caption_picture_pair(seen: ShotRecordings) -> str:
     )
 
 
-def _draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
-    """Draw the pair with its points, and the histories."""
-    pair = _has_pair(seen)
-    body, frame = pair.result.specimen, pair.frame
-    valid = body.surface.valid[frame]
-    sigma = [camera[frame, valid] for camera in body.match_sigma]
-    low, high = np.percentile(np.concatenate(sigma), [1.0, 99.0])
-    points: Any = None
-    for number, (name, mark) in enumerate(zip(CAMERAS, "ab", strict=True)):
-        ax = panels[name]
-        _picture(ax, pair.pictures[number])
-        places = body.pixels[number][frame]
-        lines = places[_joined(body, valid)]
-        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
-        x, y = places[valid].T
-        points = ax.scatter(
-            x,
-            y,
-            c=sigma[number],
-            s=9.0,
-            vmin=low,
-            vmax=max(high, 1.01 * low),
-            cmap="plasma",
-            lw=0.4,
-            edgecolors="white",
-            zorder=3,
-        )
-        ax.set_title(f"camera {number}", loc="right", pad=2.5)
-        label_panel(ax, mark)
-    bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
-        points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
-    )
-    bar.set_label("Standard deviation (px)")
-    bar.locator = MaxNLocator(5)
-    bar.update_ticks()
-    smooth_bar(bar)
-    _histories(pair, panels["quality"], panels["lost"])
-
-
-def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
-    low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
-    # Half as dark as it was taken: points must stand out.
-    ax.imshow(picture, cmap="gray", vmin=2.0 * low - high - 1, vmax=max(high, low + 1), interpolation="none")
-    ax.set_xlim(-0.5, picture.shape[1] - 0.5)
-    ax.set_ylim(picture.shape[0] - 0.5, -0.5)
-    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
-
-
 def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Pairs of valid points that are neighbours in the grid, shape [n, 2]."""
     place = {tuple(cell): k for k, cell in enumerate(body.cell.tolist()) if valid[k]}
     ends = [
-        (k, place[other])
+        (k, place[neighbour])
         for (column, row), k in place.items()
-        for other in ((column + 1, row), (column, row + 1))
-        if other in place
+        for neighbour in ((column + 1, row), (column, row + 1))
+        if neighbour in place
     ]
     return np.array(ends, dtype=np.int64).reshape(-1, 2)
 
@@ -218,54 +193,14 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     lost.plot(time, body.surface.n_points - body.n_valid[usable], color=FORCE)
     lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
     lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.n_valid[usable])), 1.0))
-    for ax, mark in ((quality, "c"), (lost, "d")):
-        ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
-        label_panel(ax, mark)
+    for ax in (quality, lost):
+        ax.axvline(MS * float(result.t[pair.frame]), color=PAPER, lw=0.8, ls="--", label="(a), (b)")
     quality.legend(loc="best")
 
 
-def _has_pair(seen: ShotRecordings) -> PicturePair:
-    assert isinstance(seen.pair, PicturePair)  # checked by `applies`
-    return seen.pair
-
-
-def _pair_height(seen: ShotRecordings) -> float:
-    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
-    rows, columns = _has_pair(seen).pictures[0].shape
-    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
-
-
-RECORDED: tuple[FigureKind[ShotRecordings], ...] = (
-    FigureKind(
-        name="raw-signals",
-        width=COLUMN,
-        height=lambda shown: 60.0,
-        caption=_caption_raw_signals,
-        panels=lambda shown: [["signal"]],
-        draw=_draw_raw_signals,
-        applies=lambda shown: shown.time.size > 0,
-    ),
-    FigureKind(
-        name="flyer-path",
-        width=COLUMN,
-        height=lambda shown: 105.0,
-        caption=_caption_flyer_path,
-        panels=lambda shown: [["displacement"], ["velocity"], ["residual"]],
-        draw=_draw_flyer_path,
-        mosaic={"sharex": True, "height_ratios": [1.3, 1.2, 0.8]},
-        applies=lambda shown: shown.motion.measured_time.size > 1,
-    ),
-    FigureKind(
-        name="picture-pair",
-        width=PAGE,
-        height=_pair_height,
-        caption=_caption_picture_pair,
-        panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
-        draw=_draw_picture_pair,
-        mosaic={"height_ratios": [1.7, 1.0]},
-        applies=lambda seen: isinstance(seen.pair, PicturePair),
-    ),
-)
+def _has_pair(result: ShotRecordings) -> PicturePair:
+    assert isinstance(result.pair, PicturePair)  # checked by `applies`
+    return result.pair
 
 
 THREE_TIMES = (SHAPE, FORCE, MODEL)
@@ -290,35 +225,15 @@ def three_frames(shot: Shot) -> list[int]:
 
 def _caption_of_force(shot: Shot | PicturedShot) -> str:
     """Return what the caption says of the force."""
-    said = "(a) Force at every sample, compression positive"
-    return said + (
+    text = "(a) Force at every sample, compression positive"
+    return text + (
         "; grey: the baseline, which gives its zero and noise" if isinstance(shot.force, ForceChannel) else ""
     )
-
-
-def _caption_one_clock(shot: Shot) -> str:
-    """Return the caption."""
-    said = _caption_of_force(shot)
-    moves = (
-        "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
-    )
-    said += (
-        f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
-        "Blue: the window that is simulated and compared."
-    )
-    if three_frames(shot):
-        said += (
-            " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
-            "the first must follow."
-        )
-    return said
 
 
 def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
     """Draw the force over the time of the panel below."""
     ax = panels["force"]
-    label_panel(ax, "a")
-    label_panel(panels["motion"], "b")
     if isinstance(shot.force, ForceChannel):
         ax.axvspan(*(MS * end for end in shot.force.baseline), color=GREY, alpha=0.3, lw=0.0)
     ax.plot(MS * shot.force.time, shot.force.raw_force(), color=MEASURED, lw=0.5)
@@ -328,16 +243,21 @@ def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
 
 def on_one_clock(panels: Panels, *times: FloatArray) -> None:
     """Give force and motion one axis of time, so that a wrong clock is seen."""
-    both = MS * np.concatenate(times)
+    time = MS * np.concatenate(times)
     for panel in (panels["force"], panels["motion"]):
-        panel.set_xlim(both.min(), both.max())
+        panel.set_xlim(time.min(), time.max())
 
 
-def _draw_one_clock(shot: Shot, panels: Panels) -> None:
-    """Draw the signals on one clock and the outline."""
+@figure(
+    PAGE,
+    85.0,
+    [["force", "outline"], ["motion", "outline"]],
+    width_ratios=[1.35, 1.0],
+    letters=("force", "motion", "outline"),
+)
+def checked_shot(shot: Shot, panels: Panels) -> str:
     draw_force(shot, panels)
     ax, low = panels["force"], panels["motion"]
-    label_panel(panels["outline"], "c")
     for panel in (ax, low):
         panel.axvspan(*(MS * end for end in shot.window), color=BAND, alpha=0.2, lw=0.0)
     if isinstance(shot.flyer, FlyerMotion):
@@ -348,6 +268,20 @@ def _draw_one_clock(shot: Shot, panels: Panels) -> None:
         low.set_ylabel("Front face (m/s)")
     _draw_outline(shot, panels)
     on_one_clock(panels, shot.force.time, shot.flyer.time)
+    text = _caption_of_force(shot)
+    moves = (
+        "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
+    )
+    text += (
+        f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
+        "Blue: the window that is simulated and compared."
+    )
+    if three_frames(shot):
+        text += (
+            " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
+            "the first must follow."
+        )
+    return text
 
 
 def _draw_outline(shot: Shot, panels: Panels) -> None:
@@ -362,67 +296,41 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
         at = line.frame == frame
         when = f"{MS * float(line.time[at][0]):.3f} ms"
         ax.plot(MM * line.Z[at], MM * line.y[at], "o", ms=2.2, mew=0.0, color=colour, label=when)
-    ax.set_xlabel("Distance from the axis $Z$ (mm)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Distance from the axis $Z$ (mm)", ylabel="Height $y$ (mm)")
     ax.set_xlim(left=0.0)
     ax.margins(y=0.06)
     ax.legend(loc="center left")
 
 
-def _caption_of_pictures(shot: PicturedShot) -> str:
-    """Return the caption."""
-    return (
-        f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
-        "per "
-        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
-        "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
-        "last static one, which must look alike, and in the last. Flyer and outline are not measured."
-    )
-
-
-def _draw_pictures(shot: PicturedShot, panels: Panels) -> None:
-    """Draw force and change of the pictures on one clock, and three pictures."""
+@figure(
+    PAGE,
+    145.0,
+    [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
+    height_ratios=[1.0, 1.0, 1.5],
+    letters=True,
+)
+def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     draw_force(shot, panels)
-    low, found = panels["motion"], shot.pictures.changes
-    low.axvspan(MS * found.time[0], MS * found.rest_end, color=GREY, alpha=0.3, lw=0.0)
-    for camera, (values, colour) in enumerate(zip(found.change, (SHAPE, FORCE), strict=True)):
+    low, changes = panels["motion"], shot.pictures.changes
+    low.axvspan(MS * changes.time[0], MS * changes.rest_end, color=GREY, alpha=0.3, lw=0.0)
+    for camera, (values, colour) in enumerate(zip(changes.change, (SHAPE, FORCE), strict=True)):
         low.plot(
-            MS * found.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
+            MS * changes.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
         )
     low.set_ylabel("Change (%)")
     low.legend(loc="upper left", markerscale=2.0)
-    on_one_clock(panels, shot.force.time, found.time)
-    for name, mark, (time, picture) in zip(FORCE_PLACES, "cde", found.shown, strict=False):
+    on_one_clock(panels, shot.force.time, changes.time)
+    for name, (time, picture) in zip(FORCE_PLACES, changes.shown, strict=False):
         ax = panels[name]
         ax.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
         ax.set_title(f"{MS * time:.3f} ms".replace("-", "−"), loc="right", pad=2.5)
         ax.set_xlabel("$x$ (px)")
-        label_panel(ax, mark)
-    for name in FORCE_PLACES[len(found.shown) :]:
+    for name in FORCE_PLACES[len(changes.shown) :]:
         note_empty(panels[name], "no picture")
     panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")
-
-
-CHECKED: tuple[FigureKind[Shot], ...] = (
-    FigureKind(
-        name="checked-shot",
-        width=PAGE,
-        height=lambda shot: 85.0,
-        caption=_caption_one_clock,
-        panels=lambda shot: [["force", "outline"], ["motion", "outline"]],
-        draw=_draw_one_clock,
-        mosaic={"width_ratios": [1.35, 1.0]},
-    ),
-)
-
-CHECKED_PICTURES: tuple[FigureKind[PicturedShot], ...] = (
-    FigureKind(
-        name="checked-pictures",
-        width=PAGE,
-        height=lambda shot: 145.0,
-        caption=_caption_of_pictures,
-        panels=lambda shot: [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
-        draw=_draw_pictures,
-        mosaic={"height_ratios": [1.0, 1.0, 1.5]},
-    ),
-)
+    return (
+        f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
+        "per cent of white, on the same clock; grey: the frames that are declared static, in which it is "
+        "level. It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, "
+        "in the last static one, which must look alike, and in the last. Flyer and outline are not measured."
+    )

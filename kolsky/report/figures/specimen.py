@@ -1,5 +1,7 @@
 """Figures of whole specimens: forces with bands, correlations, strains, meshes; sheets with fields."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -11,17 +13,18 @@ from kolsky.report.figures.base import (
     BAND,
     FORCE,
     GREY,
+    LETTERS,
     MEASURED,
     MM,
     MODEL,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
+    colour_bar,
+    figure,
     label_panel,
     label_text,
     note_empty,
-    smooth_bar,
 )
 from kolsky.results.nomenclature import constant_symbol
 
@@ -38,14 +41,14 @@ def _panels(view: SpecimenView) -> list[list[str]]:
     return [names, [f"{name} residual" for name in names]]
 
 
-def _draw_forces(view: SpecimenView, panels: Panels) -> None:
-    """Draw measured and simulated forces of each test, and what is left."""
-    for number, name in enumerate(list(view.tests)[:MOST_TESTS]):
+@figure(PAGE, 105.0, _panels, height_ratios=[2.0, 1.0])
+def forces(view: SpecimenView, panels: Panels) -> str:
+    for letter, name in zip(LETTERS, view.tests[:MOST_TESTS], strict=False):
         above, below = panels[name], panels[f"{name} residual"]
-        label_panel(above, "abcdef"[number])
+        label_panel(above, letter)
         drawn = False
-        for colour, found in zip(COLOURS, view.fits, strict=False):
-            for one in found.tests:
+        for colour, fit in zip(COLOURS, view.fits, strict=False):
+            for one in fit.tests:
                 if one.test.name != name:
                     continue
                 samples = one.test.samples
@@ -60,7 +63,7 @@ def _draw_forces(view: SpecimenView, panels: Panels) -> None:
                     role = "" if one.fitted else ", predicted"
                     above.plot(
                         x, f, "-" if end == 0 else "--", color=colour, lw=1.0,
-                        label=label_text(f"{found.name}{role}", 28) if end == 0 else None,
+                        label=label_text(f"{fit.name}{role}", 28) if end == 0 else None,
                     )  # fmt: skip
                     above.fill_between(
                         x, f - one.band[:, end], f + one.band[:, end], color=colour, alpha=0.25, lw=0
@@ -74,12 +77,7 @@ def _draw_forces(view: SpecimenView, panels: Panels) -> None:
             one.test.samples.sigma_force for f in view.fits for one in f.tests if one.test.name == name
         )
         below.axhspan(-2.0 * sigma, 2.0 * sigma, color=GREY, alpha=0.2, lw=0)
-        below.set_xlabel("displacement (mm)")
-        below.set_ylabel("fit less data (N)")
-
-
-def _caption_forces(view: SpecimenView) -> str:
-    """Return the caption."""
+        below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
         "from the "
@@ -87,19 +85,24 @@ def _caption_forces(view: SpecimenView) -> str:
     )
 
 
-def _draw_correlations(view: SpecimenView, panels: Panels) -> None:
-    """Draw the correlations of the constants of each fit."""
-    for number, found in enumerate(view.fits[:3]):
-        ax = panels[found.name]
-        label_panel(ax, "abc"[number])
-        values = np.nan_to_num(found.intervals.correlation)
+@figure(
+    PAGE,
+    55.0,
+    lambda view: [[found.name for found in view.fits[:3]]],
+    applies=lambda view: len(view.fits[0].constants.free) > 1,
+    letters=True,
+)
+def correlations(view: SpecimenView, panels: Panels) -> str:
+    for number, fit in enumerate(view.fits[:3]):
+        ax = panels[fit.name]
+        values = np.nan_to_num(fit.intervals.correlation)
         image = ax.pcolormesh(values, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
-        names = [constant_symbol(name) for name in found.constants.free]
+        names = [constant_symbol(name) for name in fit.constants.free]
         ticks = np.arange(len(names)) + 0.5
         ax.set_xticks(ticks, names)
         ax.set_yticks(ticks, names)
         ax.invert_yaxis()
-        ax.set_title(label_text(found.name, 24), fontsize="medium")
+        ax.set_title(label_text(fit.name, 24), fontsize="medium")
         for (i, j), value in np.ndenumerate(values):
             dark = abs(value) > 0.6
             ax.text(
@@ -107,24 +110,24 @@ def _draw_correlations(view: SpecimenView, panels: Panels) -> None:
                 color="white" if dark else "black",
             )  # fmt: skip
         if number == min(len(view.fits), 3) - 1:
-            smooth_bar(ax.figure.colorbar(image, ax=ax, label="correlation"))
-
-
-def _caption_correlations(view: SpecimenView) -> str:
-    """Return the caption."""
+            colour_bar(image, ax, "correlation")
     return (
-        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
-        "not each: "
-        "another kind of test tells them apart."
+        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and not "
+        "each: another kind of test tells them apart."
     )
 
 
-def _draw_strains(view: SpecimenView, panels: Panels) -> None:
-    """Draw the distribution of strains by volume."""
-    for number, share in enumerate(view.shares[:MOST_TESTS]):
-        for name, values, letter in (("whole", share.whole, 0), ("middle", share.middle, 1)):
+@figure(
+    PAGE,
+    lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
+    lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
+    applies=lambda view: bool(view.shares),
+    letters=True,
+)
+def strains(view: SpecimenView, panels: Panels) -> str:
+    for share in view.shares[:MOST_TESTS]:
+        for name, values in (("whole", share.whole), ("middle", share.middle)):
             ax = panels[f"{share.name} {name}"]
-            label_panel(ax, "abcdefghijkl"[2 * number + letter])
             for axis, colour in zip(range(3), (MODEL, SHAPE, MEASURED), strict=True):
                 style = "--" if axis == 1 else "-"
                 ax.stairs(
@@ -133,26 +136,20 @@ def _draw_strains(view: SpecimenView, panels: Panels) -> None:
                 )  # fmt: skip
             ax.set_yscale("log")
             ax.set_ylim(LEAST_SHARE, 1.5)
-            seen = np.flatnonzero(share.whole.max(axis=0))
-            ax.set_xlim(BINS[max(seen[0] - 1, 0)], BINS[min(seen[-1] + 2, len(BINS) - 1)])
-            ax.set_xlabel("strain (–)")
-            ax.set_ylabel("share of the volume")
+            bins = np.flatnonzero(share.whole.max(axis=0))
+            ax.set_xlim(BINS[max(bins[0] - 1, 0)], BINS[min(bins[-1] + 2, len(BINS) - 1)])
+            ax.set(xlabel="strain (–)", ylabel="share of the volume")
             words = "whole specimen" if name == "whole" else "mid-region"
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
-
-
-def _caption_strains(view: SpecimenView) -> str:
-    """Return the caption."""
     return (
-        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
-        "right the "
-        "uniform middle alone, which a fit of the mid-region sees."
+        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, right "
+        "the uniform middle alone, which a fit of the mid-region sees."
     )
 
 
-def _draw_mesh(view: SpecimenView, panels: Panels) -> None:
-    """Draw the largest stretch on the upper face of the simulated part, deformed."""
+@figure(PAGE, 70.0, lambda view: [list(view.solutions)[:3]], applies=lambda view: bool(view.solutions))
+def mesh(view: SpecimenView, panels: Panels) -> str:
     for name, solution in view.solutions.items():
         if name not in panels:
             continue
@@ -161,129 +158,87 @@ def _draw_mesh(view: SpecimenView, panels: Panels) -> None:
         top = mesh.points[:, 2].max()
         corners = mesh.cells[:, 4:8]  # VTK: the face of larger z
         upper = corners[np.abs(mesh.points[corners, 2] - top).max(axis=1) < 1e-9]
-        reference, moved = mesh.points[upper][..., :2], (mesh.points + u)[upper][..., :2]
-        edges = [np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 0]], axis=-1) for c in (reference, moved)]
+        reference, deformed = mesh.points[upper][..., :2], (mesh.points + u)[upper][..., :2]
+        edges = [np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 0]], axis=-1) for c in (reference, deformed)]
         stretch = np.linalg.norm(edges[1] @ np.linalg.inv(edges[0]), ord=2, axis=(1, 2))
         faces = PolyCollection(
-            list(MM * moved), array=stretch, cmap="viridis", edgecolor="white", linewidth=0.1
+            list(MM * deformed), array=stretch, cmap="viridis", edgecolor="white", linewidth=0.1
         )
         ax.add_collection(faces)
         ax.autoscale_view()
-        ax.set_aspect("equal")
-        ax.set_xlabel("$x$ (mm)")
-        ax.set_ylabel("$y$ (mm)")
+        ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
         ax.set_title(label_text(name, 24), fontsize="medium")
-        smooth_bar(ax.figure.colorbar(faces, ax=ax, label="largest stretch in the face", fraction=0.04))
-
-
-def _caption_mesh(view: SpecimenView) -> str:
-    """Return the caption."""
+        colour_bar(faces, ax, "largest stretch in the face", fraction=0.04)
     return (
         "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
-        "state; "
-        "where symmetry allows an eighth of the specimen is simulated."
+        "state; where symmetry allows an eighth of the specimen is simulated."
     )
-
-
-SPECIMEN = (
-    FigureKind(
-        name="forces",
-        width=PAGE,
-        height=lambda view: 105.0,
-        caption=_caption_forces,
-        panels=_panels,
-        draw=_draw_forces,
-        mosaic={"height_ratios": [2.0, 1.0]},
-    ),
-    FigureKind(
-        name="correlations",
-        width=PAGE,
-        height=lambda view: 55.0,
-        caption=_caption_correlations,
-        panels=lambda view: [[found.name for found in view.fits[:3]]],
-        draw=_draw_correlations,
-        applies=lambda view: len(view.fits[0].constants.free) > 1,
-    ),
-    FigureKind(
-        name="strains",
-        width=PAGE,
-        height=lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
-        caption=_caption_strains,
-        panels=lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
-        draw=_draw_strains,
-        applies=lambda view: bool(view.shares),
-    ),
-    FigureKind(
-        name="mesh",
-        width=PAGE,
-        height=lambda view: 70.0,
-        caption=_caption_mesh,
-        panels=lambda view: [list(view.solutions)[:3]],
-        draw=_draw_mesh,
-        applies=lambda view: bool(view.solutions),
-    ),
-)
 
 
 MN = 1e3
 """Newtons to millinewtons."""
 
 
-def draw_histories(view: SheetView, panels: Panels) -> None:
-    """Draw force and misfit over the pad's displacement."""
-    found = view.fit
-    data, pad = found.problem.data, MM * np.abs(found.problem.data.pad)
+@figure(PAGE, 62.0, [["force", "misfit"]], letters=True)
+def sheet_histories(view: SheetView, panels: Panels) -> str:
+    fit = view.fit
+    data, pad = fit.problem.data, MM * np.abs(fit.problem.data.pad)
     ax = panels["force"]
-    label_panel(ax, "a")
     ax.plot(pad, MN * np.abs(data.force), "o", color=MEASURED, mfc="none", ms=3, label="measured")
-    ax.plot(pad, MN * np.abs(found.cost.state.force), "-", color=MODEL, label="simulated")
+    ax.plot(pad, MN * np.abs(fit.cost.state.force), "-", color=MODEL, label="simulated")
     ax.set_ylabel("pad force (mN)")
     ax.legend(frameon=False)
     ax = panels["misfit"]
-    label_panel(ax, "b")
-    ax.plot(pad, 100.0 * found.misfit, "o-", color=SHAPE, ms=3, label="misfit")
-    ax.plot(pad, 100.0 * found.noise, "--", color=GREY, label="noise alone")
+    ax.plot(pad, 100.0 * fit.misfit, "o-", color=SHAPE, ms=3, label="misfit")
+    ax.plot(pad, 100.0 * fit.noise, "--", color=GREY, label="noise alone")
     ax.set_ylabel("displacement misfit (%)")
     ax.set_ylim(bottom=0.0)
     ax.legend(frameon=False)
     for one in (panels["force"], panels["misfit"]):
         one.set_xlabel("pad displacement (mm)")
-
-
-def caption_histories(view: SheetView) -> str:
-    """Return the caption."""
     return (
         "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
-        "measured "
-        "ones in the measured region, and what the noise of the points would make of it."
+        "measured ones in the measured region, and what the noise of the points would make of it."
     )
 
 
-def _draw_steps(view: SheetView, panels: Panels) -> None:
-    """Draw the constants of every step fitted alone, and their sensitivities to noise."""
-    found, free = view.fit, view.fit.constants.free
-    pad = MM * np.abs(found.problem.data.pad)
-    by_u, by_f = found.relative_by_displacement(1e-6), found.relative_by_force(1e-3)
+@figure(
+    PAGE,
+    110.0,
+    lambda view: [
+        list(view.fit.constants.free),
+        [f"{name} noise" for name in view.fit.constants.free],
+    ],
+    letters=True,
+)
+def sheet_steps(view: SheetView, panels: Panels) -> str:
+    fit, free = view.fit, view.fit.constants.free
+    pad = MM * np.abs(fit.problem.data.pad)
+    by_u, by_f = fit.relative_by_displacement(1e-6), fit.relative_by_force(1e-3)
     for j, name in enumerate(free):
         ax = panels[name]
-        label_panel(ax, "abcd"[j])
-        scale = 1e-3 if found.constants.free_specs[j].unit == "Pa" else 1.0
+        scale = 1e-3 if fit.constants.free_specs[j].unit == "Pa" else 1.0
         unit = " (kPa)" if scale != 1.0 else ""
-        alone = [np.nan if isinstance(step, str) else scale * step.values[j] for step in view.steps]
-        if alone:
-            ax.plot(pad, alone, "o", color=MEASURED, mfc="none", ms=3, label="step alone")
-        ax.axhline(scale * found.values[j], color=MODEL, label="all steps")
+        single = [np.nan if isinstance(step, str) else scale * step.values[j] for step in view.steps]
+        if single:
+            ax.plot(pad, single, "o", color=MEASURED, mfc="none", ms=3, label="step alone")
+        ax.axhline(scale * fit.values[j], color=MODEL, label="all steps")
         ax.set_ylabel(f"{constant_symbol(name)}{unit}")
         ax.legend(frameon=False)
-        other = panels[f"{name} noise"]
-        label_panel(other, "abcdefgh"[len(free) + j])
-        if found.at_bound[j]:
-            note_empty(other, "at its bound")
+        below = panels[f"{name} noise"]
+        if fit.at_bound[j]:
+            note_empty(below, "at its bound")
         else:
-            _draw_noise(other, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
-        for one in (ax, other):
+            _draw_noise(below, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
+        for one in (ax, below):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
+    return (
+        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law is "
+        "not the material's. Lower row: standard deviation of each constant over its value from noise of the "
+        "displacement of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula "
+        "et al. (2020)."
+    )
 
 
 def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, name: str) -> None:
@@ -294,17 +249,6 @@ def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, n
     ax.legend(frameon=False, title="noise of")
 
 
-def _caption_steps(view: SheetView) -> str:
-    """Return the caption."""
-    return (
-        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
-        "is not the "
-        "material's. Lower row: standard deviation of each constant over its value from noise of the "
-        "displacement "
-        "of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula et al. (2020)."
-    )
-
-
 def _field(
     ax: Axes,
     view: SheetView,
@@ -313,39 +257,31 @@ def _field(
     label: str,
     near: BoolArray | None = None,
 ) -> None:
-    points, cells = MM * view.mesh.points, view.mesh.cells[:, :3]
-    image = ax.tripcolor(
-        Triangulation(points[:, 0], points[:, 1], cells),
-        value,
-        cmap="viridis",
-        shading="gouraud",
-        rasterized=True,
-    )
+    points = MM * view.mesh.points
+    _coloured(ax, view, label, value, shading="gouraud")
     if vectors is not None:
         size = np.linalg.norm(vectors, axis=1)
-        seen = np.flatnonzero(size > 0.02 * size.max())
-        chosen = seen[:: max(1, len(seen) // 150)]
-        ax.quiver(
-            points[chosen, 0],
-            points[chosen, 1],
-            vectors[chosen, 0],
-            vectors[chosen, 1],
-            color="white",
-            width=0.003,
-        )
+        long = np.flatnonzero(size > 0.02 * size.max())
+        chosen = long[:: max(1, len(long) // 150)]
+        ax.quiver(*points[chosen, :2].T, *vectors[chosen, :2].T, color="white", width=0.003)
     if near is not None:
         (x0, y0), (x1, y1) = points[near].min(axis=0), points[near].max(axis=0)
         gap = 0.05 * max(x1 - x0, y1 - y0)
         ax.set_xlim(x0 - gap, x1 + gap)
         ax.set_ylim(y0 - gap, y1 + gap)
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (mm)")
-    ax.set_ylabel("$y$ (mm)")
-    smooth_bar(ax.figure.colorbar(image, ax=ax, label=label, fraction=0.03))
 
 
-def draw_fields(view: SheetView, panels: Panels) -> None:
-    """Draw displacement, misfit, sensitivity and the map before the test."""
+def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
+    """Draw the triangles of a sheet in colours; values of nodes, or ``facecolors`` of the faces."""
+    x, y = MM * view.mesh.points.T[:2]
+    triangles = Triangulation(x, y, view.mesh.cells[:, :3])
+    image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
+    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
+    colour_bar(image, ax, label, fraction=0.03)
+
+
+@figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]], letters=True)
+def sheet_fields(view: SheetView, panels: Panels) -> str:
     found = view.fit
     state, data = found.cost.state, found.problem.data
     inside = np.zeros(len(view.mesh.points), dtype=bool)
@@ -355,20 +291,14 @@ def draw_fields(view: SheetView, panels: Panels) -> None:
     apart = np.where(inside[:, None], u - data.displacements[-1], 0.0)
     _field(panels["misfit"], view, MM * np.linalg.norm(apart, axis=1), apart, "misfit (mm)", inside)
     weakest = int(np.argmax(np.linalg.norm(view.sensitivity, axis=(1, 2))))
-    own = view.sensitivity[weakest] * 1e-9
+    field = view.sensitivity[weakest] * 1e-9
     name = constant_symbol(found.constants.free[weakest])
-    _field(panels["sensitivity"], view, np.linalg.norm(own, axis=1), own, f"{name} (1/mm$^3$)", inside)
+    _field(panels["sensitivity"], view, np.linalg.norm(field, axis=1), field, f"{name} (1/mm$^3$)", inside)
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
-    for letter, name in zip("abcd", ("u", "misfit", "sensitivity", "before"), strict=True):
-        label_panel(panels[name], letter)
-
-
-def caption_fields(view: SheetView) -> str:
-    """Return the caption."""
     fit = view.fit
-    names = [name for name, held in zip(fit.constants.free, fit.at_bound, strict=True) if not held]
+    names = [name for name, bound in zip(fit.constants.free, fit.at_bound, strict=True) if not bound]
     if view.before.singular:
         parts = [
             f"{weight:+.2f} {name}" for weight, name in zip(view.before.directions[-1], names, strict=True)
@@ -377,76 +307,20 @@ def caption_fields(view: SheetView) -> str:
     else:
         of = names[-1]
     return (
-        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the "
-        "measured region. "
-        "(c) Relative change of the constant that displacements move most, as a field over the measured "
-        "displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement of "
-        "the whole "
-        f"sheet, before it is made, for {of}, Eqs. (28) to (36)."
+        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the measured "
+        "region. (c) Relative change of the constant that displacements move most, as a field over the "
+        "measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement "
+        f"of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
     )
 
 
-def draw_map(view: SheetView, panels: Panels) -> None:
-    """Draw the factors of stiffness."""
+@figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
+def sheet_map(view: SheetView, panels: Panels) -> str:
     assert view.stiffness is not None  # `applies` has looked
-    ax, points = panels["map"], MM * view.mesh.points
-    image = ax.tripcolor(
-        Triangulation(points[:, 0], points[:, 1], view.mesh.cells[:, :3]),
-        facecolors=view.stiffness.factors[view.stiffness.regions],
-        cmap="viridis",
-        rasterized=True,
-    )
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (mm)")
-    ax.set_ylabel("$y$ (mm)")
-    smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
-
-
-def _caption_map(view: SheetView) -> str:
-    """Return the caption."""
-    assert view.stiffness is not None
+    factors = view.stiffness.factors[view.stiffness.regions]
+    _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
     words = "explains" if view.stiffness.explained else "does not explain"
     return (
         "Factor of all moduli of each block, the smoothest map by total variation; it "
         f"{words} the field within its noise."
     )
-
-
-SHEET = (
-    FigureKind(
-        name="sheet-map",
-        width=PAGE,
-        height=lambda view: 70.0,
-        caption=_caption_map,
-        panels=lambda view: [["map"]],
-        draw=draw_map,
-        applies=lambda view: view.stiffness is not None,
-    ),
-    FigureKind(
-        name="sheet-histories",
-        width=PAGE,
-        height=lambda view: 62.0,
-        caption=caption_histories,
-        panels=lambda view: [["force", "misfit"]],
-        draw=draw_histories,
-    ),
-    FigureKind(
-        name="sheet-steps",
-        width=PAGE,
-        height=lambda view: 110.0,
-        caption=_caption_steps,
-        panels=lambda view: [
-            list(view.fit.constants.free),
-            [f"{name} noise" for name in view.fit.constants.free],
-        ],
-        draw=_draw_steps,
-    ),
-    FigureKind(
-        name="sheet-fields",
-        width=PAGE,
-        height=lambda view: 95.0,
-        caption=caption_fields,
-        panels=lambda view: [["u", "misfit"], ["sensitivity", "before"]],
-        draw=draw_fields,
-    ),
-)

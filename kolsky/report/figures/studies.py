@@ -4,26 +4,31 @@ The trends are Figs. 7 to 10 of Mates et al. (2012).
 """
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
+from doe.sensitivity import SobolIndices
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
     FORCE,
     GREY,
     MEASURED,
+    MODEL,
     MS,
     PAGE,
+    PAPER,
+    SERIES,
     SHAPE,
-    FigureKind,
     Panels,
-    label_panel,
+    colour_bar,
+    figure,
+    label_point,
     label_text,
-    smooth_bar,
 )
 from kolsky.results.nomenclature import axis_label, name_of
 from kolsky.studies.budget.records import Budget, Source
@@ -31,22 +36,37 @@ from kolsky.studies.global_sensitivity import GlobalSensitivity
 from kolsky.studies.sweep_analysis import Output, SweepAnalysis
 from kolsky.studies.trends import Plane, Trends
 
-LOG_LABELS = {
-    "Phi_F": r"$\log_{10}\,\Phi_F$ (N)",
-    "Phi_S": r"$\log_{10}\,\Phi_S$ (–)",
-    "Phi": r"$\log_{10}\,\Phi$ (–)",
-}
-LABELS = {"Phi_F": r"$\Phi_F$ (N)", "Phi_S": r"$\Phi_S$ (–)", "Phi": r"$\Phi$ (–)"}
 SYMBOLS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
-TEX_SYMBOLS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$"}
-"""Misfits as axis labels, in captions and as tick labels."""
+TEX_SYMBOLS = {"Phi_F": r"\Phi_F", "Phi_S": r"\Phi_S", "Phi": r"\Phi"}
+UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
+"""Misfits in captions, in formulas, and their units."""
 MOST_PAIRS = 3
 """Most pairs of parameters on a page; three parameters have as many."""
 COLUMN_HEIGHT = 56.0
 
 
-def _caption_maps(result: SweepAnalysis) -> str:
-    """Return the caption."""
+def _interpolated(result: SweepAnalysis) -> dict[str, Output]:
+    return {name: output for name, output in result.outputs.items() if output.surrogate is not None}
+
+
+def _pairs(result: SweepAnalysis) -> list[tuple[str, str]]:
+    return list(combinations(result.box.names, 2))[:MOST_PAIRS]
+
+
+@figure(
+    PAGE,
+    lambda result: COLUMN_HEIGHT * len(_pairs(result)),
+    lambda result: [
+        [f"{name} {row}" for name in _interpolated(result)] for row in range(len(_pairs(result)))
+    ],
+    applies=lambda result: (
+        bool(_interpolated(result)) and result.box.dimension > 1 and result.best is not None
+    ),
+)
+def sweep_maps(result: SweepAnalysis, panels: Panels) -> str:
+    for row, pair in enumerate(_pairs(result)):
+        for name in _interpolated(result):
+            _map(panels[f"{name} {row}"], result, name, *pair)
     names = ", ".join(
         f"{SYMBOLS[key]} ({100.0 * output.error:.2g} %)" for key, output in _interpolated(result).items()
     )
@@ -58,21 +78,6 @@ def _caption_maps(result: SweepAnalysis) -> str:
     )
 
 
-def _interpolated(result: SweepAnalysis) -> dict[str, Output]:
-    return {name: output for name, output in result.outputs.items() if output.surrogate is not None}
-
-
-def _pairs(result: SweepAnalysis) -> list[tuple[str, str]]:
-    return list(combinations(result.box.names, 2))[:MOST_PAIRS]
-
-
-def _draw_maps(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw a map of each misfit (columns) over each pair of parameters (rows)."""
-    for row, pair in enumerate(_pairs(result)):
-        for name in _interpolated(result):
-            _map(panels[f"{name} {row}"], result, name, *pair)
-
-
 def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) -> None:
     x, y, values = result.map(name, first, second)
     fx, fy = name_of(first).factor, name_of(second).factor
@@ -80,13 +85,13 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     floor = np.nanmin(measured)  # an interpolant may dip below every run, where a logarithm ends
     level = np.log10(np.maximum(values, 0.5 * floor))
     drawn = ax.contourf(fx * x, fy * y, level, levels=14, cmap="cividis")
-    smooth_bar(ax.figure.colorbar(drawn, ax=ax, label=LOG_LABELS[name], pad=0.02))  # type: ignore[union-attr]
+    colour_bar(drawn, ax, rf"$\log_{{10}}\,{TEX_SYMBOLS[name]}$ ({UNITS[name]})", pad=0.02)
     i, j = result.box.names.index(first), result.box.names.index(second)
     at = result.table.points
-    done = np.isfinite(measured)
-    ax.plot(fx * at[done, i], fy * at[done, j], "o", ms=2.0, mfc="white", mec=MEASURED, mew=0.4)
-    if not done.all():
-        ax.plot(fx * at[~done, i], fy * at[~done, j], "x", ms=3.0, mew=0.7, color=MEASURED)
+    completed = np.isfinite(measured)
+    ax.plot(fx * at[completed, i], fy * at[completed, j], "o", ms=2.0, mfc="white", mec=MEASURED, mew=0.4)
+    if not completed.all():
+        ax.plot(fx * at[~completed, i], fy * at[~completed, j], "x", ms=3.0, mew=0.7, color=MEASURED)
     if result.best is not None:
         ax.plot(
             fx * at[result.best, i], fy * at[result.best, j], "*", ms=7, mfc="white", mec=MEASURED, mew=0.5
@@ -97,22 +102,19 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     ):
         set_scale("log" if logarithmic else "linear")
         set_limits(float(ends[0]), float(ends[-1]))
-    ax.set_xlabel(axis_label(first))
-    ax.set_ylabel(axis_label(second))
+    ax.set(xlabel=axis_label(first), ylabel=axis_label(second))
 
 
-def _caption_effects(result: SweepAnalysis) -> str:
-    """Return the caption."""
-    return (
-        "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
-        "along each parameter; points: the runs."
-    )
-
-
-def _draw_effects(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw one row per misfit and one column per parameter."""
-    shown = _interpolated(result)
-    for name, output in shown.items():
+@figure(
+    PAGE,
+    lambda result: 12.0 + 36.0 * len(_interpolated(result)),
+    lambda result: [[f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)],
+    applies=lambda result: bool(_interpolated(result)),
+    sharey=False,
+)
+def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
+    outputs = _interpolated(result)
+    for name, output in outputs.items():
         for i, parameter in enumerate(result.box.names):
             ax, effect, factor = panels[f"{name} {i}"], output.effects[parameter], name_of(parameter).factor
             ax.plot(factor * result.table.points[:, i], output.values, "o", color=MEASURED, ms=1.2, mew=0.0)
@@ -122,96 +124,48 @@ def _draw_effects(result: SweepAnalysis, panels: Panels) -> None:
             if result.box.logarithmic[i]:
                 ax.set_xscale("log")
             if i == 0:
-                ax.set_ylabel(LABELS[name])
+                ax.set_ylabel(f"${TEX_SYMBOLS[name]}$ ({UNITS[name]})")
             else:
                 ax.tick_params(labelleft=False)
-            if name == list(shown)[-1]:
+            if name == list(outputs)[-1]:
                 ax.set_xlabel(axis_label(parameter))
             else:
                 ax.tick_params(labelbottom=False)
+    return (
+        "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
+        "along each parameter; points: the runs."
+    )
 
 
-INDEX_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
-
-
-def _caption_indices(result: SweepAnalysis) -> str:
-    """Return the caption."""
+@figure(COLUMN, 62.0, [["indices"]], applies=lambda result: result.indices is not None)
+def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
+    assert result.indices is not None  # `applies`
+    ax = panels["indices"]
+    _bars(ax, result.indices)
+    ax.set_xlabel("Misfit (–)")
+    ax.legend(loc="upper center", ncols=min(len(result.indices.names), 6))
     return (
         "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
         "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
     )
 
 
-def _draw_indices(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw groups of bars."""
-    found, ax = result.indices, panels["indices"]
-    assert found is not None  # `applies` says so
-    d = len(found.names)
-    for j, name in enumerate(found.names):
-        x = np.arange(len(found.outputs)) + (j - 0.5 * (d - 1)) * 0.8 / d
-        low, high = found.total_interval[:, j].T
-        ax.bar(
-            x,
-            found.total[:, j],
-            0.72 / d,
-            color=INDEX_COLOURS[j % len(INDEX_COLOURS)],
-            label=f"${name_of(name).tex}$",
-        )
-        ax.vlines(x, low, high, color=MEASURED, lw=0.6)
-        ax.plot(x, found.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
-    ax.set_xticks(np.arange(len(found.outputs)), [TEX_SYMBOLS[name] for name in found.outputs])
-    ax.tick_params(axis="x", length=0)
-    ax.axhline(0.0, color=MEASURED, lw=0.5)
-    ax.set_xlabel("Misfit (–)")
-    ax.set_ylabel("Sobol’ index (–)")
-    ax.set_ylim(min(-0.05, 1.1 * float(found.first.min())), 1.3)
-    ax.legend(loc="upper center", ncols=min(d, 6))
+def _panels(result: GlobalSensitivity) -> list[list[str]]:
+    return [["scalars", *(name for name in ("force", "outline") if getattr(result, name) is not None)]]
 
 
-SWEEP: tuple[FigureKind[SweepAnalysis], ...] = (
-    FigureKind(
-        name="sweep-maps",
-        width=PAGE,
-        height=lambda result: COLUMN_HEIGHT * len(_pairs(result)),
-        caption=_caption_maps,
-        panels=lambda result: [
-            [f"{name} {row}" for name in _interpolated(result)] for row in range(len(_pairs(result)))
-        ],
-        draw=_draw_maps,
-        applies=lambda result: (
-            bool(_interpolated(result)) and result.box.dimension > 1 and result.best is not None
-        ),
-    ),
-    FigureKind(
-        name="sweep-effects",
-        width=PAGE,
-        height=lambda result: 12.0 + 36.0 * len(_interpolated(result)),
-        caption=_caption_effects,
-        panels=lambda result: [
-            [f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)
-        ],
-        draw=_draw_effects,
-        mosaic={"sharey": False},
-        applies=lambda result: bool(_interpolated(result)),
-    ),
-    FigureKind(
-        name="sweep-indices",
-        width=COLUMN,
-        height=lambda result: 62.0,
-        caption=_caption_indices,
-        panels=lambda result: [["indices"]],
-        draw=_draw_indices,
-        applies=lambda result: result.indices is not None,
-    ),
-)
-
-
-SOBOL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak force": "peak force"}
-
-
-def _caption_sobol(result: GlobalSensitivity) -> str:
-    """Return the caption."""
+@figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None, letters=True)
+def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
+    assert result.scalars is not None  # `applies`
+    _bars(panels["scalars"], result.scalars)
+    panels["scalars"].yaxis.set_major_locator(MultipleLocator(0.2))
+    if result.force is not None:
+        _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
+        panels["force"].set_ylabel("Index of the force (–)")
+    if result.outline is not None:
+        _history(panels["outline"], result, *result.outline_by_frame())
+        panels["outline"].set_ylabel("Index of the outline (–)")
+    panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
     ranges = ", ".join(
         f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
         + ("" if name_of(n).unit == "1" else f" {name_of(n).unit}")
@@ -226,37 +180,23 @@ def _caption_sobol(result: GlobalSensitivity) -> str:
     )
 
 
-def _draw_sobol(result: GlobalSensitivity, panels: Panels) -> None:
-    """Draw bars and two histories."""
-    _bars(panels["scalars"], result)
-    if result.force is not None:
-        _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
-        panels["force"].set_ylabel("Index of the force (–)")
-    if result.outline is not None:
-        _history(panels["outline"], result, *result.outline_by_frame())
-        panels["outline"].set_ylabel("Index of the outline (–)")
-    for key, ax in zip("abc", panels.values(), strict=False):
-        label_panel(ax, key)
-    panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
-
-
-def _bars(ax: Axes, result: GlobalSensitivity) -> None:
-    s = result.scalars
-    assert s is not None  # the figure does not apply without
-    d = len(s.names)
-    place = np.arange(len(s.outputs))
-    for j, name in enumerate(s.names):
-        x = place + (j - 0.5 * (d - 1)) * 0.8 / d
-        low, high = s.total_interval[:, j].T
-        ax.bar(x, s.total[:, j], 0.72 / d, color=SOBOL_COLOURS[j % 5], label=f"${name_of(name).tex}$")
+def _bars(ax: Axes, indices: SobolIndices) -> None:
+    """Draw total indices with their intervals as bars, and first-order indices as dots."""
+    count, place = len(indices.names), np.arange(len(indices.outputs))
+    for j, name in enumerate(indices.names):
+        x = place + (j - 0.5 * (count - 1)) * 0.8 / count
+        low, high = indices.total_interval[:, j].T
+        colour = SERIES[j % len(SERIES)]
+        ax.bar(x, indices.total[:, j], 0.72 / count, color=colour, label=f"${name_of(name).tex}$")
         ax.vlines(x, low, high, color=MEASURED, lw=0.6)
-        ax.plot(x, s.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
-    ax.set_xticks(place, [WORDS[name] for name in s.outputs])
+        ax.plot(x, indices.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
+    ax.set_xticks(
+        place, [f"${TEX_SYMBOLS[name]}$" if name in TEX_SYMBOLS else name for name in indices.outputs]
+    )
     ax.tick_params(axis="x", length=0)
     ax.axhline(0.0, color=MEASURED, lw=0.5)
     ax.set_ylabel("Sobol’ index (–)")
-    ax.yaxis.set_major_locator(MultipleLocator(0.2))
-    ax.set_ylim(min(-0.05, 1.1 * float(s.first.min())), 1.25)
+    ax.set_ylim(min(-0.05, 1.1 * float(indices.first.min())), 1.3)
 
 
 def _history(
@@ -267,44 +207,16 @@ def _history(
     total: NDArray[np.float64],
 ) -> None:
     for j, _ in enumerate(result.box.names):
-        ax.plot(MS * times, total[j], color=SOBOL_COLOURS[j % 5], lw=0.8)
-        ax.plot(MS * times, first[j], color=SOBOL_COLOURS[j % 5], lw=0.6, ls="--")
+        ax.plot(MS * times, total[j], color=SERIES[j % len(SERIES)], lw=0.8)
+        ax.plot(MS * times, first[j], color=SERIES[j % len(SERIES)], lw=0.6, ls="--")
     ax.set_xlabel("Time (ms)")
     ax.yaxis.set_major_locator(MultipleLocator(0.2))
     ax.set_ylim(-0.1, 1.1)
     ax.set_xlim(MS * times[0], MS * times[-1])
 
 
-def _panels(result: GlobalSensitivity) -> list[list[str]]:
-    histories = [("force", result.force), ("outline", result.outline)]
-    names = ["scalars", *(name for name, found in histories if found is not None)]
-    return [names]
-
-
-SOBOL_INDICES: tuple[FigureKind[GlobalSensitivity], ...] = (
-    FigureKind(
-        name="sensitivity",
-        width=PAGE,
-        height=lambda result: 58.0,
-        caption=_caption_sobol,
-        panels=_panels,
-        draw=_draw_sobol,
-        applies=lambda result: result.scalars is not None,
-    ),
-)
-
-
-def _caption_poisson(result: Trends) -> str:
-    """Return the caption."""
-    return (
-        "Shape misfit Φ_S, Eq. (M.3), and time steps of a run, over those at ν = 0.49, against Poisson’s "
-        f"ratio at m = {result.stiffness:g} on {result.mesh[0]} × {result.mesh[1]} elements; all steps cost "
-        "the same. The axis is logarithmic in the distance from 1/2."
-    )
-
-
-def _draw_poisson(result: Trends, panels: Panels) -> None:
-    """Draw two lines over one axis."""
+@figure(COLUMN, 62.0, [["all"]])
+def trend_poisson(result: Trends, panels: Panels) -> str:
     ax, runs = panels["all"], result.poisson
     distance = 0.5 - runs.x
     ax.plot(distance, runs.phi_shape, "o-", color=SHAPE, label=r"$\Phi_S$")
@@ -312,8 +224,8 @@ def _draw_poisson(result: Trends, panels: Panels) -> None:
     cost.plot(distance, runs.steps / runs.steps[0], "s--", color=GREY, mfc="white", label="cost")
     ax.set_xscale("log")
     ax.invert_xaxis()
-    shown = np.array([0.49, 0.495, 0.498, 0.499, 0.4995, 0.4999])
-    ax.set_xticks(0.5 - shown, [f"{nu:g}" for nu in shown])
+    ticks = np.array([0.49, 0.495, 0.498, 0.499, 0.4995, 0.4999])
+    ax.set_xticks(0.5 - ticks, [f"{nu:g}" for nu in ticks])
     ax.minorticks_off()
     ax.tick_params(right=False)
     cost.tick_params(axis="y", colors="#555555")
@@ -321,55 +233,49 @@ def _draw_poisson(result: Trends, panels: Panels) -> None:
     cost.set(ylabel="Cost over that at 0.49 (–)", ylim=(0.0, None))
     lines = [*ax.get_lines(), *cost.get_lines()]
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper center")
-
-
-DAMPING_COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#CC79A7")
-
-
-def _caption_damping(result: Trends) -> str:
-    """Return the caption."""
     return (
-        f"Effect of the damping β on the simulated transmitted force at m = {result.stiffness:g}, beside the "
-        "recorded one: the whole test (a), and the stretch in which it begins (b)."
+        "Shape misfit Φ_S, Eq. (M.3), and time steps of a run, over those at ν = 0.49, against Poisson’s "
+        f"ratio at m = {result.stiffness:g} on {result.mesh[0]} × {result.mesh[1]} elements; all steps cost "
+        "the same. The axis is logarithmic in the distance from 1/2."
     )
 
 
-def _draw_damping(result: Trends, panels: Panels) -> None:
-    """Draw all forces, and their beginning."""
+DAMPING_COLOURS = (BAND, SHAPE, FORCE, MODEL, PAPER)
+
+
+@figure(PAGE, 68.0, [["whole", "begin"]], letters=True)
+def trend_damping(result: Trends, panels: Panels) -> str:
     forces = result.damping
     time = MS * forces.time
     begin = time[0] + 0.4 * (time[-1] - time[0])
-    for key, ax in zip("ab", panels.values(), strict=True):
+    for ax in panels.values():
         for beta, force, colour in zip(forces.damping, forces.simulated, DAMPING_COLOURS, strict=False):
             ax.plot(time, force, color=colour, lw=0.8, label=rf"$\beta$ = {1e6 * beta:g} µs")
         ax.plot(time, forces.measured, color=MEASURED, lw=0.6, ls="--", label="measured")
         ax.set(xlabel="Time (ms)", ylabel="Transmitted force (N)")
-        label_panel(ax, key)
     panels["whole"].set_xlim(time[0], time[-1])
     panels["whole"].legend(loc="upper left")
     near = time <= begin
     low, high = forces.measured[near].min(), forces.measured[near].max()
     panels["begin"].set_xlim(time[0], begin)
     panels["begin"].set_ylim(low - 0.3 * (high - low), high + 0.5 * (high - low))
+    return (
+        f"Effect of the damping β on the simulated transmitted force at m = {result.stiffness:g}, beside the "
+        "recorded one: the whole test (a), and the stretch in which it begins (b)."
+    )
 
 
-def _caption_friction(result: Trends) -> str:
-    """Return the caption."""
+@figure(PAGE, 68.0, [["force", "shape"]], letters=True)
+def trend_friction(result: Trends, panels: Panels) -> str:
+    plane = result.plane
+    _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
+    _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
     return (
         "Effect of friction and stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3): radial basis "
         f"functions through the {len(result.plane.design)} runs of a full factorial (dots) on "
         f"{result.plane_mesh[0]} × {result.plane_mesh[1]} elements, faces and side sliding by Coulomb’s law. "
         "Star: the run with the smallest value."
     )
-
-
-def _draw_friction(result: Trends, panels: Panels) -> None:
-    """Draw both misfits."""
-    plane = result.plane
-    _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
-    _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
-    for key, ax in zip("ab", panels.values(), strict=True):
-        label_panel(ax, key)
 
 
 def _surface(
@@ -382,27 +288,17 @@ def _surface(
     ax.plot(*points[int(runs.argmin())], "*", ms=7, mfc="white", mec=MEASURED, mew=0.5, clip_on=False)
     first, second = plane.design.box.names
     ax.set(xlabel=axis_label(first), ylabel=axis_label(second))
-    smooth_bar(ax.figure.colorbar(drawn, ax=ax, label=label, pad=0.02))  # type: ignore[union-attr]
+    colour_bar(drawn, ax, label, pad=0.02)
 
 
-def caption_stiffness(result: Trends) -> str:
-    """Return the caption."""
-    return (
-        "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
-        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they "
-        "were not built from. Solid: misfit of the histories that the surrogate of the response predicts; "
-        "dashed: radial basis functions through the misfits themselves, as in the paper."
-    )
-
-
-def draw_stiffness(result: Trends, panels: Panels) -> None:
-    """Draw both misfits."""
+@figure(PAGE, 64.0, [["force", "shape"]], letters=True)
+def trend_stiffness(result: Trends, panels: Panels) -> str:
     s = result.surrogates
     rows = (
         ("force", s.runs.phi_force, s.between.phi_force, FORCE, r"Force misfit $\Phi_F$ (N)"),
         ("shape", s.runs.phi_shape, s.between.phi_shape, SHAPE, r"Shape misfit $\Phi_S$ (–)"),
     )
-    for i, (key, (name, runs, between, colour, label)) in enumerate(zip("ab", rows, strict=True)):
+    for i, (name, runs, between, colour, label) in enumerate(rows):
         ax = panels[name]
         ax.plot(s.x, s.by_cost[i], color=GREY, ls="--", label="surrogate of the misfit")
         ax.plot(s.x, s.by_response[i], color=colour, label="surrogate of the response")
@@ -410,44 +306,13 @@ def draw_stiffness(result: Trends, panels: Panels) -> None:
         ax.plot(s.between.x, between, "o", mfc="white", mec=MEASURED, mew=0.6, ms=3, label="runs not seen")
         ax.set(xlabel=axis_label("stiffness_factor"), ylabel=label, xlim=(s.x[0], s.x[-1]))
         ax.set_ylim(bottom=min(0.0, 1.1 * float(s.by_cost[i].min())))
-        label_panel(ax, key)
     panels["shape"].legend(loc="upper right")
-
-
-TREND_FIGURES: tuple[FigureKind[Trends], ...] = (
-    FigureKind(
-        name="trend-poisson",
-        width=COLUMN,
-        height=lambda result: 62.0,
-        caption=_caption_poisson,
-        panels=lambda result: [["all"]],
-        draw=_draw_poisson,
-    ),
-    FigureKind(
-        name="trend-damping",
-        width=PAGE,
-        height=lambda result: 68.0,
-        caption=_caption_damping,
-        panels=lambda result: [["whole", "begin"]],
-        draw=_draw_damping,
-    ),
-    FigureKind(
-        name="trend-friction",
-        width=PAGE,
-        height=lambda result: 68.0,
-        caption=_caption_friction,
-        panels=lambda result: [["force", "shape"]],
-        draw=_draw_friction,
-    ),
-    FigureKind(
-        name="trend-stiffness",
-        width=PAGE,
-        height=lambda result: 64.0,
-        caption=caption_stiffness,
-        panels=lambda result: [["force", "shape"]],
-        draw=draw_stiffness,
-    ),
-)
+    return (
+        "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
+        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they "
+        "were not built from. Solid: misfit of the histories that the surrogate of the response predicts; "
+        "dashed: radial basis functions through the misfits themselves, as in the paper."
+    )
 
 
 MOST_SOURCES = 24
@@ -458,12 +323,43 @@ SOURCE_HEIGHT = 5.2
 
 def _ordered_sources(result: Budget) -> list[Source]:
     """Return the sources whose uncertainty is known, the largest first."""
-    known = [source for source in result.sources if np.isfinite(source.u)]
-    return sorted(known, key=lambda source: -source.u)[:MOST_SOURCES]
+    sources = [source for source in result.sources if np.isfinite(source.u)]
+    return sorted(sources, key=lambda source: -source.u)[:MOST_SOURCES]
 
 
-def _caption_budget(result: Budget) -> str:
-    """Return the caption."""
+@figure(
+    PAGE,
+    lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(_ordered_sources(result))),
+    [["bars"]],
+    applies=lambda result: bool(_ordered_sources(result)),
+)
+def budget(result: Budget, panels: Panels) -> str:
+    ax, sources, factor = panels["bars"], _ordered_sources(result), 2.0 * name_of(result.parameter).factor
+    place = np.arange(len(sources))[::-1]
+    widths = [factor * source.u for source in sources]
+    colours = [GREY if source.factor.shared else SHAPE for source in sources]
+    ax.barh(place, widths, 0.7, color=colours)
+    for y, source, width in zip(place, sources, widths, strict=True):
+        box: dict[str, Any] = {"bbox": {"fc": "white", "ec": "none", "pad": 0.5}}
+        share = f"{100.0 * result.share(source):.2g} %"
+        label_point(ax, share, (width, y), (2, 0), va="center", fontsize="small", **box)
+    ax.set_yticks(place, [label_text(source.factor.words, 44) for source in sources])
+    ax.tick_params(axis="y", length=0)
+    total, (low, high) = factor * result.u_together, result.u_together_interval
+    if np.isfinite(low):
+        ax.axvspan(factor * low, factor * high, color=MEASURED, alpha=0.08, lw=0.0, zorder=0)
+        ax.axvline(total, color=MEASURED, lw=0.8)
+        ax.axvline(factor * result.u_sum, color=MEASURED, lw=0.8, ls="--")
+    name = name_of(result.parameter)
+    unit = "–" if name.unit == "1" else name.unit
+    ax.set_xlabel(f"Expanded uncertainty of ${name.tex}$ ({unit})")
+    ax.set_xlim(0.0, None)
+    ax.set_ylim(-0.6, len(sources) - 0.4)
+    shared = [source for source in sources if source.factor.shared]
+    if shared and len(shared) < len(sources):
+        ax.plot([], [], "s", color=SHAPE, label="anew for each shot")
+        ax.plot([], [], "s", color=GREY, label="common to all shots")
+        ax.legend(loc="lower right")
     low, _ = result.u_together_interval
     drawn = (
         ""
@@ -475,52 +371,3 @@ def _caption_budget(result: Budget) -> str:
         f"Error budget of {name_of(result.parameter).symbol}: expanded uncertainty (k = 2) from each source "
         f"alone, the other sources without error; numbers: share of the sum of squares.{drawn}"
     )
-
-
-def _draw_budget(result: Budget, panels: Panels) -> None:
-    """Draw a bar a source."""
-    ax, sources, factor = panels["bars"], _ordered_sources(result), 2.0 * name_of(result.parameter).factor
-    place = np.arange(len(sources))[::-1]
-    widths = [factor * source.u for source in sources]
-    colours = [GREY if source.factor.shared else SHAPE for source in sources]
-    ax.barh(place, widths, 0.7, color=colours)
-    for y, source, width in zip(place, sources, widths, strict=True):
-        ax.annotate(
-            f"{100.0 * result.share(source):.2g} %",
-            (width, y),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize="small",
-            bbox={"fc": "white", "ec": "none", "pad": 0.5},
-        )
-    ax.set_yticks(place, [label_text(source.factor.words, 44) for source in sources])
-    ax.tick_params(axis="y", length=0)
-    total, (low, high) = factor * result.u_together, result.u_together_interval
-    if np.isfinite(low):
-        ax.axvspan(factor * low, factor * high, color=MEASURED, alpha=0.08, lw=0.0, zorder=0)
-        ax.axvline(total, color=MEASURED, lw=0.8)
-        ax.axvline(factor * result.u_sum, color=MEASURED, lw=0.8, ls="--")
-    known = name_of(result.parameter)
-    unit = "–" if known.unit == "1" else known.unit
-    ax.set_xlabel(f"Expanded uncertainty of ${known.tex}$ ({unit})")
-    ax.set_xlim(0.0, None)
-    ax.set_ylim(-0.6, len(sources) - 0.4)
-    shared = [source for source in sources if source.factor.shared]
-    if shared and len(shared) < len(sources):
-        ax.plot([], [], "s", color=SHAPE, label="anew for each shot")
-        ax.plot([], [], "s", color=GREY, label="common to all shots")
-        ax.legend(loc="lower right")
-
-
-BUDGET: tuple[FigureKind[Budget], ...] = (
-    FigureKind(
-        name="budget",
-        width=PAGE,
-        height=lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(_ordered_sources(result))),
-        caption=_caption_budget,
-        panels=lambda result: [["bars"]],
-        draw=_draw_budget,
-        applies=lambda result: bool(_ordered_sources(result)),
-    ),
-)

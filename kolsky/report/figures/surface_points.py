@@ -17,23 +17,27 @@ from kolsky.base.arrays import FloatArray
 from kolsky.report.figures.base import (
     BAND,
     FORCE,
+    GREEN,
     GREY,
     MEASURED,
     MM,
     MODEL,
     MS,
     PAGE,
+    PAPER,
     SHAPE,
-    FigureKind,
+    YELLOW,
     Panels,
-    label_panel,
+    colour_bar,
+    figure,
     label_text,
     note_empty,
-    smooth_bar,
+    show_picture,
+    show_points,
 )
 from kolsky.report.picture_views import FullFieldView, SurfaceView
 
-LOST_COLOUR = "#CC79A7"
+LOST_COLOUR = PAPER
 
 
 def _panels_of(view: SurfaceView) -> list[list[str]]:
@@ -52,18 +56,14 @@ def _height_of(view: SurfaceView) -> float:
 def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
     """Draw the pictures and return frame and panel of each."""
     drawn: list[tuple[int, Axes]] = []
-    rates = {name: panel for name, panel in panels.items() if name.startswith("frame ")}
-    for (frame, picture), ax, mark in zip(view.pictures.items(), rates.values(), "abcdefgh", strict=False):
-        low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
-        ax.imshow(picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="none")
+    for (frame, picture), ax in zip(view.pictures.items(), panels.values(), strict=False):
+        show_picture(ax, picture)
         ax.set_xlim(-0.5, picture.shape[1] - 0.5)
         ax.set_ylim(picture.shape[0] - 0.5, -0.5)
-        ax.set_xlabel("$x$ (px)")
         if not drawn:
             ax.set_ylabel("$y$ (px)")
         else:
             ax.tick_params(labelleft=False)
-        label_panel(ax, mark)
         ax.set_title(f"{MS * view.result.t[frame]:.3f} ms", loc="right", pad=2.5)
         drawn.append((frame, ax))
     return drawn
@@ -83,27 +83,23 @@ def marker(view: SurfaceView) -> float:
 def _last_places(view: SurfaceView, frame: int) -> FloatArray:
     """Return the last places in camera 0 of the points that are lost in a frame [px], shape [n, 2]."""
     body = view.result.specimen
-    lost = np.flatnonzero(~body.surface.valid[frame])
-    seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, lost]).all(axis=2))
+    points = np.flatnonzero(~body.surface.valid[frame])
+    seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, points]).all(axis=2))
     last = frame - np.argmax(seen[::-1], axis=0)
-    return np.asarray(body.pixels[0][last, lost][seen.any(axis=0)])
+    return np.asarray(body.pixels[0][last, points][seen.any(axis=0)])
 
 
-def _caption_sigma(view: SurfaceView) -> str:
-    """Return the caption."""
-    return (
+@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures), letters=True)
+def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
+    caption = (
         "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
         "cameras' "
         "standard deviations of their place; crosses: last places of the points that are lost at that time."
     )
-
-
-def _draw_sigma(view: SurfaceView, panels: Panels) -> None:
-    """Draw the pictures, the points and one colour bar."""
     body = view.result.specimen
     drawn = frames_in(view, panels)
     if not drawn:
-        return
+        return caption
     sigma = np.fmax(*body.match_sigma)
     shown = np.concatenate([sigma[frame][body.surface.valid[frame]] for frame, _ in drawn])
     low, high = (0.0, 1.0) if shown.size == 0 else np.percentile(shown, [1.0, 99.0])
@@ -111,27 +107,16 @@ def _draw_sigma(view: SurfaceView, panels: Panels) -> None:
     points: Any = None
     for frame, ax in drawn:
         valid = body.surface.valid[frame]
-        x, y = body.pixels[0][frame, valid].T
-        points = ax.scatter(
-            x,
-            y,
-            c=sigma[frame, valid],
-            s=size**2,
-            vmin=low,
-            vmax=max(high, low * 1.01),
-            cmap="plasma",
-            lw=0.0,
+        places = body.pixels[0][frame, valid]
+        points = show_points(
+            ax, places, sigma[frame, valid], low, max(high, 1.01 * low), s=size**2, cmap="plasma"
         )
-        lost = _last_places(view, frame)
-        ax.plot(*lost.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
-    figure = drawn[0][1].figure
-    bar = figure.colorbar(  # type: ignore[union-attr]
-        points, ax=[ax for _, ax in drawn], location="bottom", shrink=0.5, aspect=45, pad=0.02, extend="both"
-    )
-    bar.set_label("Standard deviation of a match (px)")
-    bar.locator = MaxNLocator(6)
-    bar.update_ticks()
-    smooth_bar(bar)
+        last = _last_places(view, frame)
+        ax.plot(*last.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
+    below: dict[str, Any] = {"location": "bottom", "shrink": 0.5, "aspect": 45, "pad": 0.02, "extend": "both"}
+    axes = [ax for _, ax in drawn]
+    colour_bar(points, axes, "Standard deviation of a match (px)", ticks=MaxNLocator(6), **below)
+    return caption
 
 
 EPIPOLAR_STEPS = (0.05, 0.1)
@@ -140,22 +125,8 @@ EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
 
-def _caption_epipolar(view: SurfaceView) -> str:
-    """Return the caption."""
-    body = view.result.specimen
-    size = np.abs(body.epipolar[body.surface.valid])
-    low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in EPIPOLAR_STEPS)
-    return (
-        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
-        "1's point from the epipolar line. Over all frames its rms is "
-        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {EPIPOLAR_STEPS[0]:g} px, "
-        f"{high:.2g} % exceed "
-        f"{EPIPOLAR_STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
-    )
-
-
-def _draw_epipolar(view: SurfaceView, panels: Panels) -> None:
-    """Draw the pictures, the points and one legend."""
+@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures), letters=True)
+def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
     body, size = view.result.specimen, marker(view)
     drawn = frames_in(view, panels)
     for frame, ax in drawn:
@@ -181,56 +152,37 @@ def _draw_epipolar(view: SurfaceView, panels: Panels) -> None:
         drawn[0][1].figure.legend(
             handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance"
         )
+    distance = np.abs(body.epipolar[body.surface.valid])
+    low, high = (100.0 * float(np.mean(distance > step)) if distance.size else 0.0 for step in EPIPOLAR_STEPS)
+    return (
+        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
+        f"1's point from the epipolar line. Over all frames its rms is {body.epipolar_rms:.3f} px; {low:.2g} "
+        f"% of the points exceed {EPIPOLAR_STEPS[0]:g} px, {high:.2g} % exceed {EPIPOLAR_STEPS[1]:g} px. "
+        "Crosses: last places of the points that are lost at that time."
+    )
 
 
 OUTCOME_COLOURS = {
-    PointOutcome.OUT_OF_VIEW: "#56B4E9",
-    PointOutcome.LOW_CONTRAST: "#F0E442",
-    PointOutcome.NOT_CONVERGED: "#E69F00",
-    PointOutcome.LOW_CORRELATION: "#D55E00",
-    PointOutcome.STEREO_MISMATCH: "#CC79A7",
-    PointOutcome.NO_FIRST_GUESS: "#000000",
-    PointOutcome.AT_END: "#0072B2",
-    PointOutcome.OFF_SURFACE: "#009E73",
+    PointOutcome.OUT_OF_VIEW: BAND,
+    PointOutcome.LOW_CONTRAST: YELLOW,
+    PointOutcome.NOT_CONVERGED: FORCE,
+    PointOutcome.LOW_CORRELATION: MODEL,
+    PointOutcome.STEREO_MISMATCH: PAPER,
+    PointOutcome.NO_FIRST_GUESS: MEASURED,
+    PointOutcome.AT_END: SHAPE,
+    PointOutcome.OFF_SURFACE: GREEN,
 }
 
 
-def _outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
-    """Return an outcome in words, e.g. "low correlation"."""
-    return outcome.name.lower().replace("_", " ")
-
-
-def _caption_lost(view: SurfaceView) -> str:
-    """Return the caption."""
-    return (
-        "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
-        "picture of camera 0. (b) Points of the specimen that were not found, by outcome; grey bands: frames "
-        "of which a picture could not be used."
-    )
-
-
-def _draw_lost(view: SurfaceView, panels: Panels) -> None:
-    """Draw the map and the history."""
+@figure(PAGE, 62.0, [["map", "history"]], width_ratios=[1.0, 1.35], letters=True)
+def lost_points(view: SurfaceView, panels: Panels) -> str:
     body, result = view.result.specimen, view.result
     ax = panels["map"]
     share = body.surface.valid.mean(axis=0)
-    points = ax.scatter(
-        body.points[:, 0],
-        body.points[:, 1],
-        c=100.0 * share,
-        s=9.0,
-        vmin=0.0,
-        vmax=100.0,
-        cmap="cividis",
-        lw=0.0,
-    )
-    ax.set_aspect("equal")
+    points = show_points(ax, body.points, 100.0 * share, 0.0, 100.0, s=9.0, cmap="cividis")
+    ax.set(aspect="equal", xlabel="$x$ (px)", ylabel="$y$ (px)")
     ax.invert_yaxis()
-    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
-    bar = ax.figure.colorbar(points, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
-    bar.set_label("Frames with the point (%)")
-    smooth_bar(bar)
-    label_panel(ax, "a")
+    colour_bar(points, ax, "Frames with the point (%)", aspect=25, pad=0.02)
 
     ax = panels["history"]
     time = MS * result.t
@@ -240,63 +192,26 @@ def _draw_lost(view: SurfaceView, panels: Panels) -> None:
     between = 0.5 * (time[1:] + time[:-1])
     edges = np.concatenate([[time[0] - half], between, [time[-1] + half]])
     bottom, usable = np.zeros(time.size), result.outcome == FrameOutcome.VALID
-    found = body.outcomes()
+    outcomes = body.outcomes()
     for outcome, colour in OUTCOME_COLOURS.items():
-        if outcome not in found:
+        if outcome not in outcomes:
             continue
-        count = np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
-        ax.stairs(
-            bottom + count,
-            edges,
-            baseline=bottom,
-            fill=True,
-            color=colour,
-            label=_outcome_words(outcome),
-            lw=0.0,
-        )
-        bottom += count
-    ax.set(
-        xlabel="Time (ms)",
-        ylabel=f"Points lost, of {body.surface.n_points}",
-        xlim=(time[0] - half, time[-1] + half),
-    )
+        top = bottom + np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
+        words = outcome.name.lower().replace("_", " ")
+        ax.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=words, lw=0.0)
+        bottom = top
+    ax.set(xlabel="Time (ms)", ylabel=f"Points lost, of {body.surface.n_points}")
+    ax.set_xlim(time[0] - half, time[-1] + half)
     ax.set_ylim(0.0, max(1.25 * bottom.max(), 1.0))
     if bottom.any():
         ax.legend(loc="upper left")
     else:
-        ax.text(0.5, 0.5, "none was lost", transform=ax.transAxes, ha="center", color=GREY)
-    label_panel(ax, "b")
-
-
-SURFACE_POINTS: tuple[FigureKind[SurfaceView], ...] = (
-    FigureKind(
-        name="overlay-sigma",
-        width=PAGE,
-        height=_height_of,
-        caption=_caption_sigma,
-        panels=_panels_of,
-        draw=_draw_sigma,
-        applies=lambda view: bool(view.pictures),
-    ),
-    FigureKind(
-        name="overlay-epipolar",
-        width=PAGE,
-        height=_height_of,
-        caption=_caption_epipolar,
-        panels=_panels_of,
-        draw=_draw_epipolar,
-        applies=lambda view: bool(view.pictures),
-    ),
-    FigureKind(
-        name="lost-points",
-        width=PAGE,
-        height=lambda view: 62.0,
-        caption=_caption_lost,
-        panels=lambda view: [["map", "history"]],
-        draw=_draw_lost,
-        mosaic={"width_ratios": [1.0, 1.35]},
-    ),
-)
+        note_empty(ax, "none was lost")
+    return (
+        "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
+        "picture of camera 0. (b) Points of the specimen that were not found, by outcome; grey bands: frames "
+        "of which a picture could not be used."
+    )
 
 
 MILLI_PIXELS = 1e3
@@ -305,23 +220,7 @@ MILLI_PIXELS = 1e3
 
 def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     """Cameras whose speckles are known: number and speckles."""
-    return [(camera, found) for camera, found in enumerate(view.speckles) if found is not None]
-
-
-def _caption_overlay(view: SurfaceView) -> str:
-    """Return the caption."""
-    quality = _cameras(view)[0][1].quality
-    small = any(found.quality.too_small.any() for _, found in _cameras(view))
-    wanted = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
-    return (
-        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
-        f"a subset of {quality.subset} px centred there, the larger of x and y. "
-        + (
-            f"Outlined: the subset is too small for {wanted}."
-            if small
-            else f"It is under {wanted} everywhere."
-        )
-    )
+    return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 
 def _height_of_overlay(view: SurfaceView) -> float:
@@ -330,110 +229,91 @@ def _height_of_overlay(view: SurfaceView) -> float:
     return float(np.clip(0.36 * PAGE * rows / columns + 22.0, 40.0, 200.0))
 
 
-def _draw_overlay(view: SurfaceView, panels: Panels) -> None:
-    """Draw the picture of each camera with its map."""
-    shown, drawn = _cameras(view), None
+@figure(
+    PAGE,
+    _height_of_overlay,
+    lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
+    applies=lambda view: bool(_cameras(view)),
+    letters=True,
+)
+def speckles(view: SurfaceView, panels: Panels) -> str:
+    cameras, drawn = _cameras(view), None
     worst = [
         MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
-        for _, s in shown
+        for _, s in cameras
     ]
-    known = np.concatenate([values[np.isfinite(values)] for values in worst])
-    low, high = np.percentile(known, [1.0, 99.0]) if known.size else (0.0, 1.0)
+    finite = np.concatenate([values[np.isfinite(values)] for values in worst])
+    low, high = np.percentile(finite, [1.0, 99.0]) if finite.size else (0.0, 1.0)
     axes: list[Any] = []
-    for (camera, found), values, mark in zip(shown, worst, "ab", strict=False):
+    for (camera, found), values in zip(cameras, worst, strict=True):
         ax = panels[f"camera {camera}"]
-        dark, bright = np.percentile(found.picture, [0.5, 99.5])
-        ax.imshow(found.picture, cmap="gray", vmin=dark, vmax=max(bright, dark + 1), interpolation="none")
+        show_picture(ax, found.picture)
         drawn = ax.imshow(
             values, cmap="viridis", vmin=low, vmax=max(high, 1.01 * low), alpha=0.65, interpolation="none"
         )
         small = found.quality.too_small
         if small.any() and not small.all():
             ax.contour(small, levels=[0.5], colors=[LOST_COLOUR], linewidths=1.0)
-        ax.set_xlabel("$x$ (px)")
         ax.set_title(f"camera {camera}", loc="right", pad=2.5)
-        label_panel(ax, mark)
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
     if drawn is not None:
         full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
-        bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
-        bar.set_label("Predicted standard deviation of a match (mpx)")
-        smooth_bar(bar)
+        below: dict[str, Any] = {"location": "bottom", "aspect": 40, "pad": 0.02, "extend": "both"}
+        colour_bar(full, axes, "Predicted standard deviation of a match (mpx)", **below)
+    quality = cameras[0][1].quality
+    target = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
+    return (
+        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
+        f"a subset of {quality.subset} px centred there, the larger of x and y. "
+        + (
+            f"Outlined: the subset is too small for {target}."
+            if any(found.quality.too_small.any() for _, found in cameras)
+            else f"It is under {target} everywhere."
+        )
+    )
 
 
-def _caption_floor(shown: Speckles) -> str:
-    """Return the caption."""
-    quality = shown.quality
+def _height_of_floor(result: Speckles) -> float:
+    """Height of a row of three panels with the colour bar below [mm]."""
+    rows, columns = result.picture.shape
+    return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
+
+
+@figure(PAGE, _height_of_floor, [["picture", "floor", "share"]], letters=True)
+def speckle_floor(result: Speckles, panels: Panels) -> str:
+    quality = result.quality
+    picture, floor, share = (panels[name] for name in ("picture", "floor", "share"))
+    show_picture(picture, result.picture)
+    finite = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
+    worst = MILLI_PIXELS * quality.floor.max(axis=2)
+    ends = np.percentile(finite.max(axis=1), [1.0, 99.0]) if finite.size else (0.0, 1.0)
+    floor.set_facecolor(GREY)
+    drawn = floor.imshow(
+        worst, cmap="plasma", vmin=ends[0], vmax=max(ends[1], 1.01 * ends[0]), interpolation="nearest"
+    )
+    floor.set_xlabel("$x$ (px)")
+    picture.set_ylabel("$y$ (px)")
+    floor.tick_params(labelleft=False)
+    colour_bar(drawn, floor, "Predicted floor (mpx)", location="bottom", aspect=25, pad=0.02, extend="both")
+
+    parts = np.arange(1, len(finite) + 1) / max(len(finite), 1)
+    for k, (name, colour, style) in enumerate((("$x$", MEASURED, "-"), ("$y$", MODEL, "--"))):
+        share.step(np.sort(finite[:, k]), parts, style, color=colour, where="post", label=name)
+    if quality.wanted is not None:
+        share.axvline(MILLI_PIXELS * quality.wanted, color=BAND, ls=":", label="asked for")
+    share.set_xlim(0.0, 1.15 * max(float(ends[1]), MILLI_PIXELS * (quality.wanted or 0.0)))
+    share.set_ylim(0.0, 1.0)
+    share.yaxis.set_major_formatter(PercentFormatter(1.0))
+    share.set(xlabel="Floor (mpx)", ylabel="Share of the subsets")
+    share.legend(loc="upper left")
+    quality = result.quality
     text = (
         f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
         "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
         "that reach a floor."
     )
     return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
-
-
-def _height_of_floor(shown: Speckles) -> float:
-    """Height of a row of three panels with the colour bar below [mm]."""
-    rows, columns = shown.picture.shape
-    return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
-
-
-def _draw_floor(shown: Speckles, panels: Panels) -> None:
-    """Draw the picture, the map and the distribution."""
-    quality, (picture, floor, share) = shown.quality, (panels[name] for name in ("picture", "floor", "share"))
-    low, high = np.percentile(shown.picture, [0.5, 99.5])
-    picture.imshow(shown.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
-    known = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
-    worst = MILLI_PIXELS * quality.floor.max(axis=2)
-    ends = np.percentile(known.max(axis=1), [1.0, 99.0]) if known.size else (0.0, 1.0)
-    floor.set_facecolor(GREY)
-    drawn = floor.imshow(
-        worst, cmap="plasma", vmin=ends[0], vmax=max(ends[1], 1.01 * ends[0]), interpolation="nearest"
-    )
-    for ax in (picture, floor):
-        ax.set_xlabel("$x$ (px)")
-    picture.set_ylabel("$y$ (px)")
-    floor.tick_params(labelleft=False)
-    figure = floor.figure
-    bar = figure.colorbar(drawn, ax=floor, location="bottom", aspect=25, pad=0.02, extend="both")  # type: ignore[union-attr]
-    bar.set_label("Predicted floor (mpx)")
-    smooth_bar(bar)
-
-    parts = np.arange(1, len(known) + 1) / max(len(known), 1)
-    for k, (name, colour, style) in enumerate((("$x$", MEASURED, "-"), ("$y$", MODEL, "--"))):
-        share.step(np.sort(known[:, k]), parts, style, color=colour, where="post", label=name)
-    if quality.wanted is not None:
-        share.axvline(MILLI_PIXELS * quality.wanted, color=BAND, ls=":", label="asked for")
-    share.set_xlim(0.0, 1.15 * max(float(ends[1]), MILLI_PIXELS * (quality.wanted or 0.0)))
-    share.set_ylim(0.0, 1.0)
-    share.yaxis.set_major_formatter(PercentFormatter(1.0))
-    share.set_xlabel("Floor (mpx)")
-    share.set_ylabel("Share of the subsets")
-    share.legend(loc="upper left")
-    for ax, mark in zip((picture, floor, share), "abc", strict=True):
-        label_panel(ax, mark)
-
-
-SPECKLE_OVERLAY: tuple[FigureKind[SurfaceView], ...] = (
-    FigureKind(
-        name="speckles",
-        width=PAGE,
-        height=_height_of_overlay,
-        caption=_caption_overlay,
-        panels=lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
-        draw=_draw_overlay,
-        applies=lambda view: bool(_cameras(view)),
-    ),
-)
-SPECKLE_FLOOR = FigureKind(
-    name="speckle-floor",
-    width=PAGE,
-    height=_height_of_floor,
-    caption=_caption_floor,
-    panels=lambda shown: [["picture", "floor", "share"]],
-    draw=_draw_floor,
-)
 
 
 SHOWN_FIELDS = {"motion": "displacement", "exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
@@ -459,43 +339,33 @@ def _fields_height(view: FullFieldView) -> float:
     return float(np.clip(2.0 * (0.36 * PAGE * y / x + 14.0), 60.0, 220.0))
 
 
-def draw_fields(view: FullFieldView, panels: Panels) -> None:
-    """Draw displacement and strains over the picture of the frame shown."""
+@figure(PAGE, _fields_height, [["motion", "exx"], ["eyy", "exy"]], letters=True)
+def full_field(view: FullFieldView, panels: Panels) -> str:
     result = view.result
     room = result.facts.get("subset", 21)
     at = result.pixels[0, view.frame]
-    seen = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
-    for (name, label), mark in zip(SHOWN_FIELDS.items(), "abcd", strict=True):
+    valid = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
+    for name, label in SHOWN_FIELDS.items():
         ax = panels[name]
         if view.picture is not None:
-            low, high = np.percentile(np.asarray(view.picture, dtype=np.float64), [0.5, 99.5])
-            ax.imshow(view.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="none")
-        label_panel(ax, mark)
-        ax.set_xlabel("$x$ (px)")
-        ax.set_ylabel("$y$ (px)")
+            show_picture(ax, view.picture)
+        ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
         values = _field(view, name)
-        shown = seen & np.isfinite(values)
-        if not shown.any():
+        chosen = valid & np.isfinite(values)
+        if not chosen.any():
             note_empty(ax, "no point has a value")
             continue
-        (x0, y0), (x1, y1) = at[shown].min(axis=0) - room, at[shown].max(axis=0) + room
+        (x0, y0), (x1, y1) = at[chosen].min(axis=0) - room, at[chosen].max(axis=0) + room
         ax.set_xlim(x0, x1)
         ax.set_ylim(y1, y0)
-        low, high = np.percentile(values[shown], [1.0, 99.0])
+        low, high = np.percentile(values[chosen], [1.0, 99.0])
         if high - low < 1e-9 * max(abs(high), 1.0):
             low, high = low - 0.5, high + 0.5
         size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
-        points = ax.scatter(
-            at[shown, 0], at[shown, 1], c=values[shown], s=max(0.5 * size, 0.8) ** 2, cmap="viridis",
-            vmin=low, vmax=high, linewidths=0, rasterized=True,
-        )  # fmt: skip
-        bar = ax.figure.colorbar(points, ax=ax, fraction=0.05, pad=0.02)
-        bar.set_label(f"displacement ({_field_unit(view)[1]})" if name == "motion" else label)
-        smooth_bar(bar)
-
-
-def caption_fields(view: FullFieldView) -> str:
-    """Return the caption."""
+        style: dict[str, Any] = {"s": max(0.5 * size, 0.8) ** 2, "cmap": "viridis", "rasterized": True}
+        points = show_points(ax, at[chosen], values[chosen], low, high, **style)
+        words = f"displacement ({_field_unit(view)[1]})" if name == "motion" else label
+        colour_bar(points, ax, words, fraction=0.05, pad=0.02)
     facts = view.result.facts
     return (
         f"Frame {view.frame} of camera 0 with (a) the size of the displacement since the reference and "
@@ -519,16 +389,20 @@ def _history_panels(view: FullFieldView) -> list[list[str]]:
     )
 
 
-def draw_histories(view: FullFieldView, panels: Panels) -> None:
-    """Draw mean strains, extensometers and radius over time."""
+@figure(
+    PAGE,
+    lambda view: 110.0 if view.result.cylinder else 60.0,
+    _history_panels,
+    applies=_has_lines,
+    letters=True,
+)
+def histories(view: FullFieldView, panels: Panels) -> str:
     result, (t, label) = view.result, _history_time(view)
     mean, ax = 100.0 * result.mean_strain, panels["mean"]
     for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
         ax.plot(t, mean[:, k], ".-", color=colour, label=f"$E_{{{name}}}$", markersize=3)
-    ax.set_ylabel("mean strain (%)")
-    ax.set_xlabel(label)
+    ax.set(xlabel=label, ylabel="mean strain (%)")
     ax.legend(frameon=False)
-    label_panel(ax, "a")
     if result.extensions:
         ax = panels["extensometers"]
         factor, unit = _field_unit(view)
@@ -538,25 +412,17 @@ def draw_histories(view: FullFieldView, panels: Panels) -> None:
                 t, factor * one.elongation, 2.0 * factor * one.sigma, fmt=".-", color=colour, markersize=3,
                 label=label_text(one.name, 24), elinewidth=0.8,
             )  # fmt: skip
-        ax.set_ylabel(f"elongation ({unit})")
-        ax.set_xlabel(label)
+        ax.set(xlabel=label, ylabel=f"elongation ({unit})")
         ax.legend(frameon=False)
-        label_panel(ax, "b")
     if result.cylinder is not None:
-        ax, mark = panels["radius"], "c" if result.extensions else "b"
+        ax = panels["radius"]
         ax.errorbar(t, MM * result.cylinder.radius, 2.0 * MM * result.cylinder.sigma, fmt=".", color=MEASURED)
         ax.ticklabel_format(axis="y", useOffset=False)
-        ax.set_ylabel("radius (mm)")
-        ax.set_xlabel(label)
-        label_panel(ax, mark)
+        ax.set(xlabel=label, ylabel="radius (mm)")
     if not result.timed:
         for ax in panels.values():
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-
-
-def caption_histories(view: FullFieldView) -> str:
-    """Return the caption."""
-    text = "(a) Mean of the strains of all points."
+    text = f"{'(a) ' if len(panels) > 1 else ''}Mean of the strains of all points."
     if view.result.extensions:
         text += " (b) Virtual extensometers."
     if view.result.cylinder is not None:
@@ -564,24 +430,3 @@ def caption_histories(view: FullFieldView) -> str:
             f" ({'c' if view.result.extensions else 'b'}) Radius of the cylinder that fits each frame best."
         )
     return text + " Bars: ± 2 standard deviations from the noise of the matches."
-
-
-FULL_FIELD = (
-    FigureKind(
-        name="full-field",
-        width=PAGE,
-        height=_fields_height,
-        caption=caption_fields,
-        panels=lambda view: [["motion", "exx"], ["eyy", "exy"]],
-        draw=draw_fields,
-    ),
-    FigureKind(
-        name="histories",
-        width=PAGE,
-        height=lambda view: 110.0 if view.result.cylinder else 60.0,
-        caption=caption_histories,
-        panels=_history_panels,
-        draw=draw_histories,
-        applies=_has_lines,
-    ),
-)

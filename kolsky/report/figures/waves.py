@@ -1,5 +1,7 @@
 """Figures of classical reductions: bar signals, bars brought together, repeated tests, and flyer tests."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -16,9 +18,9 @@ from kolsky.report.figures.base import (
     MS,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
-    label_panel,
+    figure,
+    label_point,
     largest,
     note_empty,
 )
@@ -28,6 +30,8 @@ US, MICRO = 1e6, 1e6
 """Factors from s to µs and from strain to µm/m."""
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
 """Colour and line of each way of analysis."""
+LETTERED = ("signals", "forces", "strain", "curve")
+"""Panels with letters; the others lie below one of them."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
 
 
@@ -50,10 +54,25 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
     return scale(values, ((1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")))
 
 
-def _caption_waves(result: WavesResult) -> str:
-    """Return the caption."""
+@figure(
+    PAGE,
+    130.0,
+    [
+        ["signals", "forces"],
+        ["signals", "imbalance"],
+        ["strain", "curve"],
+        ["rate", "curve"],
+    ],
+    height_ratios=[1.5, 1.0, 1.25, 1.25],
+    letters=LETTERED,
+)
+def waves(result: WavesResult, panels: Panels) -> str:
+    _signals(panels["signals"], result)
+    _forces(panels["forces"], panels["imbalance"], result)
+    _strain(panels["strain"], panels["rate"], result)
+    _curve(panels["curve"], result)
     balanced = result.reduction.balanced
-    held = (
+    balance = (
         f"the forces are balanced from {US * balanced[0]:.4g} to {US * balanced[1]:.4g} µs (shaded)"
         if balanced
         else "the forces are never balanced"
@@ -61,34 +80,14 @@ def _caption_waves(result: WavesResult) -> str:
     return (
         f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at "
         f"the gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front "
-        f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal "
-        "strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave "
-        "analysis, the band belongs to three waves."
+        f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {balance}. (c) "
+        "Nominal strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and "
+        "three-wave analysis, the band belongs to three waves."
     )
 
 
-def _draw_waves(result: WavesResult, panels: Panels) -> None:
-    """Draw the four panels."""
-    _signals(panels["signals"], result)
-    _forces(panels["forces"], panels["imbalance"], result)
-    _strain(panels["strain"], panels["rate"], result)
-    _curve(panels["curve"], result)
-    for ax, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        label_panel(panels[ax], text)
-
-
-def _caption_checked(shot: CheckedBars) -> str:
-    """Return the caption."""
-    return (
-        f"Strain at the gauges on the shot’s clock, {shot.load} positive, with the windows of the pulses (by "
-        f"{shot.windows.source}), and the baselines (grey), which give zero and noise: no part of a pulse "
-        "may lie in them. Dotted: where the reflected and the transmitted pulse are predicted by the "
-        "distances and wave speeds."
-    )
-
-
-def _draw_checked(shot: CheckedBars, panels: Panels) -> None:
-    """Draw the signals with windows, baselines and predicted arrivals."""
+@figure(PAGE, 75.0, [["signals"]])
+def checked_bars(shot: CheckedBars, panels: Panels) -> str:
     ax = panels["signals"]
     _signals(ax, shot)
     for station in shot.given.stations.values():
@@ -98,6 +97,12 @@ def _draw_checked(shot: CheckedBars, panels: Panels) -> None:
     times = [end for station in shot.given.stations.values() for end in station.baseline]
     low, high = ax.get_xlim()
     ax.set_xlim(min(low, US * min(times)), max(high, US * max(times)))
+    return (
+        f"Strain at the gauges on the shot’s clock, {shot.load} positive, with the windows of the pulses (by "
+        f"{shot.windows.source}), and the baselines (grey), which give zero and noise: no part of a pulse "
+        "may lie in them. Dotted: where the reflected and the transmitted pulse are predicted by the "
+        "distances and wave speeds."
+    )
 
 
 def _signals(ax: Axes, result: WavesResult | CheckedBars) -> None:
@@ -105,25 +110,14 @@ def _signals(ax: Axes, result: WavesResult | CheckedBars) -> None:
         (result.incident, "-", "incident gauge"),
         (result.transmission, "--", "transmission gauge"),
     ):
-        ax.plot(
-            US * station.strain.time,
-            US * station.strain.value,
-            dash,
-            color=MEASURED,
-            lw=0.7,
-            label=label,
-        )
+        strain = station.strain
+        ax.plot(US * strain.time, MICRO * strain.value, dash, color=MEASURED, lw=0.7, label=label)
     for row, (name, colour) in enumerate(PULSES.items()):
         first, last = getattr(result.windows, name)
         ax.axvspan(US * first, US * last, color=colour, alpha=0.16, lw=0.0)
-        ax.annotate(
-            name,
-            (0.5 * US * (first + last), 0.02 + 0.05 * (row % 2)),
-            xycoords=("data", "axes fraction"),
-            ha="center",
-            va="bottom",
-            color=colour,
-        )
+        place = (0.5 * US * (first + last), 0.02 + 0.05 * (row % 2))
+        style: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "color": colour}
+        label_point(ax, name, place, (0, 0), va="bottom", **style)
     spans = [getattr(result.windows, name) for name in PULSES]
     first, last = min(s[0] for s in spans), max(s[1] for s in spans)
     margin = 0.15 * (last - first)
@@ -205,41 +199,28 @@ def _curve(ax: Axes, result: WavesResult) -> None:
     ax.legend(loc="best")
 
 
-def _caption_bars_together(found: BarsTogether) -> str:
-    """Return the caption."""
-    return (
-        "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated "
-        f"there by the first mode of Pochhammer and Chree with c₀ = {found.wave_speed:.1f} m/s and gain "
-        f"{found.gain:.4f}. "
-        f"Bottom: their difference, {100.0 * found.rms:.2f} % rms of the peak; a plain shift leaves "
-        f"{100.0 * found.plain_rms:.2f} %."
-    )
-
-
-def _draw_bars_together(found: BarsTogether, panels: Panels) -> None:
-    """Draw both pulses and the residual."""
+@figure(COLUMN, 80.0, [["pulse"], ["residual"]], sharex=True, height_ratios=[2.0, 1.0])
+def bars_together(result: BarsTogether, panels: Panels) -> str:
     top, low = panels["pulse"], panels["residual"]
-    time = US * found.time
-    top.plot(time, MICRO * found.measured, color=MEASURED, label="measured")
-    top.plot(time, MICRO * (found.measured + found.residual), "--", color=MODEL, label="carried there")
+    time = US * result.time
+    top.plot(time, MICRO * result.measured, color=MEASURED, label="measured")
+    top.plot(time, MICRO * (result.measured + result.residual), "--", color=MODEL, label="carried there")
     top.set_ylabel("Strain (µm/m)")
     top.legend(loc="best")
     top.tick_params(labelbottom=False)
     low.axhline(0.0, color=GREY, lw=0.5)
-    low.plot(time, MICRO * found.residual, color=MODEL, lw=0.7)
+    low.plot(time, MICRO * result.residual, color=MODEL, lw=0.7)
     low.set(xlabel="Time (µs)", ylabel="Difference (µm/m)")
-
-
-def _caption_repeats(mean: RepeatedTests) -> str:
-    """Return the caption."""
     return (
-        f"Nominal stress against nominal strain of {mean.repeats.count} tests (grey), their mean and its 95 "
-        "% confidence band, with the scatter between tests and what they have in common."
+        "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated "
+        f"there by the first mode of Pochhammer and Chree with c₀ = {result.wave_speed:.1f} m/s and gain "
+        f"{result.gain:.4f}. Bottom: their difference, {100.0 * result.rms:.2f} % rms of the peak; a plain "
+        f"shift leaves {100.0 * result.plain_rms:.2f} %."
     )
 
 
-def _draw_repeats(mean: RepeatedTests, panels: Panels) -> None:
-    """Draw the tests, the mean and the band."""
+@figure(COLUMN, 70.0, [["curve"]])
+def repeats(mean: RepeatedTests, panels: Panels) -> str:
     ax, together = panels["curve"], mean.repeats
     factor, unit = stress_scale(together.mean)
     for number, row in enumerate(together.values):
@@ -249,53 +230,29 @@ def _draw_repeats(mean: RepeatedTests, panels: Panels) -> None:
     ax.plot(together.axis, factor * together.mean, color=MEASURED, lw=1.0, label="mean")
     ax.set(xlabel="Nominal strain (–)", ylabel=f"Nominal stress ({unit})")
     ax.legend(loc="best")
+    return (
+        f"Nominal stress against nominal strain of {mean.repeats.count} tests (grey), their mean and its 95 "
+        "% confidence band, with the scatter between tests and what they have in common."
+    )
 
 
-REDUCTION: tuple[FigureKind[WavesResult], ...] = (
-    FigureKind(
-        name="waves",
-        width=PAGE,
-        height=lambda result: 130.0,
-        caption=_caption_waves,
-        panels=lambda result: [
-            ["signals", "forces"],
-            ["signals", "imbalance"],
-            ["strain", "curve"],
-            ["rate", "curve"],
-        ],
-        draw=_draw_waves,
-        mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
-    ),
+@figure(
+    PAGE,
+    130.0,
+    [
+        ["signals", "forces"],
+        ["signals", "shares"],
+        ["strain", "curve"],
+        ["rate", "curve"],
+    ],
+    height_ratios=[1.5, 1.0, 1.25, 1.25],
+    letters=LETTERED,
 )
-BARS_TOGETHER = FigureKind(
-    name="bars-together",
-    width=COLUMN,
-    height=lambda found: 80.0,
-    caption=_caption_bars_together,
-    panels=lambda found: [["pulse"], ["residual"]],
-    draw=_draw_bars_together,
-    mosaic={"sharex": True, "height_ratios": [2.0, 1.0]},
-)
-CHECKED_BARS = FigureKind(
-    name="checked-bars",
-    width=PAGE,
-    height=lambda shot: 75.0,
-    caption=_caption_checked,
-    panels=lambda shot: [["signals"]],
-    draw=_draw_checked,
-)
-REPEATED_TESTS = FigureKind(
-    name="repeats",
-    width=COLUMN,
-    height=lambda mean: 70.0,
-    caption=_caption_repeats,
-    panels=lambda mean: [["curve"]],
-    draw=_draw_repeats,
-)
-
-
-def _caption_flyer_test(result: FlyerResult) -> str:
-    """Return the caption."""
+def flyer_test(result: FlyerResult, panels: Panels) -> str:
+    _flyer_signals(panels["signals"], result)
+    _flyer_forces(panels["forces"], panels["shares"], result)
+    _flyer_strain(panels["strain"], panels["rate"], result)
+    _flyer_curve(panels["curve"], result)
     valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
         first, last = (MS * t for t in result.valid)
@@ -309,32 +266,15 @@ def _caption_flyer_test(result: FlyerResult) -> str:
     )
 
 
-def _draw_flyer_test(result: FlyerResult, panels: Panels) -> None:
-    """Draw the four panels."""
-    _flyer_signals(panels["signals"], result)
-    _flyer_forces(panels["forces"], panels["shares"], result)
-    _flyer_strain(panels["strain"], panels["rate"], result)
-    _flyer_curve(panels["curve"], result)
-    for name, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        label_panel(panels[name], text)
-
-
 def _flyer_signals(ax: Axes, result: FlyerResult) -> None:
     time = result.reduction.time
     for signal, colour in zip(result.signals[::-1], (SHAPE, MODEL), strict=False):
         ax.plot(MS * signal.time, signal.value, color=colour, lw=0.6, label=signal.name)
-    found = [(name, at) for name, at, _, _ in result.events if at is not None]
-    for number, (name, at) in enumerate(found):
+    events = [(name, at) for name, at, _, _ in result.events if at is not None]
+    for number, (name, at) in enumerate(events):
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
-        ax.annotate(
-            name,
-            (MS * at, 0.98 - 0.07 * (number % 3)),
-            xycoords=("data", "axes fraction"),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="top",
-            color=GREY,
-        )
+        place = (MS * at, 0.98 - 0.07 * (number % 3))
+        label_point(ax, name, place, (2, 0), xycoords=("data", "axes fraction"), va="top", color=GREY)
     margin = 0.05 * (time[-1] - time[0])
     ax.set_xlim(MS * (time[0] - margin), MS * (time[-1] + margin))
     ax.set(xlabel="Time (ms)", ylabel="Force at the transducer (N)")
@@ -394,21 +334,3 @@ def _flyer_curve(ax: Axes, result: FlyerResult) -> None:
     ax.set_ylim(-top, top)
     ax.set(xlabel="Nominal strain (–)", ylabel=f"Nominal stress ({unit})")
     ax.legend(loc="lower right")
-
-
-FLYER_TEST: tuple[FigureKind[FlyerResult], ...] = (
-    FigureKind(
-        name="flyer-test",
-        width=PAGE,
-        height=lambda result: 130.0,
-        caption=_caption_flyer_test,
-        panels=lambda result: [
-            ["signals", "forces"],
-            ["signals", "shares"],
-            ["strain", "curve"],
-            ["rate", "curve"],
-        ],
-        draw=_draw_flyer_test,
-        mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
-    ),
-)

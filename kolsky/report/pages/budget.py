@@ -90,9 +90,9 @@ def _part(value: float, u: float) -> str:
 
 
 def _warnings(result: Budget) -> list[str]:
-    found = []
+    texts = []
     if result.adds_up is False:
-        found.append(
+        texts.append(
             "The sources added in quadrature do not give the uncertainty of all at once: they act on each "
             "other, or the answer is not linear in them. The draws of all at once hold."
         )
@@ -100,17 +100,17 @@ def _warnings(result: Budget) -> list[str]:
         places = ", ".join(
             numbers.plain(value * name_of(result.parameter).factor, 4) for value in result.elsewhere
         )
-        found.append(
+        texts.append(
             f"{len(result.elsewhere)} of {result.searched} whole searches with all errors at once ended in "
             f"another valley of the misfit, at {places}. The uncertainties here are those within the valley "
             "of the test without errors; a jump is no part of them."
         )
     if lost := [source.factor.words for source in result.sources if source.refused]:
-        found.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")
+        texts.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")
     if result.refused:
         drawn = len(result.refused) + len(result.together)
-        found.append(f"{len(result.refused)} of {drawn} tests with all errors at once gave no answer.")
-    return found
+        texts.append(f"{len(result.refused)} of {drawn} tests with all errors at once gave no answer.")
+    return texts
 
 
 def _campaign(campaign: Campaign) -> list[tuple[str, str]]:

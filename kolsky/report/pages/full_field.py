@@ -10,7 +10,7 @@ from kolsky.pictures.rig import refinement_words
 from kolsky.pictures.summary import words
 from kolsky.report.figures import FULL_FIELDS
 from kolsky.report.pages import surfaces
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.report.picture_views import FullFieldView
 
 AXES = {
@@ -35,7 +35,7 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         subject="full-field measurement",
         figures=draw_figures(FULL_FIELDS.values(), shown),
         rows=list(printed(result).items()),
-        warnings=[f"{warning}." for warning in warnings(result)],
+        warnings=sentences(warnings(result)),
         outcomes=surfaces.rows_of_points(result.outcomes(), result.surface.outcome.size),
         frames=surfaces.rows_of_frames(result.bad_frames()),
         settings=[
@@ -53,18 +53,18 @@ write_page = page_writer(render)
 
 def warnings(result: FullField) -> list[str]:
     """Return the warnings about a result."""
-    said = [f"{remark.name}: {remark.text}; {remark.cure}" for remark in result.remarks]
-    said += [
+    texts = [f"{remark.name}: {remark.text}; {remark.cure}" for remark in result.remarks]
+    texts += [
         f"frame {frame} gave no points: {outcome.cause}; {outcome.cure}"
         for frame, outcome in result.bad_frames().items()
     ]
-    gone = result.facts.get("points_without_reference", 0)
-    if gone:
-        said.append(
-            f"{gone} of {gone + len(result.points)} points of the region were not matched at the reference "
-            "and are in no table"
+    missing = result.facts.get("points_without_reference", 0)
+    if missing:
+        texts.append(
+            f"{missing} of {missing + len(result.points)} points of the region were not matched at the "
+            "reference and are in no table"
         )
-    return said
+    return texts
 
 
 def summary(result: FullField) -> dict[str, Any]:
@@ -125,8 +125,8 @@ def printed(result: FullField) -> dict[str, str]:
         table["sigma of a strain"] = f"{1e6 * rows['strain_sigma']:.3g} µm/m"
     if "epipolar_median_px" in rows:
         table["epipolar distance, median"] = f"{rows['epipolar_median_px']:.4f} px"
-    if said := refinement_words(result.facts.get("refinement", {})):
-        table["pose refined from the speckles"] = said
+    if texts := refinement_words(result.facts.get("refinement", {})):
+        table["pose refined from the speckles"] = texts
     if "last_frame" in rows:
         strain = ", ".join("-" if v is None else f"{100.0 * v:.4f}" for v in rows["mean_strain_xx_yy_xy"])
         table[f"mean strain xx, yy, xy in frame {rows['last_frame']}"] = f"{strain} %"

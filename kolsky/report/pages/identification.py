@@ -30,7 +30,7 @@ from kolsky.report.pages.rendering import (
     render_page,
     script,
 )
-from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
+from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.identification_rows import fit_tables, held_line
@@ -91,10 +91,6 @@ def _value_text(value: Any, factor: float, digits: int) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
-
-
-def _milliseconds(time: float) -> str:
-    return f"{numbers.rounded(1e3 * float(time), -3)} ms"
 
 
 def _shown_unit(unit: str) -> str:
@@ -169,13 +165,13 @@ def _data_facts(result: Identification) -> list[tuple[str, str]]:
     c, plain = result.comparison, numbers.plain
     line, rows = c.centre_line, []
     if c.force_time.size:
-        window = f"{_milliseconds(c.force_time[0])} to {_milliseconds(c.force_time[-1])}"
+        window = f"{milliseconds(c.force_time[0])} to {milliseconds(c.force_time[-1])}"
         rows.append(("window of the force", f"{window}, {c.force_time.size} bins"))
         rows.append(("largest measured force", f"{plain(float(c.force_measured.max()), 3)} N"))
         rows.append(("noise of a bin, median", f"{plain(float(np.median(c.force_sigma)), 2)} N"))
     if line.time.size:
         frames = np.unique(line.frame).size
-        window = f"{_milliseconds(line.time.min())} to {_milliseconds(line.time.max())}"
+        window = f"{milliseconds(line.time.min())} to {milliseconds(line.time.max())}"
         rows.append(("window of the outline", f"{window}, {frames} frames, {line.time.size} points"))
         rows.append(("noise of a point, median", f"{plain(1e6 * float(np.median(line.sigma)), 2)} µm"))
         rows.append(("points outside the model’s range", f"{int((~c.inside).sum())}, not counted"))
@@ -214,7 +210,7 @@ def _ending_words(ending: Ending) -> str:
     if ending.outcome.ok:
         return name
     r, y = (numbers.rounded(1e3 * x, -2) for x in ending.place)
-    return f"{name} at {_milliseconds(ending.time)}, element {ending.element} at ({r}, {y}) mm"
+    return f"{name} at {milliseconds(ending.time)}, element {ending.element} at ({r}, {y}) mm"
 
 
 def _failure_rows(result: Identification) -> list[tuple[str, str]]:
@@ -381,7 +377,7 @@ def render(
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
     provenance = result.provenance
-    figures = _figures(identification, result, recordings, processes)
+    figures = _figures(identification, recordings, processes)
     return render_page(
         _TEMPLATE,
         using=_templates(),
@@ -425,30 +421,18 @@ def write_report(
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    identification : Identification
-        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
-        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
-        "settings" and "versions" have their own tables; every other entry is listed under "Further".
-    recordings : ShotRecordings, optional
-        Recordings of the shot's own files; without them their sections are left out.
-    processes : int
-        Number of processes that draw the figures.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    ``path``: the file, replaced atomically if it exists; its folder must exist. ``identification``: the
+    result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface", "support" and
+    "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256), "settings" and
+    "versions" have their own tables; every other entry is listed under "Further". ``recordings``: recordings
+    of the shot's own files; without them their sections are left out. ``processes``: number of processes that
+    draw the figures. Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     page_writer(render)(path, identification, recordings, processes=processes)
 
 
 def _figures(
     identification: Identification,
-    result: Identification,
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
@@ -456,7 +440,7 @@ def _figures(
 
     The template removes each figure that it places; the others follow under "Further figures".
     """
-    groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
+    groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:
         groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
     drawn = draw_groups(groups, processes=processes)

@@ -11,61 +11,61 @@ from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of
 
 
-def render(found: JointResult) -> str:
+def render(result: JointResult) -> str:
     """Return the page as HTML text; see `write_page`."""
     return render_page(
         "joint.html",
         kind="Several impact tests of one material, identified together",
-        heading=f"{len(found.shots)} shots",
+        heading=f"{len(result.shots)} shots",
         subject="joint identification",
-        warnings=sentences(found.warnings),
-        figures=draw_figures([kind for kind in JOINT.values() if kind.applies(found)], found),
-        facts=_facts(found),
-        parameters=[_parameter(found, name) for name in found.estimates],
-        shots=[_shot(found, k) for k in range(len(found.shots))],
+        warnings=sentences(result.warnings),
+        figures=draw_figures(JOINT.values(), result),
+        facts=_facts(result),
+        parameters=[_parameter(result, name) for name in result.estimates],
+        shots=[_shot(result, k) for k in range(len(result.shots))],
     )
 
 
 write_page = page_writer(render)
 
 
-def _facts(found: JointResult) -> list[tuple[str, str]]:
+def _facts(result: JointResult) -> list[tuple[str, str]]:
     rows = []
-    reference = reference_words((*found.estimates, *found.fixed))
+    reference = reference_words((*result.estimates, *result.fixed))
     if reference:
         rows.append(("what m refers to", reference))
-    if found.scatter is not None:
-        low, high = found.scatter.interval
+    if result.scatter is not None:
+        low, high = result.scatter.interval
         rows.append(
             (
                 "scatter of the stiffness between shots",
-                f"{numbers.percent(found.scatter.value)}, 95 % interval {numbers.percent(low)} to "
+                f"{numbers.percent(result.scatter.value)}, 95 % interval {numbers.percent(low)} to "
                 f"{numbers.percent(high)}",
             )
         )
-    if found.choice is not None:
-        rows.append(("with what relaxes, and without", found.choice.sentence))
+    if result.choice is not None:
+        rows.append(("with what relaxes, and without", result.choice.sentence))
     rows += [
         (f"slow test {name}: mean squared residual over noise", numbers.plain(value, 3))
-        for name, value in found.slow.items()
+        for name, value in result.slow.items()
     ]
-    across, along = found.refined_mesh
+    across, along = result.refined_mesh
     rows.append(("mesh of the answer", f"{across} × {along}"))
-    rows.append(("simulations", str(found.runs)))
+    rows.append(("simulations", str(result.runs)))
     return rows
 
 
-def _parameter(found: JointResult, name: str) -> dict[str, Any]:
-    e, known = found.estimates[name], name_of(name)
-    factor = known.factor
-    value, half = numbers.measured(factor * e.value, factor * found.expanded[name])
+def _parameter(result: JointResult, name: str) -> dict[str, Any]:
+    e, entry = result.estimates[name], name_of(name)
+    factor = entry.factor
+    value, half = numbers.measured(factor * e.value, factor * result.expanded[name])
     if e.outcome is Verdict.NOT_SEEN:
-        low, high = (factor * end for end in interval(e, found.expanded[name]))
+        low, high = (factor * end for end in interval(e, result.expanded[name]))
         value, half = f"{numbers.plain(low, 2)} to {numbers.plain(high, 2)}", numbers.NOTHING
     return {
-        "words": known.words,
-        "symbol": known.symbol,
-        "unit": "" if known.unit == "1" else known.unit,
+        "words": entry.words,
+        "symbol": entry.symbol,
+        "unit": "" if entry.unit == "1" else entry.unit,
         "value": value,
         "half": half,
         "sigma": numbers.plain(factor * e.sigma, 2),
@@ -74,8 +74,8 @@ def _parameter(found: JointResult, name: str) -> dict[str, Any]:
     }
 
 
-def _shot(found: JointResult, k: int) -> dict[str, str]:
-    part = found.shots[k]
+def _shot(result: JointResult, k: int) -> dict[str, str]:
+    part = result.shots[k]
     return {
         "name": part.name,
         "factor": numbers.plain(part.factor, 4),

@@ -20,19 +20,19 @@ WORDS = {
 """The numbers of a test in words, and shown number over SI."""
 
 
-def render(found: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
+def render(result: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
     """Return the page as HTML text; see `write_page`."""
-    figures = draw_figures(PREDICTIONS.values(), found)
+    figures = draw_figures(PREDICTIONS.values(), result)
     if scan is not None:
         figures += draw_figures(SCANS.values(), (scan, aim), first=len(figures) + 1)
-    table = events_table(found)
+    table = events_table(result)
     return render_page(
         "prediction.html",
         kind="Planned impact test, predicted",
-        heading=found.test.declared.name,
+        heading=result.test.declared.name,
         subject="prediction",
-        warnings=sentences(doubts(found)),
-        facts=rows(found.numbers),
+        warnings=sentences(doubts(result)),
+        facts=rows(result.numbers),
         aim=[] if aim is None else _aimed(aim),
         events=[
             (name, f"{1e6 * t:.0f}", f"{v:.2f}", f"{100 * e:.1f}", f"{f:.1f}")
@@ -45,17 +45,17 @@ def render(found: Prediction, scan: Scan | None = None, aim: Aim | None = None) 
 write_page = page_writer(render)
 
 
-def rows(found: Numbers) -> list[tuple[str, str]]:
+def rows(result: Numbers) -> list[tuple[str, str]]:
     """The numbers of a test in words."""
     return [
-        (words, numbers.plain(factor * getattr(found, name), 4)) for name, (words, factor) in WORDS.items()
+        (words, numbers.plain(factor * getattr(result, name), 4)) for name, (words, factor) in WORDS.items()
     ]
 
 
 def _aimed(aim: Aim) -> list[tuple[str, str]]:
-    said = [(key, numbers.plain(value, 4)) for key, value in aim.at.items()]
+    lines = [(key, numbers.plain(value, 4)) for key, value in aim.at.items()]
     for name, value in aim.wanted.items():
         words, factor = WORDS[name]
         given = numbers.plain(factor * getattr(aim.numbers, name), 4)
-        said.append((words, f"{given}, wanted {numbers.plain(factor * value, 4)}"))
-    return [*said, ("reached", "yes" if aim.reached else "no, this is the nearest within the ranges")]
+        lines.append((words, f"{given}, wanted {numbers.plain(factor * value, 4)}"))
+    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest within the ranges")]

@@ -44,17 +44,22 @@ def _answer_lines(group: GroupRates) -> dict[str, str] | None:
     p = group.pooled
     if p is None:
         return None
-    low, high = p.interval
-    half = 0.5 * (high - low)
+    mean, low, high = _ends(p.mean, p.interval)
     rates = [shot.history.nominal_rate for shot in group.counted]
     return {
-        "mean": measured(p.mean, half)[0],
-        "low": numbers.like(low, half),
-        "high": numbers.like(high, half),
+        "mean": mean,
+        "low": low,
+        "high": high,
         "rates": f"{plain(min(rates), 3)} to {plain(max(rates), 3)} 1/s",
         "tau": plain(p.fit.between, 2),
         "U": plain(2.0 * p.scatter, 2),
     }
+
+
+def _ends(value: float, interval: tuple[float, float]) -> tuple[str, str, str]:
+    """A value and the ends of its interval, with the digits that half its width asks for."""
+    half = 0.5 * (interval[1] - interval[0])
+    return measured(value, half)[0], numbers.like(interval[0], half), numbers.like(interval[1], half)
 
 
 def _slope(line: Slope) -> dict[str, Any]:
@@ -65,10 +70,8 @@ def _slope(line: Slope) -> dict[str, Any]:
         "value": "",
     }
     if line.fit is not None:
-        low, high = line.fit.interval(1)
-        half = 0.5 * (high - low)
-        ends = {"low": numbers.like(low, half), "high": numbers.like(high, half)}
-        shown |= {"value": measured(float(line.fit.coefficients[1]), half)[0], **ends}
+        value, low, high = _ends(float(line.fit.coefficients[1]), line.fit.interval(1))
+        shown |= {"value": value, "low": low, "high": high}
     return shown
 
 
@@ -76,13 +79,8 @@ def _lever(group: GroupRates) -> dict[str, str] | None:
     lever = group.long_lever
     if lever is None:
         return None
-    half = 0.5 * (lever.interval[1] - lever.interval[0])
-    return {
-        "decades": numbers.rounded(lever.decades, -1),
-        "slope": measured(lever.slope, half)[0],
-        "low": numbers.like(lever.interval[0], half),
-        "high": numbers.like(lever.interval[1], half),
-    }
+    slope, low, high = _ends(lever.slope, lever.interval)
+    return {"decades": numbers.rounded(lever.decades, -1), "slope": slope, "low": low, "high": high}
 
 
 def _shot_row(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
@@ -138,8 +136,7 @@ def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
     p = group.pooled
     if p is None:
         return []
-    low, high = p.prediction
-    half = 0.5 * (high - low)
+    _, low, high = _ends(p.mean, p.prediction)
     mean, u = measured(p.mean, p.sigma)
     others = {name: (plain(m, 4), plain(tau, 2)) for name, (m, tau) in p.others.items()}
     return [
@@ -151,7 +148,7 @@ def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
         ("probability of such a Q by noise alone", plain(p.probability, 2)),
         ("I², share of the scatter not from noise", percent(p.fit.i_squared)),
         ("Knapp and Hartung’s factor", plain(p.fit.scale, 3)),
-        ("one more shot, 95 %", f"{numbers.like(low, half)} to {numbers.like(high, half)}"),
+        ("one more shot, 95 %", f"{low} to {high}"),
         ("by DerSimonian and Laird: mean, τ", ", ".join(others["dersimonian-laird"])),
         ("by restricted likelihood: mean, τ", ", ".join(others["reml"])),
     ]
@@ -175,14 +172,12 @@ def _without(group: GroupRates) -> list[dict[str, str]]:
     for shot, mean, line in fits:
         row = dict.fromkeys(("mean", "interval", "tau", "slope"), NOTHING)
         if mean is not None:
-            low, high = mean.interval(0)
-            half = 0.5 * (high - low)
-            row["mean"] = measured(float(mean.coefficients[0]), half)[0]
-            row["interval"] = f"{numbers.like(low, half)} to {numbers.like(high, half)}"
+            row["mean"], low, high = _ends(float(mean.coefficients[0]), mean.interval(0))
+            row["interval"] = f"{low} to {high}"
             row["tau"] = plain(mean.between, 2)
         if line is not None:
-            low, high = line.interval(1)
-            value, half_width = measured(float(line.coefficients[1]), 0.5 * (high - low))
+            start, end = line.interval(1)
+            value, half_width = measured(float(line.coefficients[1]), 0.5 * (end - start))
             row["slope"] = f"{value} ± {half_width}"
         rows.append({"name": shot.name, **row})
     return rows

@@ -8,9 +8,9 @@ from kolsky.results import numbers
 from kolsky.studies.rate_dependence import SlowDynamics
 
 
-def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
+def render(result: SlowDynamics, hashes: dict[str, str]) -> str:
     """Return the page as HTML text; see `write_page`."""
-    fit = found.fit
+    fit = result.fit
     units = {"factor": "", "strength": "", "time": "s"}
     constants = []
     for name, value in zip(fit.names, fit.values, strict=True):
@@ -26,7 +26,7 @@ def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
             }
         )
     sweeps = []
-    for name, one in found.sweeps.items():
+    for name, one in result.sweeps.items():
         sigma = None if one.covariance is None else np.sqrt(np.diag(one.covariance))
         shown = one.law_holds and sigma is not None and one.C1 is not None and one.C2 is not None
         C1, U1 = numbers.measured(one.C1, 2.0 * sigma[0]) if shown else ("", "")  # type: ignore[index, arg-type]
@@ -45,12 +45,12 @@ def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
     return render_page(
         "relaxation.html",
         kind="Rate dependence of slow tests",
-        heading=", ".join(test.label for test in found.tests),
+        heading=", ".join(test.label for test in result.tests),
         subject="rate dependence of the material",
-        remarks=list(found.remarks),
-        sentence=found.verdict.sentence,
+        remarks=list(result.remarks),
+        sentence=result.verdict.sentence,
         constants=constants,
-        young=numbers.plain(1e-3 * found.young, 4),
+        young=numbers.plain(1e-3 * result.young, 4),
         sweeps=sweeps,
         moduli=[
             {
@@ -59,12 +59,12 @@ def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
                 "strain": f"{one.strain.min():.3g} to {one.strain.max():.3g}",
                 "modulus": f"{1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g}",
             }
-            for one in found.moduli
+            for one in result.moduli
         ],
-        figures=draw_figures(RELAXATIONS.values(), found),
+        figures=draw_figures(RELAXATIONS.values(), result),
         settings=[
-            ("law", type(found.law).__name__ + ("" if found.declared else ", not declared")),
-            ("branches tried", str(len(found.verdict.fits) - 1)),
+            ("law", type(result.law).__name__ + ("" if result.declared else ", not declared")),
+            ("branches tried", str(len(result.verdict.fits) - 1)),
         ],
         inputs=list(hashes.items()),
     )

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from dic.files import replacing
 from dic.processes import run_parallel
 from kolsky.base.process import infrequent_gc
-from kolsky.report.canvas import inline_svg
+from kolsky.report.canvas import build, inline_svg
 from kolsky.report.figures import FigureKind
 from kolsky.results.nomenclature import typeset, upper_first, with_subscripts
 
@@ -66,31 +66,18 @@ class FigureGroup:
     """Their kinds in the order of the page."""
     shown: Any
     """Result to draw."""
-    captioned: Any = None
-    """Result for the captions and for `applies`; `shown` if left out."""
-
-    @property
-    def about(self) -> Any:
-        """What the captions are about."""
-        return self.shown if self.captioned is None else self.captioned
 
 
 def draw_figures(
     kinds: Iterable[FigureKind[Any]],
     shown: Any,
     *,
-    captioned: Any = None,
     first: int = 1,
     processes: int = 1,
     mark: str = "",
 ) -> list[dict[str, Any]]:
-    """Draw the figures of one group, see `draw_groups`.
-
-    ``kinds``, ``shown``, ``captioned``: as of `FigureGroup`. ``first``, ``processes``, ``mark``: as of
-    `draw_groups`.
-    """
-    group = FigureGroup(kinds, shown, captioned)
-    return draw_groups([group], first=first, processes=processes, mark=mark)
+    """Draw the figures of one group, a `FigureGroup`, with the options of `draw_groups`."""
+    return draw_groups([FigureGroup(kinds, shown)], first=first, processes=processes, mark=mark)
 
 
 def draw_groups(
@@ -109,26 +96,29 @@ def draw_groups(
     ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: added to the names of the
     figures in their ids, where a page has a figure of one name several times.
     """
-    figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
+    figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
-        draw = [
-            partial(inline_svg, kind, group.shown, name)
-            for (kind, group), name in zip(figures, names, strict=True)
-        ]
+        draw = [partial(_drawn, *one, name) for one, name in zip(figures, names, strict=True)]
         pictures = run_parallel(draw[::-1], processes=processes)[::-1]
     return [
         {
             "id": name,
             "number": number,
-            "svg": Markup(picture),  # serialised as XML: every text is escaped
-            "caption": with_subscripts(kind.caption(group.about)),
+            "svg": Markup(svg),  # serialised as XML: every text is escaped
+            "caption": with_subscripts(caption),
             "width": kind.width,
         }
-        for number, (name, picture, (kind, group)) in enumerate(
+        for number, (name, (svg, caption), (kind, _)) in enumerate(
             zip(names, pictures, figures, strict=True), start=first
         )
     ]
+
+
+def _drawn(kind: FigureKind[Any], shown: Any, name: str) -> tuple[str, str]:
+    """Draw a figure and return it as SVG, and its caption."""
+    figure = build(kind, shown)
+    return inline_svg(figure, name), str(figure.get_label())
 
 
 def render_page(
@@ -148,13 +138,13 @@ def render_page(
     `environment` if left out. ``context``: all other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
-    found = (using or environment()).get_template(template)
+    page = (using or environment()).get_template(template)
     policy = {
         "styles": digest(css),
         "scripts": digest(context["script"]) if "script" in context else "'none'",
     }
     heading = shortened(heading, HEADING)
-    return found.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
+    return page.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
 
 
 def script(name: str) -> Markup:
@@ -164,8 +154,8 @@ def script(name: str) -> Markup:
 
 def digest(text: str) -> Markup:
     """The source of a Content-Security-Policy that allows this very text and no other."""
-    found = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
-    return Markup(f"'sha256-{found}'")
+    page = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
+    return Markup(f"'sha256-{page}'")
 
 
 _P = ParamSpec("_P")
@@ -173,7 +163,7 @@ _P = ParamSpec("_P")
 
 def sentences(texts: Iterable[str]) -> list[str]:
     """Return warnings as sentences."""
-    return [f"{text[:1].upper()}{text[1:]}." for text in texts]
+    return [f"{upper_first(text)}." for text in texts]
 
 
 def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:

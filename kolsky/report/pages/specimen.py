@@ -23,8 +23,8 @@ def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
     if isinstance(shown, SpecimenView):
         values = cross_table(shown.fits, tests)
         table = [
-            (found.name, [numbers.plain(v) if np.isfinite(v) else numbers.NOTHING for v in row])
-            for found, row in zip(shown.fits, values, strict=True)
+            (fit.name, [numbers.plain(v) if np.isfinite(v) else numbers.NOTHING for v in row])
+            for fit, row in zip(shown.fits, values, strict=True)
         ]
     return render_page(
         "specimen.html",
@@ -54,12 +54,12 @@ def _shown_value(spec: ConstantSpec, value: float | None) -> str:
 def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
     """Rows of the table of constants."""
     rows = []
-    for found in view.fits:
-        for spec, one in zip(found.constants.free_specs, found.intervals.estimates, strict=True):
+    for fit in view.fits:
+        for spec, one in zip(fit.constants.free_specs, fit.intervals.estimates, strict=True):
             ends = f"{_shown_value(spec, one.low)} to {_shown_value(spec, one.high)}"
             rows.append(
                 {
-                    "fit": found.name,
+                    "fit": fit.name,
                     "name": one.name,
                     "value": _shown_value(spec, one.value),
                     "interval": ends if one.sigma is not None else numbers.NOTHING,
@@ -72,22 +72,22 @@ def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
 
 def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
     """Rows of the table of constants of a sheet."""
-    found = view.fit
-    words = "identified" if found.adequate else "of a model that does not explain the field"
+    fit = view.fit
+    words = "identified" if fit.adequate else "of a model that does not explain the field"
     return [
         {
             "fit": "all steps",
             "name": spec.name,
             "value": _shown_value(spec, float(value)),
             "interval": numbers.NOTHING
-            if held
+            if bound
             else f"{_shown_value(spec, float(value - 1.96 * sigma))} to "
             f"{_shown_value(spec, float(value + 1.96 * sigma))}",
-            "verdict": "at its bound" if held else words,
-            "ok": found.adequate and not held,
+            "verdict": "at its bound" if bound else words,
+            "ok": fit.adequate and not bound,
         }
-        for spec, value, sigma, held in zip(
-            found.constants.free_specs, found.values, found.sigma, found.at_bound, strict=True
+        for spec, value, sigma, bound in zip(
+            fit.constants.free_specs, fit.values, fit.sigma, fit.at_bound, strict=True
         )
     ]
 
@@ -95,22 +95,22 @@ def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
 def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
     """The numbers of a result as terminal and page show them."""
     if isinstance(shown, SheetView):
-        found = shown.fit
-        data = found.problem.data
+        fit = shown.fit
+        data = fit.problem.data
         return {
-            "kinematics": found.problem.sheet.kinematics.replace("_", " "),
+            "kinematics": fit.problem.sheet.kinematics.replace("_", " "),
             "steps": str(len(data.pad)),
-            "misfit of the displacements": f"{numbers.percent(float(found.misfit.min()))} to "
-            f"{numbers.percent(float(found.misfit.max()))}",
+            "misfit of the displacements": f"{numbers.percent(float(fit.misfit.min()))} to "
+            f"{numbers.percent(float(fit.misfit.max()))}",
             "noise of a point": f"{1e6 * data.sigma_displacement:.3g} µm",
-            "simulations": str(found.simulations),
+            "simulations": str(fit.simulations),
         }
     rows = {}
     for one in shown.fits:
-        said = one.intervals
+        intervals = one.intervals
         rows[one.name] = (
             f"{one.constants.law}, {' + '.join(one.fitted)}; χ² / degrees of freedom "
-            f"{one.found.chi2 / said.degrees:.3g}, {one.found.simulations} simulations, "
+            f"{one.found.chi2 / intervals.degrees:.3g}, {one.found.simulations} simulations, "
             f"{one.found.ended}"
         )
     return rows

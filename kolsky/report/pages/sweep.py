@@ -81,14 +81,14 @@ def _best(result: SweepAnalysis) -> str:
 
 
 def _surface(result: SweepAnalysis) -> str:
-    found = result.optimum
-    assert found is not None  # where it is asked for
+    optimum = result.optimum
+    assert optimum is not None  # where it is asked for
     at = ", ".join(
         f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
-        + (f" (at the {found.at_bound[name]} bound)" if name in found.at_bound else "")
-        for name, value in found.at.items()
+        + (f" (at the {optimum.at_bound[name]} bound)" if name in optimum.at_bound else "")
+        for name, value in optimum.at.items()
     )
-    return f"{WORDS[found.output]} = {numbers.plain(found.value)} at {at}"
+    return f"{WORDS[optimum.output]} = {numbers.plain(optimum.value)} at {at}"
 
 
 def _listed(result: SweepAnalysis) -> list[int]:

@@ -1,5 +1,6 @@
 """Tables of the report about uncertainty: likelihood, declared uncertainties, what would narrow it."""
 
+from collections.abc import Callable
 from math import isclose, isfinite, sqrt
 from typing import Any
 
@@ -112,20 +113,20 @@ def changes(result: Identification) -> list[str]:
 
     ``result``: in display units, see `kolsky.results.display`.
     """
-    said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
-    return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]
+    lines = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
+    return [*lines, *_others_known(result), *_curve(result), *_undeclared(result)]
 
 
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
     """Return the standard uncertainties in the interval by cause, the largest first."""
-    found = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
+    sigmas = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
     computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
-    found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
+    sigmas |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
     for declared in result.systematic:
         if estimate.name in declared.shifts:
             words = _words(declared.key)
-            found[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
-    return dict(sorted(found.items(), key=lambda part: -part[1]))
+            sigmas[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
+    return dict(sorted(sigmas.items(), key=lambda part: -part[1]))
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:
@@ -207,10 +208,7 @@ WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 def choices(result: Identification) -> list[dict[str, Any]]:
     """Return the rows of the choices: the choice, its value, the shift of each parameter, what was done.
 
-    Parameters
-    ----------
-    result
-        In display units.
+    ``result``: in display units.
     """
     return [*_inputs(result), *_window(result), *_data(result), *_mesh(result)]
 
@@ -246,27 +244,38 @@ def _inputs(result: Identification) -> list[dict[str, Any]]:
 
 
 def _window(result: Identification) -> list[dict[str, Any]]:
-    c = result.comparison
-    rows = []
-    tried = {key: [v for v in result.variations if v.key == key] for key in (WINDOW_END, FORCE_BINS)}
+    c, rows = result.comparison, []
     if len(window := result.provenance.get("window_s", [])) == 2:
-        end = f"{numbers.rounded(1e3 * float(window[1]), -3)} ms"
-        words = "end of the window"
-        if not tried[WINDOW_END]:
-            rows.append(_row(result, words, end, {}, f"{NOT_VARIED}: set window.end and try"))
-        for v in tried[WINDOW_END]:
-            other = f"{numbers.rounded(1e3 * v.value, -3)} ms instead"
-            rows.append(_row(result, words, end, dict(v.shifts), f"{other}: {v.status}"))
+        end, hint = milliseconds(float(window[1])), f"{NOT_VARIED}: set window.end and try"
+        rows += _varied(result, WINDOW_END, "end of the window", end, milliseconds, hint)
     if c.force_time.size > 1:
-        width = 1e6 * float(c.force_time[1] - c.force_time[0])
-        taken = f"{c.force_time.size} means over {numbers.plain(width, 3)} µs"
-        words = "bins of the force (no other filter)"
-        if not tried[FORCE_BINS]:
-            rows.append(_row(result, words, taken, {}, NOT_VARIED))
-        for v in tried[FORCE_BINS]:
-            other = f"{numbers.plain(1e6 * v.value, 3)} µs instead"
-            rows.append(_row(result, words, taken, dict(v.shifts), f"{other}: {v.status}"))
+        width = float(c.force_time[1] - c.force_time[0])
+        means, words = (
+            f"{c.force_time.size} means over {_microseconds(width)}",
+            "bins of the force (no other filter)",
+        )
+        rows += _varied(result, FORCE_BINS, words, means, _microseconds, NOT_VARIED)
     return rows
+
+
+def _varied(
+    result: Identification, key: str, words: str, value: str, shown: Callable[[float], str], without: str
+) -> list[dict[str, Any]]:
+    """Rows of a choice with every other value that was tried."""
+    return [
+        _row(result, words, value, dict(v.shifts), f"{shown(v.value)} instead: {v.status}")
+        for v in result.variations
+        if v.key == key
+    ] or [_row(result, words, value, {}, without)]
+
+
+def milliseconds(time: float) -> str:
+    """A time in ms."""
+    return f"{numbers.rounded(1e3 * time, -3)} ms"
+
+
+def _microseconds(time: float) -> str:
+    return f"{numbers.plain(1e6 * time, 3)} µs"
 
 
 def _data(result: Identification) -> list[dict[str, Any]]:

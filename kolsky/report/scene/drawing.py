@@ -40,26 +40,9 @@ LONGEST_TRIAL = 120.0
 def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
     """Render the specimen at one time.
 
-    Parameters
-    ----------
-    scene
-        Simulation to show.
-    k
-        Index into ``scene.times``.
-    size
-        Width and height [px].
-    bar
-        Add the colour bar and the time.
-
-    Returns
-    -------
-    image
-        RGB, shape [height, width, 3].
-
-    Raises
-    ------
-    IndexError
-        If there is no such time.
+    ``scene``: simulation to show. ``k``: index into ``scene.times``; IndexError if there is no such time.
+    ``size``: width and height [px]. ``bar``: add the colour bar and the time. Returns: RGB, shape [height,
+    width, 3].
     """
     return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
 

@@ -5,30 +5,41 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.files import replacing
 from kolsky.report.scene.drawing import picture
 from kolsky.report.scene.scene_data import Scene
 
+Progress = Callable[[int], None]
 FILMS = ("mp4", "gif")
 """Formats of a film."""
 
 
 def write_film(
+    path: Path, scene: Scene, *, every: int = 1, rate: float = 25.0, progress: Progress = lambda n: None
+) -> Path:
+    """Write the deformation as a film; arguments and errors as of `write_frames`, ``scene`` to show."""
+    frames = range(len(scene.times))
+    return write_frames(path, lambda k: picture(scene, k), frames, every=every, rate=rate, progress=progress)
+
+
+def write_frames(
     path: Path,
-    scene: Scene,
+    draw: Callable[[int], NDArray[np.uint8]],
+    frames: Sequence[int],
     *,
     every: int = 1,
     rate: float = 25.0,
-    progress: Callable[[int], None] = lambda n: None,
+    progress: Progress = lambda n: None,
 ) -> Path:
-    """Write the deformation as a film.
+    """Write pictures as a film.
 
-    ``path``: file to write; its suffix gives the format, one of `FILMS`. ``scene``: simulation to show.
-    ``every``: take one picture in this many, the first included. ``rate``: frame rate of the film [1/s].
-    ``progress``: called with 1 after each picture. Raises ValueError if the format is unknown, or `every` or
-    `rate` is not positive. Raises ImportError if the package that writes films is not installed; the message
-    says how to get it.
+    ``path``: file to write; its suffix gives the format, one of `FILMS`. ``draw``: returns the picture of a
+    frame, shape [height, width, 3]. ``every``: take one frame in this many, the first included. ``rate``:
+    frame rate of the film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the
+    format is unknown, or `every` or `rate` is not positive. Raises ImportError if the package that writes
+    films is not installed; the message says how to get it.
     """
     path = Path(path)
     kind = path.suffix.lstrip(".").lower()
@@ -39,8 +50,8 @@ def write_film(
     writer = writer_for(kind)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as partial, writer(partial, rate) as film:
-        for k in range(0, len(scene.times), every):
-            film.append_data(picture(scene, k))
+        for k in frames[::every]:
+            film.append_data(draw(k))
             progress(1)
     return path
 

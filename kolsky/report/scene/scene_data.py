@@ -186,25 +186,11 @@ def scene_of(
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
-    Parameters
-    ----------
-    result
-        Its response must hold the nodes, its provenance the specimen's size.
-    field
-        One of `kolsky.report.scene.scene_data.FIELDS`.
-    solid
-        Material; required by fields that are stresses or energies.
-    surface
-        Measured points of the whole surface, beside the outline.
-    chosen
-        Gives the indices of the pictures among so many times; default all. The colour scale is that of all.
-
-    Raises
-    ------
-    ValueError
-        If the field is unknown or lacks the solid.
-    SceneDataMissing
-        If the result lacks the nodes or the specimen's size.
+    ``result``: its response must hold the nodes, its provenance the specimen's size; else SceneDataMissing is
+    raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are stresses or energies.
+    ``surface``: measured points of the whole surface, beside the outline. ``chosen``: gives the indices of
+    the pictures among so many times; default all. The colour scale is that of all. Raises ValueError if the
+    field is unknown or lacks the solid.
     """
     from explicit.mesh import deformation_gradient
 

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import write_table
 from kolsky.studies.budget.factors import Factor
 from kolsky.studies.budget.realisation import RealisationOutcome
 
@@ -258,28 +256,25 @@ def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) ->
     )
 
 
-def write_budget(path: Path, result: Budget) -> Path:
-    """Write one row a source: standard uncertainty of the source, what it does to the answer, its share."""
+def columns(result: Budget) -> dict[str, list[Any]]:
+    """One row a source: standard uncertainty of the source, what it does to the answer, its share."""
     sources = result.sources
-    return write_table(
-        path,
-        {
-            "source": [source.factor.words for source in sources],
-            "key": [source.factor.key for source in sources],
-            "standard uncertainty (SI)": [source.factor.sigma for source in sources],
-            "slope (SI)": [source.slope for source in sources],
-            "bias (SI)": [source.bias for source in sources],
-            "u (SI)": [source.u for source in sources],
-            "share (1)": [result.share(source) for source in sources],
-            "share, 95 % from (1)": [source.share_interval[0] for source in sources],
-            "share, 95 % to (1)": [source.share_interval[1] for source in sources],
-            "share in all at once (1)": [source.joint_share for source in sources],
-            "in all at once, 95 % from (1)": [source.joint_interval[0] for source in sources],
-            "in all at once, 95 % to (1)": [source.joint_interval[1] for source in sources],
-            "common to all shots (0/1)": [int(source.factor.shared) for source in sources],
-            "refused": ["; ".join(source.refused) for source in sources],
-        },
-    )
+    return {
+        "source": [source.factor.words for source in sources],
+        "key": [source.factor.key for source in sources],
+        "standard uncertainty (SI)": [source.factor.sigma for source in sources],
+        "slope (SI)": [source.slope for source in sources],
+        "bias (SI)": [source.bias for source in sources],
+        "u (SI)": [source.u for source in sources],
+        "share (1)": [result.share(source) for source in sources],
+        "share, 95 % from (1)": [source.share_interval[0] for source in sources],
+        "share, 95 % to (1)": [source.share_interval[1] for source in sources],
+        "share in all at once (1)": [source.joint_share for source in sources],
+        "in all at once, 95 % from (1)": [source.joint_interval[0] for source in sources],
+        "in all at once, 95 % to (1)": [source.joint_interval[1] for source in sources],
+        "common to all shots (0/1)": [int(source.factor.shared) for source in sources],
+        "refused": ["; ".join(source.refused) for source in sources],
+    }
 
 
 def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import jsonable
 from kolsky.base.hdf5 import creating, put
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.studies.planning.information import Expected
@@ -80,8 +80,8 @@ def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def write_csv(folder: Path, plan: Plan) -> list[Path]:
-    """Write plan_force.csv, plan_outline.csv and plan_rates.csv, units in the headers, each atomically."""
+def tables(plan: Plan) -> dict[str, dict[str, Any]]:
+    """Force, outline and rates as named columns, SI, units in the names."""
     found, slopes = plan.information, plan.information.sensitivity
     grid, names = slopes.grid, plan.names
     units = [PARAMETERS[name].unit for name in names]
@@ -108,8 +108,7 @@ def write_csv(folder: Path, plan: Plan) -> list[Path]:
         of_rates[f"sigma {name} ({units[j]})"] = [float(rate.expected.deviations[j]) for rate in plan.rates]
         alone = [float(rate.expected.alone[j]) for rate in plan.rates]
         of_rates[f"sigma {name}, others known ({units[j]})"] = alone
-    tables = {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates}
-    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
+    return {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates}
 
 
 def write_hdf5(path: Path, plan: Plan) -> Path:

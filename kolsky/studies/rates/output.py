@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import columns_of, jsonable
 from kolsky.base.hdf5 import Format, OpenGroup, group, put, put_text, writing
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
 
@@ -18,8 +18,8 @@ ROUTES = ("joint", "force only", "shape only", "paper")
 def tables(report: RateReport) -> dict[str, Columns]:
     """The tables of a report: name -> columns. A number that there is none of is NaN."""
     return {
-        "rate_shots": _of_mappings(_shots(report)),
-        "rate_groups": _of_mappings(map(_group_row, report.groups)),
+        "rate_shots": columns_of(_shots(report)),
+        "rate_groups": columns_of(map(_group_row, report.groups)),
         "rate_leave_one_out": _leave_one_out(report),
         "rate_criteria": _criteria(report),
         "rate_shared": _shared(report),
@@ -35,20 +35,7 @@ def tables(report: RateReport) -> dict[str, Columns]:
 
 
 def _rows(names: list[str], rows: Iterable[tuple[Any, ...]]) -> Columns:
-    columns: Columns = {name: [] for name in names}
-    for row in rows:
-        for name, cell in zip(names, row, strict=True):
-            columns[name].append(cell)
-    return columns
-
-
-def _of_mappings(rows: Iterable[dict[str, Any]]) -> Columns:
-    """Columns of rows that name their own cells."""
-    columns: Columns = {}
-    for row in rows:
-        for name, cell in row.items():
-            columns.setdefault(name, []).append(cell)
-    return columns
+    return columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
 
 
 def _shots(report: RateReport) -> Iterator[dict[str, Any]]:
@@ -291,12 +278,6 @@ def _scatter(report: RateReport) -> Columns:
 
 FORMAT = Format("kolsky-rates")
 _UNIT = re.compile(r" \(([^()]*)\)$")
-
-
-def write_csv(folder: Path, report: RateReport) -> None:
-    """Write rate_*.csv, a file a table."""
-    for name, columns in tables(report).items():
-        write_table(folder / f"{name}.csv", columns)
 
 
 def write_hdf5(path: Path, report: RateReport) -> None:

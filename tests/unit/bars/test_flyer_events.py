@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from softflyer import FRAME, Flight
+from softflyer import Flight
 
 from kolsky.bars.flyer.events import find_kink, flyer_events
 from kolsky.bars.records import Signal
@@ -84,15 +84,8 @@ def test_what_did_not_happen_is_not_found():
     assert events.usable[1] == "the record"
 
 
-def test_lost_symmetry_ends_the_usable_data():
-    class End:
-        row = 30
-
+def test_a_bar_needs_the_transmitted_force():
     motion = Flight().motion(3, 300e-6)
-    events = flyer_events(motion, rest=REST, symmetry=(motion.time, End()))
-    assert events["end of symmetry"].time == motion.time[30]
-    assert events["end of symmetry"].sigma == pytest.approx(FRAME / np.sqrt(12))
-    assert events.usable == (motion.time[30], "end of symmetry")
     with pytest.raises(ValueError, match="give both or neither"):
         flyer_events(motion, rest=REST, bar=BAR)
 

@@ -24,8 +24,9 @@ from kolsky.bars.records import (
     WavesResult,
     Windows,
 )
-from kolsky.bars.reduction.output import summary, write_csv, write_hdf5
+from kolsky.bars.reduction.output import summary, tables, write_hdf5
 from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.files import write_tables
 from kolsky.report.pages.waves import means_over, render
 
 TIME = np.linspace(0.0, 1e-4, 5)
@@ -172,18 +173,18 @@ def test_the_file_of_a_test_with_a_flyer(tmp_path: Path, known: bool) -> None:
 
 
 def test_tables_have_units_in_their_headings(tmp_path: Path) -> None:
-    write_csv(tmp_path, between_bars())
-    tables = {}
+    write_tables(tmp_path, tables(between_bars()))
+    made = {}
     for path in tmp_path.glob("*.csv"):
         with path.open(newline="") as file:
-            tables[path.stem] = list(csv.DictReader(file))
-    last = tables["waves"][-1]
+            made[path.stem] = list(csv.DictReader(file))
+    last = made["waves"][-1]
     assert float(last["stress, three waves (Pa)"]) == 4e6
     assert float(last["sigma of stress, one wave (Pa)"]) == 1e4
     assert float(last["back force (N)"]) == 396.0
     assert float(last["mean force (N)"]) == 4.0
-    assert [row["applied"] for row in tables["waves_corrections"]] == ["yes", "no"]
-    assert [float(row["share of variance, peak stress"]) for row in tables["waves_budget"]] == [0.75, 0.25]
+    assert [row["applied"] for row in made["waves_corrections"]] == ["yes", "no"]
+    assert [float(row["share of variance, peak stress"]) for row in made["waves_budget"]] == [0.75, 0.25]
 
 
 def test_the_balanced_length_stands_beside_the_means():

@@ -308,7 +308,7 @@ def test_facts_of_a_record():
     windows = SimpleNamespace(incident=(1e-4, 3e-4))
     found = quoted.facts(
         {"incident": station, "transmission": station}, check(0.0).observed,
-        (check(2e-6), PulseCheck(1.0, None, "none")), windows, r, summary, SPECIMEN,
+        (check(2e-6), PulseCheck(1.0, None, "none")), windows, r, summary,
     )  # fmt: skip
     assert found["duration of the incident pulse"] == (pytest.approx(1e-3), "s")
     assert found["length of the windows"] == (pytest.approx(2e-4), "s")

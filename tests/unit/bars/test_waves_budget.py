@@ -47,7 +47,6 @@ def test_histories_sample_by_sample():
     )
     u = np.sqrt((0.1 * t) ** 2 + (0.2 * t**2) ** 2 + 0.05**2)
     np.testing.assert_allclose(budget.sigma("y"), u, rtol=1e-12)
-    np.testing.assert_allclose(budget.expanded("y"), 2 * u, rtol=1e-12)
     np.testing.assert_allclose(budget.freedom("y")[1:], u[1:] ** 4 / ((0.1 * t[1:]) ** 4 / 10), rtol=1e-9)
     assert budget.freedom("y")[0] == np.inf  # nothing but noise there
     assert budget.coverage_factor("y")[0] == pytest.approx(1.96, abs=1e-3)

@@ -140,7 +140,7 @@ def reduction(strength, rate):
 
 def test_reductions_of_repeated_tests():
     made = repeated_tests({"a": reduction(100e6, 1000.0), "b": reduction(120e6, 1200.0)})
-    assert (made.unit, made.over) == ("Pa", "strain")
+    assert made.unit == "Pa"
     flat = (made.repeats.axis > 0.05) & (made.repeats.axis < 0.11)
     np.testing.assert_allclose(made.repeats.mean[flat], 110e6, rtol=1e-9)
     np.testing.assert_allclose(made.repeats.scatter[flat], 20e6 / np.sqrt(2.0), rtol=1e-9)
@@ -160,18 +160,6 @@ def test_reductions_of_repeated_tests():
     ]
 
 
-def test_histories_over_time_and_other_ways():
-    tests = {"a": reduction(100e6, 1000.0), "b": reduction(120e6, 1200.0)}
-    made = repeated_tests(tests, quantity="rate", over="time", way="one wave")
-    np.testing.assert_allclose(made.repeats.axis, TIME, atol=1e-15)
-    assert made.repeats.mean[100] == pytest.approx(1100.0)
-    assert made.repeats.remarks == ()
-    for options, message in (
-        ({"quantity": "force"}, "got 'force' over 'strain'"),
-        ({"quantity": "strain"}, "got 'strain' over 'strain'"),
-        ({"way": "four waves"}, "a: no analysis is called 'four waves'; there are one wave"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            repeated_tests(tests, **options)
+def test_one_test_has_no_mean():
     with pytest.raises(ValueError, match="at least 2 tests, got 1"):
-        repeated_tests({"a": tests["a"]})
+        repeated_tests({"a": reduction(100e6, 1000.0)})

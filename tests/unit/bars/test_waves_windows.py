@@ -34,13 +34,6 @@ def test_windows_lie_where_the_waves_are(scene):
     assert windows.source == "travel times"
 
 
-def test_transit_moves_the_transmitted_window_alone():
-    first, second = SCENE.signals()
-    a, b = find_windows(first, second), find_windows(first, second, transit=3e-6)
-    assert (a.incident, a.reflected) == (b.incident, b.reflected)
-    np.testing.assert_allclose(np.subtract(b.transmitted, a.transmitted), 3e-6)
-
-
 def test_the_next_wave_ends_the_windows():
     """A transmission gauge near the free end: its own reflection is back after 2 (L - x) / c0."""
     scene = replace(SCENE, second=replace(SCENE.second, length=0.85))
@@ -130,8 +123,6 @@ def test_stations_are_checked():
         find_windows(second, first)
     with pytest.raises(ValueError, match=r"= 1\.4 m must lie between 0 and the bar's length, 1\.4 m"):
         find_windows(replace(first, position=1.4), second)
-    with pytest.raises(ValueError, match=r"transit = -1e-06 s and tail = 0\.25 must be >= 0"):
-        find_windows(first, second, transit=-1e-6)
     short = replace(second, strain=replace(second.strain, value=second.strain.value[:1500]))
     with pytest.raises(ValueError, match=r"transmission gauge: the record ends .* Cure: a longer record"):
         find_windows(first, short)

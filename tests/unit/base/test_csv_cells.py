@@ -10,9 +10,9 @@ from ratedshots import rated
 
 from dic.files import text_cell
 from dic.output import Row, as_csv, write_history
-from kolsky.base.files import write_table
+from kolsky.base.files import write_table, write_tables
 from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.output import write_csv
+from kolsky.studies.rates.output import tables
 
 HOSTILE = (
     "=1+1",
@@ -60,7 +60,7 @@ def test_tables_guard_names_and_leave_numbers(tmp_path: Path) -> None:
 def test_a_hostile_shot_name_is_text_in_every_table(tmp_path: Path) -> None:
     names = ("=1+1", "@SUM(1;1)", "-2+3", "plain")
     shots = [rated(name, 1.1 + 0.01 * i, 300.0 + 50.0 * i, group="=0") for i, name in enumerate(names)]
-    write_csv(tmp_path, compare(shots, grouped_by="material"))
+    write_tables(tmp_path, tables(compare(shots, grouped_by="material")))
     found = {path.name: cells(path) for path in tmp_path.glob("*.csv")}
     assert len(found) >= 5
     assert [cell for texts in found.values() for cell in formulas(texts)] == []

@@ -100,8 +100,8 @@ class Everything:
 GAUGE = Record(
     Gauge,
     COLLECTION,
-    {"name": GroupName(), "unit": Text(), "value": Floats(RECORD_UNIT), "parts": numbers(RECORD_UNIT)},
-    derived={"twice": Floats(RECORD_UNIT, attributes={"coverage_factor": 2})},
+    {"name": GroupName(), "unit": Text(), "value": Floats(RECORD_UNIT), "parts": numbers(RECORD_UNIT)}
+    | {"twice": Floats(RECORD_UNIT, attributes={"coverage_factor": 2}, derived=True)},
 )
 POINT = Record(Point, COLLECTION, {"x": Floats("m"), "label": Text()})
 ROW = Record(Point, None, {"x": Floats("m", "rows", at="row_x"), "label": Text("rows", at="row_label")})
@@ -123,7 +123,7 @@ EVERYTHING = Record(
         "others": Columns(ROW),
         "two": Pair(Floats("px", "times")),
         "counts": Pairs(
-            Integers("1", "counts", at="count_of"), Integers("1", "counts", at="count"), at=".", key=Ending
+            Integers("1", "counts", at="count_of"), Integers("1", "counts", at="count"), at=".", as_key=Ending
         ),
         "inner": Part(POINT, optional=True),
         "sensor": IntegerAttribute(2, optional=True),

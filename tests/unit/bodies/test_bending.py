@@ -1,6 +1,8 @@
 """Bend, its slope and the inverse of both: closed forms, differences, and planted answers."""
 
+import csv
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,10 @@ import pytest
 from kolsky.bodies.actuator_bending import Search, SearchEnd, pressure_for, pressures_for
 from kolsky.bodies.actuator_control import reduce_actuator
 from kolsky.bodies.actuator_model import bend_of, bend_slope, touching
+from kolsky.bodies.actuator_reading import read_actuator
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_fit import LIMIT, debonding
+from kolsky.bodies.specimen_model import Shape, SpecimenModel, strains
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.solve import Newton
 from kolsky.equilibrium.surface_contact import surface_contacts
@@ -114,3 +120,154 @@ def test_chambers_that_touch() -> None:
     assert touched.slopes()[2, 0] == pytest.approx(difference, rel=1e-4)
     with pytest.raises(ValueError, match="no contact"):
         reduce_actuator(both, DOWN, most=30e3, modes=3, tolerance=1e-3)
+
+
+N = 40
+X = np.linspace(0.0, 1.0, N)
+J = np.stack([X, X**2], -1) * 50.0
+SHORT = -20.0 * X
+"""Force with bonds shorter by 1 mm, less the force as it is, in standard deviations."""
+
+
+def test_length_and_deviation_are_those_of_least_squares() -> None:
+    opened = np.where(np.arange(N) >= 24, SHORT, 0.0)
+    residual = 0.6 * opened + J @ np.array([0.3, -0.1])
+    found = debonding(residual, J, SHORT, amount=1e-3, scale=4.0)
+    assert found is not None
+    assert found.sample == 24
+    assert found.length == pytest.approx(0.6e-3)
+    # The deviation of one more constant in the fit with J: [(A^T A)^-1] of A = [J, template].
+    A = np.column_stack([J, opened])
+    assert found.sigma == pytest.approx(1e-3 * np.sqrt(4.0 * np.linalg.inv(A.T @ A)[2, 2]))
+    assert found.z == pytest.approx(found.length / found.sigma)
+    assert found.searched == round(0.85 * N) - round(0.15 * N)
+
+
+def test_noise_alone_and_a_bond_that_holds_are_not_suspected() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        found = debonding(rng.standard_normal(N), J, SHORT, amount=1e-3, scale=1.0)
+        assert found is not None
+        assert not found.suspected
+    stiffer = debonding(-np.where(np.arange(N) >= 20, SHORT, 0.0), J, SHORT, amount=1e-3, scale=1.0)
+    assert stiffer is not None
+    assert not stiffer.suspected  # more force than the model's is no peeling
+
+
+def test_limit() -> None:
+    opened = np.where(np.arange(N) >= 24, SHORT, 0.0)
+    unit = debonding(opened, J, SHORT, amount=1e-3, scale=1.0)
+    assert unit is not None
+    for size, suspected in ((0.95, False), (1.05, True)):
+        found = debonding(size * LIMIT / unit.z * opened, J, SHORT, amount=1e-3, scale=1.0)
+        assert found is not None
+        assert found.suspected is suspected
+
+
+def test_constants_that_imitate_it_leave_nothing_to_say() -> None:
+    assert debonding(np.zeros(N), np.eye(N), SHORT, amount=1e-3, scale=1.0) is None
+
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gravity", ["downward", "upward"])
+def test_bend_is_that_of_dolfinx(gravity: str) -> None:
+    read = read_actuator(ROOT / "runs" / "actuator" / "pneunet.toml")
+    with (ROOT / "tests" / "reference" / "K_pneunet.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["gravity"] == gravity]
+    pressures = sorted({float(row["pressure (Pa)"]) for row in rows})
+    assert pressures[1:] == pytest.approx([30e3, 50e3, 76e3])
+    run = read.actuator.simulate(read.gravities[gravity], np.array(pressures))
+    mesh = read.actuator.mesh
+    for step, pressure in enumerate(pressures):
+        own = [row for row in rows if float(row["pressure (Pa)"]) == pressure]
+        theirs = np.array([[float(row[f"{axis} (m)"]) for axis in "xyz"] for row in own])
+        nodes = np.array([int(row["node"]) for row in own])
+        ours = mesh.points[nodes] + run.solution.displacements[step, nodes]
+        # the same elements and points of quadrature: what both iterations leave, some 1e-8 of the length
+        assert np.abs(ours - theirs).max() < 1e-7 * np.ptp(mesh.points[:, 0])
+        chord = theirs[-1] - theirs[0]
+        assert run.angle[step] == pytest.approx(np.arctan2(-chord[2], chord[0]), rel=1e-6)
+
+
+LAW = Constants(
+    "mooney_rivlin", {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.4}, ("C10", "C01", "poisson")
+)
+STRIP = Shape("strip", (0.08, 0.02, 0.004), 0.01, (16, 4, 2), element="hex8")
+CROSS = Shape("cross", (0.08, 0.08, 0.004), 0.01, (8, 8, 2), arm=0.02, element="hex8")
+
+
+def test_bonds_are_faces_at_the_ends() -> None:
+    mesh = STRIP.mesh
+    bond = mesh.points[mesh.nodes("bond_x+")]
+    assert bond[:, 0].min() == pytest.approx(0.03)
+    assert np.unique(np.round(bond[:, 2], 9)).tolist() == [0.002]
+    assert STRIP.multiplicity == 4.0
+    whole = Shape("strip", (0.08, 0.02, 0.004), 0.01, (16, 4, 2), element="hex8", symmetry=False)
+    assert len(whole.mesh.nodes("bond_x-")) == 2 * 5 * 3
+    assert whole.multiplicity == 1.0
+
+
+@pytest.mark.parametrize("shape", [STRIP, CROSS])
+def test_an_eighth_pulls_like_the_whole(shape: Shape) -> None:
+    d = np.repeat(np.array([[0.01], [0.02]]), shape.ends, axis=1)
+    whole = Shape(**{**vars_of(shape), "symmetry": False})
+    a, b = (SpecimenModel("one", s).linearised(LAW, LAW.start, d) for s in (shape, whole))
+    assert not isinstance(a, str)
+    assert not isinstance(b, str)
+    assert a.force == pytest.approx(b.force, rel=1e-7)
+    assert a.by_constants == pytest.approx(b.by_constants, rel=1e-6)
+    assert a.by_displacement == pytest.approx(b.by_displacement, rel=1e-5, abs=1e-6)
+
+
+def vars_of(shape: Shape) -> dict[str, object]:
+    """Fields of a shape."""
+    return {name: getattr(shape, name) for name in shape.__dataclass_fields__}
+
+
+def test_slopes_are_those_of_differences() -> None:
+    model, d = SpecimenModel("one", CROSS), np.array([[0.01, 0.015]])
+    here = model.linearised(LAW, LAW.start, d)
+    assert not isinstance(here, str)
+    for j, size in enumerate((10.0, 10.0, 1e-4)):
+        moved = [LAW.start + sign * size * (np.arange(3) == j) for sign in (1.0, -1.0)]
+        up, down = (model.linearised(LAW, values, d) for values in moved)
+        assert here.by_constants[..., j] == pytest.approx((up.force - down.force) / (2.0 * size), rel=1e-4)  # type: ignore[union-attr]
+    for end in range(2):
+        moved = [d + sign * 1e-6 * (np.arange(2) == end) for sign in (1.0, -1.0)]
+        up, down = (model.linearised(LAW, LAW.start, at) for at in moved)
+        slope = (up.force - down.force) / 2e-6  # type: ignore[union-attr]
+        assert here.by_displacement[..., end] == pytest.approx(slope, rel=1e-4, abs=1e-3)
+
+
+def test_samples_may_come_in_any_order() -> None:
+    model = SpecimenModel("one", STRIP)
+    d = np.array([[0.02], [0.005], [0.01]])
+    there, sorted_there = (model.linearised(LAW, LAW.start, x) for x in (d, np.sort(d, axis=0)))
+    assert there.force[[1, 2, 0]] == pytest.approx(sorted_there.force, rel=1e-8)  # type: ignore[union-attr]
+
+
+def test_failure_is_said() -> None:
+    answer = SpecimenModel("one", STRIP).linearised(LAW, np.array([-9e3, 4e3, 0.4]), np.array([[0.01]]))
+    assert isinstance(answer, str)
+
+
+def test_strains_by_volume() -> None:
+    # The whole bonded face is held: volumes add up to the simulated eighth, and the mid-region is stretched
+    # by the stroke over the free length or a little more.
+    model = SpecimenModel("one", STRIP)
+    solution = model.simulate(LAW.solid(LAW.start), np.array([[0.03]]))
+    strain, volume = strains(solution, 0)
+    assert volume.sum() == pytest.approx(0.08 * 0.02 * 0.004 / 8.0)
+    middle = strain[STRIP.mid_region()]
+    assert middle[..., 0].mean() == pytest.approx(0.03 / 0.06, rel=0.1)
+    # compressible at nu = 0.4, uniform: sides are equal
+    assert middle[..., 1].mean() == pytest.approx(middle[..., 2].mean(), abs=0.02)
+
+
+def test_a_shorter_bond() -> None:
+    assert STRIP.shortened().bond == pytest.approx(0.005)
+    with pytest.raises(ValueError, match="at least 2"):
+        Shape("strip", (0.08, 0.02, 0.004), 0.005, (16, 4, 2)).shortened()

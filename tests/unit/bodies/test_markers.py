@@ -1,8 +1,11 @@
 """Markers: pictures with planted places, closed forms of distance and interval, a planted stiffness."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from kolsky.bodies.actuator_camera import (
     NoMarkersError,
@@ -22,6 +25,14 @@ from kolsky.bodies.actuator_markers import (
     marker_positions,
     marker_weights,
 )
+from kolsky.bodies.sheet import outliers, point_noise, project
+from kolsky.cli.commandline import app
+from kolsky.equilibrium.meshes import box
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.solid import CompressibleNeoHookean
+from kolsky.equilibrium.solve import solve
+from kolsky.report.films import largest_stretches
+from kolsky.report.scene import drawing
 from tests.unit.bodies.small import DOWN, actuator
 
 SIZE = (900, 700)
@@ -127,3 +138,85 @@ def test_planted_stiffness_comes_back_within_its_interval() -> None:
     assert found.explained
     assert found.low < 1.2 < found.high
     assert found.high - found.low < 0.1
+
+
+RUBBER = CompressibleNeoHookean.from_young(30e3, 0.3)
+
+
+@pytest.mark.parametrize("kinematics", ["3d", "plane_strain"])
+def test_stretches_of_a_uniform_pull(kinematics: str) -> None:
+    d = 3 if kinematics == "3d" else 2
+    kind = "hex8" if d == 3 else "quad4"
+    free = tuple(Fixed(side, (axis,)) for side, axis in (("left", 0), ("bottom", 1), ("back", 2))[:d])
+    mesh = box((2.0, 1.0, 0.5)[:d], (2, 1, 1)[:d], kind=kind)
+    model = Model(mesh, RUBBER, (*free, Prescribed("right", 0, "pull")), kinematics=kinematics)  # type: ignore[arg-type]
+    stretches = largest_stretches(solve(model, {"pull": [0.5, 1.0]}))
+    np.testing.assert_allclose(stretches, [1.5, 1.5], rtol=1e-9)
+
+
+def test_stills_are_refused_before_the_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent() -> None:
+        raise drawing.CannotRender("pictures of the scene need PyVista")
+
+    monkeypatch.setattr(drawing, "offscreen_pyvista", absent)
+    result = CliRunner().invoke(app, ["specimen", "fit", str(tmp_path / "none.toml"), "--stills"])
+    assert result.exit_code == 2
+    assert "need PyVista" in result.output
+    assert "--vtu" in result.output
+
+
+GRID = np.stack(np.meshgrid(np.arange(12.0), np.arange(9.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3
+
+
+def _quadratic(x: np.ndarray) -> np.ndarray:
+    a, b = 1e3 * x.T
+    return np.stack([1.0 + 2.0 * a - b + 0.3 * a * a - 0.2 * a * b + 0.1 * b * b, 5.0 * b - 0.7 * a * a], -1)
+
+
+def test_a_quadratic_is_reproduced() -> None:
+    targets = np.array([[0.0041, 0.0033], [0.0002, 0.0079], [0.0118, -0.0004]])
+    found = project(GRID, _quadratic(GRID), targets)
+    assert found == pytest.approx(_quadratic(targets), rel=1e-9, abs=1e-9)
+
+
+def test_weights_are_those_of_the_centre() -> None:
+    # Of points on a line no quadratic in two coordinates exists: the mean with weights e + (1-e)(1-r/R)^2.
+    line = np.stack([np.arange(9.0), np.zeros(9)], -1)
+    values = np.arange(9.0)[:, None] ** 2
+    weight = 1e-4 + (1.0 - 1e-4) * (1.0 - np.arange(9.0) / 8.0) ** 2
+    found = project(line, values, np.zeros((1, 2)))
+    assert found[0, 0] == pytest.approx(weight @ values[:, 0] / weight.sum())
+
+
+def test_the_gate_takes_what_neighbours_do_not_predict_and_nothing_else() -> None:
+    rng = np.random.default_rng(5)
+    values = _quadratic(GRID) + 0.02 * rng.standard_normal((len(GRID), 2))
+    spoilt = values.copy()
+    bad = [17, 18, 63]
+    spoilt[bad, 1] += [1.0, -0.8, 0.6]
+    assert np.flatnonzero(outliers(GRID, spoilt)).tolist() == bad
+    assert not outliers(GRID, values).any()
+
+
+def test_gate_counts_in_standard_deviations() -> None:
+    # With noise of 0.02 a point off by 4 sigma stays, one by 12 sigma goes.
+    rng = np.random.default_rng(6)
+    values = _quadratic(GRID) + 0.02 * rng.standard_normal((len(GRID), 2))
+    values[40, 0] = _quadratic(GRID)[40, 0] + 0.08
+    values[70, 0] = _quadratic(GRID)[70, 0] + 0.24
+    assert np.flatnonzero(outliers(GRID, values)).tolist() == [70]
+
+
+def test_too_few_points_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least 9"):
+        project(GRID[:8], np.zeros((8, 1)), GRID[:1])
+    with pytest.raises(ValueError, match="finite"):
+        project(GRID, np.full((len(GRID), 1), np.nan), GRID[:1])
+
+
+def test_noise_of_a_smooth_field() -> None:
+    fine = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3
+    noise = 0.02 * np.random.default_rng(7).standard_normal((len(fine), 2))
+    # 3200 deviations: the median of their sizes is known to 2 %.
+    assert point_noise(fine, _quadratic(fine) + noise) == pytest.approx(0.02, rel=0.06)
+    assert point_noise(fine, _quadratic(fine)) < 1e-9

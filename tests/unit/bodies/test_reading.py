@@ -1,13 +1,21 @@
 """SPEC.toml: what is read, and every refusal with its place and cure."""
 
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.bodies import actuator_control
+from kolsky.bodies.actuator_control import basis_key
+from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.bodies.sheet_reading import read_field
+from kolsky.bodies.specimen_constants import Constants, constants_of, law_curve, shot_lines, solid_of
 from kolsky.bodies.specimen_reading import read_specification
+from kolsky.bodies.specimen_studies import cross_table, expected, plan
+from tests.unit.bodies.small import DOWN, MOST, actuator
 
 STRIP = """
 [material]
@@ -195,3 +203,166 @@ def test_meshes_of_other_formats_are_refused(tmp_path: Path) -> None:
     mesh.write_text(mesh.read_text().replace("2.2 0 8", "4.1 0 8"))
     with pytest.raises(InputError, match="format 2"):
         read_field(read_specification(tmp_path / "sheet.toml"))
+
+
+SECTION = ControlSection.model_construct(
+    angles=[0.02], hold=0.5, rate=20.0, gain=0.3, most=MOST, modes=4, tolerance=1e-3, snapshots=3,
+    plant_stiffness=0.85, delay=1, lag=0.05, noise=0.0, seed=1, real_time=False,
+)  # fmt: skip
+
+
+def test_a_stored_reduction_closes_the_same_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small, gravities = actuator(chambers=1), {"down": np.array(DOWN)}
+    folder = tmp_path / "kept" / "basis"  # there is none yet
+    first, made = actuator_control.run_control(small, gravities, SECTION, basis=folder)
+    monkeypatch.setattr(actuator_control, "reduce_actuator", None)  # it is not made again
+    second, again = actuator_control.run_control(small, gravities, SECTION, basis=folder)
+    assert np.array_equal(first["down"].pressure, second["down"].pressure)
+    assert again["down"].largest_error == made["down"].largest_error
+    (folder / "down.h5").write_bytes(b"no HDF5")
+    with pytest.raises(InputError, match="delete it"):
+        actuator_control.run_control(small, gravities, SECTION, basis=folder)
+
+
+def test_the_key_says_what_it_follows_from() -> None:
+    small = actuator(chambers=1)
+    own = basis_key(small, DOWN, SECTION, 9)
+    assert own == basis_key(actuator(chambers=1), DOWN, SECTION.model_copy(update={"rate": 200.0}), 9)
+    others = [
+        (replace(small, density=1021.0), DOWN, SECTION, 9),
+        (replace(small, solid=small.solid.with_parameters(1.1 * small.solid.parameters())), DOWN, SECTION, 9),
+        (actuator(chambers=1, wall=2.6e-3), DOWN, SECTION, 9),
+        (small, (0.0, 0.0, 9.81), SECTION, 9),
+        (small, DOWN, SECTION.model_copy(update={"plant_stiffness": 0.9}), 9),
+        (small, DOWN, SECTION, 8),
+    ]
+    assert own not in {basis_key(*other) for other in others}
+
+
+NEO = Constants("neo_hookean", {"mu": 2.0e4, "poisson": 0.45}, ("mu",))
+MOONEY = Constants("mooney_rivlin", {"C10": 9e3, "C01": 4e3, "C11": 0.0, "poisson": 0.45}, ("C10", "C01"))
+
+
+def test_curve_of_a_neo_hookean_law() -> None:
+    curve = law_curve(NEO, np.array([[1e6]]), branch="tension", largest_strain=1.0)
+    lam = 1.0 + curve.strain
+    assert curve.strain[[0, -1]] == pytest.approx([0.0, 1.0])
+    assert curve.stress == pytest.approx(2e4 * (lam - lam**-2))
+    # sigma(mu) = 1 kPa moves every point by 1/20 of its stress.
+    assert curve.sigma == pytest.approx(curve.stress / 20.0, rel=1e-4)
+
+
+def test_curve_in_compression_and_of_the_coupled_law() -> None:
+    coupled = Constants("neo_hookean_coupled", {"E": 5.8e4, "poisson": 0.45}, ("E",))
+    curve = law_curve(coupled, np.full((1, 1), np.nan), branch="compression", largest_strain=0.5)
+    lam = 1.0 + curve.strain
+    assert lam[-1] == pytest.approx(0.5)
+    assert curve.stress == pytest.approx(5.8e4 / 2.9 * (lam - lam**-2))
+    assert curve.modes.shape == (0, 41)
+
+
+def test_correlated_constants_move_a_curve_less() -> None:
+    # T = 2 (lam - lam^-2)(C10 + C01 / lam): the variance is s^T C s with the slopes s.
+    covariance = 1e4 * np.array([[4.0, -2.9], [-2.9, 2.25]])
+    curve = law_curve(MOONEY, covariance, branch="tension", largest_strain=1.5)
+    lam = 1.0 + curve.strain
+    slopes = 2.0 * (lam - lam**-2) * np.stack([np.ones_like(lam), 1.0 / lam])
+    variance = np.einsum("in,ij,jn->n", slopes, covariance, slopes)
+    assert curve.sigma**2 == pytest.approx(variance, rel=1e-4, abs=1e-9)
+
+
+def test_lines_for_a_shot() -> None:
+    curve = law_curve(NEO, np.array([[1e6]]), branch="compression", largest_strain=0.5)
+    lines = tomllib.loads(shot_lines(curve, "law.csv"))["curve"]
+    assert lines["branch"] == "compression"
+    assert lines["modes"] == {"prefix": "mode", "unit": "Pa"}
+
+
+def test_expected_deviations_add_information() -> None:
+    # J^T J of two tests with one row of slope each constant: sigma of C10 is 1 / sqrt(sum J^2).
+    whitened = {
+        "a": np.array([[3.0, 0.0], [0.0, 1.0]]) * 1e-3,
+        "b": np.array([[4.0, 0.0], [0.0, 1.0]]) * 1e-3,
+    }
+    forces = {"a": 2.0, "b": 5.0}
+    one = expected(["a"], whitened, forces, MOONEY, ())
+    assert one.relative == pytest.approx([1e3 / 3.0 / 9e3, 1e3 / 4e3])
+    both = expected(["a", "b"], whitened, forces, MOONEY, ["C10"])
+    assert both.relative == pytest.approx([1e3 / 5.0 / 9e3, 1e3 / np.sqrt(2.0) / 4e3])
+    assert both.criterion == pytest.approx(both.relative[0])
+    assert both.peak_force == 5.0
+    # With nothing wanted: the geometric mean of the principal deviations.
+    assert one.criterion == pytest.approx(np.sqrt(one.relative[0] * one.relative[1]))
+    assert [c.tests for c in plan([["a"], ["a", "b"]], whitened, forces, MOONEY)] == [("a", "b"), ("a",)]
+
+
+def test_a_test_that_does_not_tell_is_last() -> None:
+    whitened = {"blind": np.array([[1.0, 0.0], [1.0, 0.0]]) * 1e-3, "seen": np.eye(2) * 1e-3}
+    found = plan([["blind"], ["seen"]], whitened, {"blind": 1.0, "seen": 1.0}, MOONEY)
+    assert [one.tests for one in found] == [("seen",), ("blind",)]
+    # what it does see is known: 1 / (C10 sqrt(2) 1e-3)
+    assert found[1].relative[0] == pytest.approx(1.0 / (MOONEY.start[0] * np.sqrt(2.0) * 1e-3))
+    assert found[1].relative[1] == np.inf
+    assert found[1].criterion == np.inf
+
+
+def test_cross_table_has_a_row_a_fit() -> None:
+    assert cross_table([], ["a", "b"]).shape == (0, 2)
+
+
+def test_bulk_modulus_is_that_of_table_one() -> None:
+    # D1 = 2 (C01 + C10)(1 + nu) / (3 (1 - 2 nu)), and K = 2 D1.
+    values = {"C10": 3000.0, "C01": 1000.0, "C11": 200.0, "poisson": 0.4}
+    d1 = 2.0 * 4000.0 * 1.4 / (3.0 * 0.2)
+    solid = solid_of("mooney_rivlin", values)
+    assert solid.parameters() == pytest.approx([3000.0, 1000.0, 200.0, 2.0 * d1])
+    yeoh = solid_of("yeoh_d", {"C10": 4000.0, "C20": 5.0, "C30": 6.0, "D2": 7.0, "D3": 8.0, "poisson": 0.4})
+    assert yeoh.parameters() == pytest.approx([4000.0, 5.0, 6.0, d1, 7.0, 8.0])
+    coupled = solid_of("neo_hookean_coupled", {"E": 2.8e4, "poisson": 0.4})
+    assert coupled.parameters() == pytest.approx([1e4, 2.8e4 * 0.4 / (1.4 * 0.2)])
+
+
+def test_chain_carries_slopes_to_what_is_fitted() -> None:
+    constants = Constants(
+        "mooney_rivlin",
+        {"C10": 3000.0, "C01": 1000.0, "C11": 200.0, "poisson": 0.4},
+        ("C01", "C11", "poisson"),
+    )
+    # K = 4 (C10 + C01)(1 + nu) / (3 (1 - 2 nu)): 28/3 a unit of C01; by nu 4 (C10 + C01) / (1 - 2 nu)^2.
+    expected = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [28.0 / 3.0, 0.0, 4e5]]
+    assert constants.chain(constants.start) == pytest.approx(np.array(expected), rel=1e-7, abs=1e-5)
+
+
+def test_chain_on_the_bound_of_a_constant() -> None:
+    values = {"C10": 3000.0, "C01": 0.0, "C11": 0.0, "poisson": 0.0}
+    constants = Constants("mooney_rivlin", values, ("C01", "C11", "poisson"))
+    assert constants.chain(constants.start)[-1] == pytest.approx([4.0 / 3.0, 0.0, 1.2e4], rel=1e-4)
+
+
+def test_bounds_keep_energies_positive() -> None:
+    low, high = Constants(
+        "mooney_rivlin", {"C10": 1.0, "C01": 1.0, "C11": 0.0, "poisson": 0.45}, ("C10", "C11", "poisson")
+    ).bounds
+    assert low.tolist() == [0.0, 0.0, 0.0]
+    assert high.tolist() == [np.inf, np.inf, 0.4999]
+
+
+def test_refusals_name_the_constant() -> None:
+    with pytest.raises(ValueError, match="needs C01"):
+        Constants("mooney_rivlin", {"C10": 1.0, "C11": 0.0, "poisson": 0.4}, ())
+    with pytest.raises(ValueError, match="has no constant D2"):
+        Constants("neo_hookean", {"mu": 1.0, "D2": 1.0, "poisson": 0.4}, ())
+    with pytest.raises(ValueError, match="law must be one of"):
+        constants_of("ogden")
+
+
+def test_changes_of_the_map_to_the_energy() -> None:
+    # mu = E / (2 (1 + nu)), lambda = E nu / ((1 + nu) (1 - 2 nu)), differentiated twice by hand
+    E, nu = 3e4, 0.3
+    found = Constants("neo_hookean_coupled", {"E": E, "poisson": nu}, ("E", "poisson")).chain_changes([E, nu])
+    a, b = 1.0 + nu, 1.0 - 2.0 * nu
+    mu = [[0.0, -0.5 / a**2], [-0.5 / a**2, E / a**3]]
+    by_nu = (1.0 + 2.0 * nu**2) / (a * b) ** 2
+    twice = E * (4.0 * nu / (a * b) ** 2 + 2.0 * (1.0 + 2.0 * nu**2) * (1.0 + 4.0 * nu) / (a * b) ** 3)
+    lam = [[0.0, by_nu], [by_nu, twice]]
+    np.testing.assert_allclose(found, [mu, lam], rtol=1e-4, atol=1e-9)

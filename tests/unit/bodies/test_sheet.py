@@ -1,11 +1,28 @@
 """Sheets: forces and mass in closed form; planted constants come back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix, diags
 
-from kolsky.bodies.sheet import Sheet, cells_inside, mass_matrix, sheet_state
-from kolsky.bodies.sheet_fit import FieldFit, FieldProblem, fit_field, fit_steps
+from kolsky.bodies.sheet import ENDS, Sheet, cells_inside, mass_matrix, sheet_state
+from kolsky.bodies.sheet_fit import (
+    FieldData,
+    FieldFit,
+    FieldProblem,
+    before_test,
+    fit_field,
+    fit_steps,
+    parameter_change,
+    relative_deviation,
+    smoothed,
+    variance,
+)
+from kolsky.bodies.sheet_reading import MeasuredField, plan_sheet, simulate_sheet
+from kolsky.bodies.stiffness_map import SMOOTHING, _Blocks, blocks_of, stiffness_map, total_variation
 from kolsky.equilibrium.meshes import Mesh, rectangle
+from kolsky.equilibrium.solve import solve
 from tests.unit.bodies.sheets import PAD, TRUE, constants, made, small_mesh
 
 
@@ -188,3 +205,183 @@ def test_second_derivatives_are_those_of_the_gradient() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-5 * scale)  # of the differences
     # without the second derivatives it would be another matrix
     assert np.abs(cost.gauss_newton * np.outer(sizes, sizes) - expected).max() > 0.05 * scale
+
+
+def _problem(**start: float) -> FieldProblem:
+    sheet = Sheet(small_mesh(), "plane_stress", 1e-3, "moving", "rest")
+    return made(sheet, noise=2e-6, force_noise=1e-4, start=constants(**start))
+
+
+def _measured(problem: FieldProblem) -> MeasuredField:
+    points = problem.sheet.mesh.points
+    nothing = np.zeros((len(PAD), *points.shape))
+    return MeasuredField(problem, points, np.zeros(len(points), dtype=bool), nothing, (7, 9), {})
+
+
+def test_simulated_data_have_their_constants_and_noise() -> None:
+    problem = _problem()
+    found = simulate_sheet(_measured(problem))
+    noisy = simulate_sheet(_measured(problem), seed=2)
+    apart = (noisy.displacements - found.displacements) / 2e-6
+    assert apart.std() == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * apart.size))
+    again = simulate_sheet(_measured(problem), seed=2)
+    np.testing.assert_array_equal(again.displacements, noisy.displacements)
+    # `project` at the nodes smooths by quadratics; the force does not pass it
+    data = problem.data
+    exact = FieldData(
+        data.pad, found.force, found.displacements, data.cells, 2e-6, data.sigma_force, data.area
+    )
+    fitted = fit_field(FieldProblem(problem.sheet, exact, constants(E=2.5e4)))
+    assert fitted.values == pytest.approx([3.0e4, 0.3], rel=0.02)
+    columns = found.point_columns
+    assert set(columns["frame"]) == {7, 9}
+    assert columns["x (mm)"][len(found.points)] == 1e3 * found.points[0, 0]
+    np.testing.assert_allclose(found.pad_columns["pad (mm)"], 1e3 * data.pad)
+
+
+def test_what_field_and_force_tell() -> None:
+    problem = _problem()
+    cost = problem.cost(problem.constants.start)
+    assert not isinstance(cost, str)
+    found = {one.tests: one for one in plan_sheet(problem)}
+    # by hand: with E alone in the force and nu in both, information adds and is inverted
+    data, slopes = problem.data, cost.state.force_by_constants
+    of_field = cost.curvature_displacement / (data.area * data.sigma_displacement**2)
+    of_force = slopes.T @ slopes / data.sigma_force**2
+    for tests, information in ((("field", "force"), of_field + of_force), (("force",), of_force)):
+        expected = np.sqrt(np.diag(np.linalg.inv(information))) / problem.constants.start
+        np.testing.assert_allclose(found[tests].relative, expected, rtol=1e-5)
+    # prescribed displacements: Young's modulus moves none of them, nu is known from the field alone
+    alone = found[("field",)]
+    assert alone.relative[0] == np.inf
+    assert alone.relative[1] == pytest.approx(1.0 / np.sqrt(of_field[1, 1]) / 0.3, rel=1e-5)
+    assert alone.criterion == np.inf
+    wanted = {one.tests: one.criterion for one in plan_sheet(problem, wanted=("poisson",))}
+    assert wanted[("field",)] == alone.relative[1]
+
+
+SHEET = Sheet(small_mesh(), "plane_stress", 1e-3, "moving", "rest")
+
+
+def test_total_variation_of_a_step() -> None:
+    touching = np.array([[0.0, 1.0, 2.0], [1.0, 2.0, 0.5]])
+    value, gradient = total_variation(np.array([0.0, 0.7, 0.7]), touching)
+    assert value == pytest.approx(2.0 * (np.hypot(0.7, SMOOTHING) - SMOOTHING))
+    assert gradient == pytest.approx([-2.0, 2.0, 0.0], abs=1e-5)
+
+
+def test_blocks_cover_the_sheet_and_touch() -> None:
+    regions, touching = blocks_of(made(SHEET), (3, 2))
+    assert np.bincount(regions).tolist() == [8] * 6
+    # Blocks of 13.3 mm x 10 mm: sides over the mean size are sqrt(3/4) and sqrt(4/3).
+    assert len(touching) == 7
+    assert sorted(set(np.round(touching[:, 2], 6))) == pytest.approx(
+        [np.sqrt(0.75), np.sqrt(4 / 3)], rel=1e-5
+    )
+
+
+def test_gradient_by_differences() -> None:
+    problem = made(SHEET)
+    blocks = _Blocks(problem, blocks_of(problem, (3, 2))[0])
+    logs = np.linspace(-0.2, 0.3, 6)
+    _, gradient = blocks.chi2(logs)
+    for r in (0, 3):
+        step = 1e-5 * (np.arange(6) == r)
+        slope = (blocks.chi2(logs + step)[0] - blocks.chi2(logs - step)[0]) / 2e-5
+        assert gradient[r] == pytest.approx(slope, rel=1e-4)
+
+
+def _inclusion(noise: float) -> tuple[FieldProblem, np.ndarray]:
+    """A field of a sheet whose middle third is twice as stiff, and the factors behind it."""
+    problem = made(SHEET, start=constants())
+    regions, _ = blocks_of(problem, (3, 2))
+    factors = np.array([1.0, 1.0, 2.0, 2.0, 1.0, 1.0])
+    sheet = replace(SHEET, regions=regions)
+    solid = constants().solid(constants().start)
+    truth = solve(sheet.model(solid), {ENDS: -PAD}, factors[:, None] * solid.parameters())
+    rng = np.random.default_rng(4)
+    u = truth.displacements + noise * rng.standard_normal(truth.displacements.shape)
+    cells = np.ones(len(SHEET.mesh.cells), dtype=bool)
+    area = float(mass_matrix(SHEET.mesh, cells).sum()) / len(SHEET.mesh.points)
+    data = FieldData(-PAD, sheet.force(truth), u, cells, noise, 1e-4, area)
+    return FieldProblem(SHEET, data, constants()), factors
+
+
+def test_an_inclusion_is_found() -> None:
+    problem, factors = _inclusion(2e-6)
+    found = stiffness_map(problem, (3, 2), weights=(10.0, 1.0))
+    assert found.uniform > 10.0 * found.degrees
+    assert found.explained
+    assert found.factors == pytest.approx(factors, rel=0.05)
+
+
+def test_a_uniform_sheet_gets_a_uniform_map() -> None:
+    problem = made(SHEET, noise=2e-6, start=constants())
+    found = stiffness_map(problem, (3, 2), weights=(1e4,))
+    assert found.factors == pytest.approx(np.ones(6), rel=0.01)
+
+
+A = np.array([[2.0, 1.0], [0.5, -1.0], [1.0, 3.0], [0.0, 0.7]])
+"""A model linear in its constants, u = A m: least squares has m = (A^T W A)^-1 A^T W v."""
+W = np.diag([1.0, 2.0, 0.5, 3.0])
+
+
+def test_change_is_that_of_least_squares() -> None:
+    # J = 1/2 (A m - v)^T W (A m - v): d2J/dm2 = A^T W A, d2J/dm dv = -A^T W.
+    found = parameter_change(A.T @ W @ A, -A.T @ W)
+    assert found == pytest.approx(np.linalg.inv(A.T @ W @ A) @ A.T @ W)
+
+
+def test_variance_adds_squares() -> None:
+    change = np.array([[3.0, 4.0], [1.0, -2.0]])
+    assert variance(change, 0.1) == pytest.approx([0.25, 0.05])
+    assert variance(change, np.array([1.0, 2.0])) == pytest.approx([73.0, 17.0])
+    assert relative_deviation(change, 0.1, np.array([-5.0, 1.0])) == pytest.approx([0.1, np.sqrt(0.05)])
+
+
+def test_a_direction_that_is_not_seen_is_refused() -> None:
+    with pytest.raises(ValueError, match="not positive definite"):
+        parameter_change(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-6]]), np.ones((2, 3)))
+    with pytest.raises(ValueError, match="does not depend"):
+        parameter_change(np.diag([1.0, 0.0]), np.ones((2, 3)))
+    with pytest.raises(ValueError, match="zero"):
+        relative_deviation(np.ones((1, 2)), 1.0, np.array([0.0]))
+
+
+def test_smoothed_field_integrates_to_the_change() -> None:
+    # Linear elements on a line of three nodes, the last node outside the region: M from two half-elements.
+    mass = csr_matrix(np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.0]]) / 6.0)
+    change = np.array([[0.5, -1.0, 0.0]])
+    field = smoothed(mass, change)
+    # M^-1 of [[2, 1], [1, 2]] / 6 is [[4, -2], [-2, 4]].
+    assert field == pytest.approx(np.array([[4.0, -5.0, 0.0]]))
+    disturbance = np.array([0.3, 0.2, 0.9])
+    assert disturbance @ (mass @ field[0]) == pytest.approx(disturbance @ change[0])
+
+
+def test_before_a_test_every_constant_that_displacements_see() -> None:
+    mass = diags([1.0, 2.0, 0.5, 3.0]).tocsr()
+    constants = np.array([10.0, 0.2])
+    found = before_test(A.T, mass, constants)
+    relative = A * constants  # du / d(relative constant)
+    inverse = np.linalg.inv(relative.T @ W @ relative)
+    assert not found.singular
+    assert found.change == pytest.approx(inverse @ relative.T @ W)  # Eq. (K.32)
+    assert found.field == pytest.approx(inverse @ relative.T)  # Eq. (K.36): M^-1 of the change
+
+
+def test_eigenvectors_where_a_constant_moves_nothing() -> None:
+    # Young's modulus moves no displacement under prescribed displacements; the other one is left.
+    slopes = np.stack([np.zeros(4), A[:, 1]])
+    found = before_test(slopes, diags([1.0, 2.0, 0.5, 3.0]).tocsr(), np.array([2.8e4, 0.2]))
+    own = 0.2 * A[:, 1]
+    assert found.singular
+    assert found.directions == pytest.approx(np.array([[0.0, 1.0]]))
+    assert found.eigenvalues == pytest.approx([own @ W @ own, 0.0], abs=1e-12)
+    assert found.change[0] == pytest.approx(W @ own / (own @ W @ own))  # Eq. (K.35)
+    assert found.field[0] == pytest.approx(own / (own @ W @ own))
+
+
+def test_nothing_moves() -> None:
+    with pytest.raises(ValueError, match="force has to be measured"):
+        before_test(np.zeros((2, 4)), diags([1.0] * 4).tocsr(), np.ones(2))

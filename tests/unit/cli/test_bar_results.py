@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from barshots import DIAMETER, LENGTH, STRESS, bar_shot
+from barshots import ARRIVAL, DIAMETER, LENGTH, STRESS, bar_shot, strains, write_scope
 from typer.testing import CliRunner
 
 from kolsky.cli import app
@@ -140,3 +140,161 @@ def test_an_analysis_that_is_none_is_refused(tmp_path):
     done = CliRunner().invoke(app, ["waves", str(folder)])
     assert done.exit_code == 2
     assert "waves.analysis" in done.stderr
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_check_shows_what_was_understood_between_bars(tmp_path):
+    folder = bar_shot(tmp_path / "shot")
+    done = run("check", str(folder), "--json")
+    assert done.exit_code == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["specimen"]["diameter"] == {"value": 0.01, "unit": "m"}
+    assert said["bars.incident"]["wave_speed"]["value"] == pytest.approx(5000.0)
+    assert said["bars.incident"]["modulus"]["value"] == pytest.approx(200e9)
+    gauge = said["gauges.transmission"]
+    assert (gauge["file"]["value"], gauge["channels"]["value"]) == ("scope.csv", "tra (V)")
+    assert gauge["unit,_as_read"]["value"] == "V"
+    assert gauge["sample_interval"]["value"] == pytest.approx(1e-7)
+    assert gauge["largest_strain"]["value"] == pytest.approx(312.5e-6, rel=0.02)  # 1500 um/m times 0.208
+    arrival = said["waves"]["arrival_at_the_incident_gauge"]["value"]
+    assert arrival == pytest.approx(ARRIVAL, abs=0.5e-6)
+    # 1000 mm there and back at 5000 m/s; 1000 mm and 500 mm.
+    assert said["waves"]["reflected_pulse,_predicted"]["value"] - arrival == pytest.approx(400e-6)
+    assert said["waves"]["transmitted_pulse,_predicted"]["value"] - arrival == pytest.approx(300e-6)
+    assert said["corrections"]["punching"]["value"] == "off"
+    assert said["uncertainty"]["specimen_diameter"]["value"] == 0.01
+    assert "exact" in said["uncertainty"]["gauge_distance"]["value"]
+    assert set(said["inputs"]) == {"shot.toml", "scope.csv"}
+    assert not (folder / "results").exists()
+
+
+def test_check_writes_a_page_with_the_signals(tmp_path):
+    folder = bar_shot(tmp_path / "shot")
+    done = run("check", str(folder))
+    assert done.exit_code == 0, done.stderr
+    page = (folder / "results" / "check.html").read_text(encoding="utf-8")
+    assert "Strain at the gauges on the shot’s clock" in page
+    assert "gauge_distance" in page
+    assert "<svg" in page or "data:image" in page
+
+
+def test_check_refuses_what_holds_no_test(tmp_path):
+    folder = bar_shot(tmp_path / "shot", waves='load = "tension"')
+    done = run("check", str(folder))
+    assert done.exit_code == 2
+    assert "incident gauge" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "waves"])
+def test_an_error_leads_to_new_bars(tmp_path, command):
+    (tmp_path / "empty").mkdir()
+    done = run(command, str(tmp_path / "empty"))
+    assert done.exit_code == 2
+    assert "--bars" in done.stderr
+    folder = bar_shot(tmp_path / "shot")
+    path = folder / "shot.toml"
+    text = path.read_text()
+    path.write_text(text[: text.index("[gauges.incident]")] + text[text.index("[waves]") :])
+    done = run(command, str(folder))
+    assert done.exit_code == 2
+    assert "gauges" in done.stderr
+    assert "kolsky new FOLDER --bars" in done.stderr
+
+
+def new_bars(folder) -> str:
+    done = run("new", str(folder), "--bars")
+    assert done.exit_code == 0, done.output
+    assert f"kolsky check {folder}" in done.stdout
+    return (folder / "shot.toml").read_text(encoding="utf-8")
+
+
+def test_new_bars_finds_channels_by_their_names(tmp_path):
+    """A German export: semicolons, decimal commas, names of the bars."""
+    t, first, second = strains()
+    rows = [f"{1e6 * a:.1f};{1e6 * b:.5f};{1e6 * c:.5f}" for a, b, c in zip(t, first, second, strict=True)]
+    head = ["Gerät;Modell 7;", "Zeit [µs];Eingangsstab [mV];Ausgangsstab [mV]"]
+    text = "\n".join([*head, *(row.replace(".", ",") for row in rows)])
+    (tmp_path / "SHPB_017.csv").write_text(text, encoding="cp1252")
+    text = new_bars(tmp_path)
+    assert '[recorders.scope]\nfile = "SHPB_017.csv"\n# 0 us to 799.9 us, every 0.1 us' in text
+    before, after = text.split("[gauges.transmission]")
+    assert 'channels = ["Eingangsstab [mV]"]' in before
+    assert 'channels = ["Ausgangsstab [mV]"]' in after
+    assert "# Eingangsstab [mV] leaves the level of its beginning at about 200" in before
+    assert "at about 500" in after  # 1000 mm and 500 mm behind the incident gauge
+    blank = run("check", str(tmp_path))
+    assert blank.exit_code == 2
+    assert "gauges.incident.distance" in blank.stderr
+
+
+def test_new_bars_takes_a_file_a_bar(tmp_path):
+    t, first, second = strains()
+    for name, strain in (("incident_bar", first), ("transmitted_bar", second)):
+        rows = [f"{a:.9e},{1e3 * b:.6e}" for a, b in zip(t, strain, strict=True)]
+        head = ["Model,DPO4104", "Sample Interval,1e-7,s", "", "TIME,CH1"]
+        (tmp_path / f"{name}.csv").write_text("\n".join([*head, *rows]))
+    text = new_bars(tmp_path)
+    assert '[recorders.incident_bar]\nfile = "incident_bar.csv"\n' in text
+    assert text.count('\nunit = ""') == 2  # the files do not say it
+    assert "time_unit" not in text  # the steps are the header's interval, in seconds
+    assert text.count("every 0.1 us, on the file's clock: header: Sample Interval") == 2
+    assert 'recorder = "incident_bar"' in text
+    assert 'recorder = "transmitted_bar"' in text
+    assert text.count('channels = ["CH1"]') == 2
+
+
+def test_new_bars_guesses_no_channel(tmp_path):
+    t, first, second = strains()
+    write_scope(tmp_path / "a.csv", ["time_s", "CH1 (V)", "CH2 (V)"], [t, 1e3 * first, 1e3 * second])
+    text = new_bars(tmp_path)
+    assert text.count('channels = [""]') == 2
+    said = '# one of "CH1 (V)" (scope, leaves its rest at about 200'
+    assert text.count(said) == 2
+
+
+def test_new_bars_takes_strains_as_they_are(tmp_path):
+    t, first, second = strains()
+    names = ["time_s", "incident_microstrain", "transmitted_microstrain"]
+    write_scope(tmp_path / "a.csv", names, [t, 1e6 * first, 1e6 * second])
+    for part, channel in zip(new_bars(tmp_path).split("[gauges.transmission]"), names[1:], strict=True):
+        assert f'channels = ["{channel}"]' in part
+        assert "\nstrain = true" in part
+        assert "\n# strain_per_volt" in part
+
+
+def test_a_file_of_new_bars_that_is_filled_in_is_reduced(tmp_path):
+    bar_shot(tmp_path / "made")
+    (tmp_path / "shot").mkdir()
+    (tmp_path / "made" / "scope.csv").rename(tmp_path / "shot" / "scope.csv")
+    text = new_bars(tmp_path / "shot")
+    before, gauges = text.split("[gauges.incident]")
+    head, bar, other = before.partition("[bars.transmission]")
+    size = {"diameter": "20 mm", "length": "2000 mm", "density": "8000 kg/m^3", "wave_speed": "5000 m/s"}
+    for key, value in {"diameter": "10 mm", "length": "5 mm", "density": "1200 kg/m^3"}.items():
+        head = head.replace(f'{key} = ""', f'{key} = "{value}"', 1)
+    for key, value in size.items():
+        head, other = (part.replace(f'{key} = ""', f'{key} = "{value}"', 1) for part in (head, other))
+    before = (head + bar + other).replace('poisson = ""', "poisson = 0.0")
+    before = before.replace('clock_offset = ""', 'clock_offset = "0 us"')
+    for at in ("1000 mm", "500 mm"):
+        gauges = gauges.replace('distance = ""', f'distance = "{at}"', 1)
+    for key, value in {
+        'compression = ""': 'compression = "positive"',
+        'strain_per_volt = ""': 'strain_per_volt = "0.001 1/V"',
+        'baseline = ["", ""]': 'baseline = ["0 us", "80 us"]',
+        'load = ""': 'load = "compression"',
+        'bar_wave_speed = ""': 'bar_wave_speed = "0.1 %"',
+        'bar_density = ""': 'bar_density = "0.1 %"',
+        'gauge_calibration = ""': 'gauge_calibration = "1 %"',
+        'gauge_distance = ""': 'gauge_distance = "0.5 mm"',
+        'specimen_diameter = ""': 'specimen_diameter = "0.2 %"',
+        'specimen_length = ""': 'specimen_length = "0.5 %"',
+    }.items():
+        gauges = gauges.replace(key, value)
+    (tmp_path / "shot" / "shot.toml").write_text(before + "[gauges.incident]" + gauges, encoding="utf-8")
+    done = run("check", str(tmp_path / "shot"), "--json")
+    assert done.exit_code == 0, done.stderr

@@ -7,18 +7,26 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from damaged_shots import BAD
+from rich.text import Text
 from shot_folders import FILES, OPEN_01, QUICK, ROOT, TINY, shot_in, state
 from synthetic import synthetic
 from typer.testing import CliRunner
 
+from dic.basics import OpenCVMissing, cv2
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, usable_folder
-from kolsky.cli import app
+from kolsky.base.process import single_threaded_libraries
+from kolsky.cli import doctor
+from kolsky.cli.commandline import EXTRAS, app, refusing_bad_input
+from kolsky.cli.doctor import EXTRAS as DISTRIBUTIONS
+from kolsky.cli.doctor import examine
 from kolsky.inverse.result import Verdict
 from kolsky.results import numbers, printed
 from kolsky.results.hdf5 import read_identification
@@ -429,3 +437,144 @@ def test_a_folder_is_filled_whole_or_not_at_all(tmp_path: Path) -> None:
         (p / "one").write_text("other")
         (p / "taken").write_text("file")
     assert contents(folder) == {"one": b"1", "deep/two": b"2", "mine": b"3"}
+
+
+def texts(command: object, name: str) -> list[tuple[str, str]]:
+    """Every text of a command and of the commands below it, with where it stands."""
+    found = [(name, getattr(command, "help", None) or "")]
+    for parameter in getattr(command, "params", []):
+        found.append((f"{name} {parameter.name}", getattr(parameter, "help", None) or ""))
+    for below, part in getattr(command, "commands", {}).items():
+        found += texts(part, f"{name} {below}")
+    return found
+
+
+def test_no_word_of_a_help_text_is_lost() -> None:
+    said = texts(typer.main.get_command(app), "kolsky")
+    assert len(said) > 100  # all commands and options were found
+    lost = {place: text for place, text in said if Text.from_markup(text).plain != text}
+    assert not lost
+
+
+def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
+    code = (
+        "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "
+        "load_shot(Path('runs/open-01')); import kolsky.identification, kolsky.report.result_folder; "
+        "names = ('pint', 'scipy.stats', 'scipy.signal', 'scipy.ndimage', 'dic.result', 'dic.images', "
+        "'h5py', 'matplotlib'); print([name for name in names if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["[]"]
+
+
+HEAD = "nominal strain (1),nominal stress (Pa),independent sigma (Pa)"
+
+
+@pytest.fixture
+def curve(tmp_path):
+    """A table as `kolsky material reference-curve` writes it: 20 kPa (lam^-2 - lam)."""
+    lam = 1.0 - np.linspace(0.02, 0.5, 12)
+    rows = np.column_stack([1.0 - lam, 20e3 * (lam**-2 - lam), np.full(12, 10.0)])
+    np.savetxt(tmp_path / "curve.csv", rows, delimiter=",", header=HEAD, comments="")
+    return tmp_path / "curve.csv"
+
+
+def test_units_in_brackets_are_shown(curve):
+    shown = json.loads(CliRunner().invoke(app, ["channels", str(curve), "--json"]).stdout)
+    assert [channel["unit"] for channel in shown["channels"]] == ["1", "Pa", "Pa"]
+
+
+@pytest.mark.parametrize("bracket", ["", " ({})"])
+def test_a_written_curve_is_fitted(curve, bracket):
+    columns = [f"nominal strain{bracket.format('1')}", f"nominal stress{bracket.format('Pa')}"]
+    done = CliRunner().invoke(
+        app,
+        ["material", "fit", str(curve), "--strain", columns[0], "--stress", columns[1], "--convention",
+         "compression-positive", "--laws", "neo_hookean", "--out", str(curve.parent / "out"), "--json"],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    fit = json.loads(done.stdout)["laws"][0]["fit"]
+    assert fit["constants"]["mu"] == pytest.approx(20e3, rel=1e-9)
+
+
+def test_without_it_what_needs_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(OpenCVMissing, match=r"pip install 'kolsky\[pictures\]'"):
+        _ = cv2.imread
+    with single_threaded_libraries():  # of no use to OpenCV that is not there
+        pass
+
+
+def test_a_command_ends_with_one_line_and_exit_code_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(typer.Exit) as ended, refusing_bad_input():
+        _ = cv2.imread
+    assert ended.value.exit_code == 2
+    assert capsys.readouterr().err == "this needs the package cv2: pip install 'kolsky[pictures]'\n"
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"), refusing_bad_input():
+        import no_such_module  # noqa: F401  # a fault of ours is no bad input
+
+
+def test_every_extra_that_a_command_names_is_there() -> None:
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert set(EXTRAS.values()) <= set(extras)
+    for distribution, (extra, _) in DISTRIBUTIONS.items():
+        assert any(text.startswith(distribution) for text in extras[extra]), distribution
+    heavy = ("opencv", "pyvista", "vtk")  # a fresh environment is to stay below 900 MB
+    assert not [text for text in project["dependencies"] if text.startswith(heavy)]
+
+
+def test_a_shot_from_exports_is_checked_without_opencv_and_vtk(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "for name in ('cv2', 'pyvista', 'vtk', 'pandas', 'imageio'):\n    sys.modules[name] = None\n"
+        "from kolsky.cli import main\n"
+        "import kolsky.identification, kolsky.report.pages.identification, kolsky.report.figures\n"
+        f"sys.argv = ['kolsky', 'check', 'runs/open-01', '--out', {str(tmp_path)!r}]\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_sound_installation(tmp_path: Path) -> None:
+    found = examine(tmp_path)
+    assert found.problems == ()
+    assert found.devices[0].startswith("cpu")
+    assert found.versions["numpy"] == version("numpy")
+    assert found.rows()["cores"] == str(found.cores)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "REQUIRED", ("numpy", "no-such-distribution"))
+    monkeypatch.setattr(doctor, "LEAST_SPACE", 1e18)
+    found = examine(tmp_path)
+    assert [problem.partition(" ")[0] for problem in found.problems] == [
+        "no-such-distribution",
+        str(tmp_path),
+    ]
+    gone = examine(tmp_path / "nowhere")
+    assert any("nowhere cannot be written to (No such file" in problem for problem in gone.problems)
+    assert gone.free is None
+
+
+def test_the_command_says_the_same_in_json(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["doctor", str(tmp_path), "--json"])
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said["versions"]["kolsky"] == examine(tmp_path).versions["kolsky"]
+    assert said["problems"] == []
+    lost = CliRunner().invoke(app, ["doctor", str(tmp_path / "nowhere")])
+    assert lost.exit_code == 1
+    assert "cannot be written to" in lost.output
+
+
+def test_the_version_has_a_short_option() -> None:
+    runner = CliRunner()
+    assert runner.invoke(app, ["-V"]).output == runner.invoke(app, ["--version"]).output

@@ -17,10 +17,11 @@ from kolsky.base.toml import blanks
 from kolsky.base.units import dimension_of
 from kolsky.cli import app
 from kolsky.cli.new import template
+from kolsky.readers.header import likely_unit
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
 from kolsky.survey.new_file import fill_in, with_notes
-from kolsky.survey.tables import survey, unit_in
+from kolsky.survey.tables import survey
 
 runner = CliRunner()
 GERMAN = {
@@ -207,7 +208,7 @@ def test_two_channels_of_unknown_meaning_are_offered(tmp_path: Path) -> None:
     ],
 )
 def test_units_in_headings(heading: str, unit: str, dimension: str) -> None:
-    assert unit_in(heading) == unit
+    assert likely_unit(heading) == unit
     assert dimension_of(unit) == dimension
 
 

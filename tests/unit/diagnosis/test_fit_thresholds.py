@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import norm
 from synthetic import synthetic
 
-from benchmarks import fit_thresholds
-from benchmarks.fit_thresholds import MARGIN, figures, limit, threshold, tolerance_factor
-from benchmarks.threshold_choice import STRONGEST, RightShot, chosen, strongest, table
 from kolsky.inverse.result import CauseFinding
+from populations import fit_thresholds
+from populations.fit_thresholds import MARGIN, figures, limit, threshold, tolerance_factor
+from populations.threshold_choice import STRONGEST, RightShot, chosen, strongest, table
 
 
 def test_tolerance_factor_is_howes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 """The table of pooled shots says whether their mean's interval holds the truth."""
 
-from benchmarks.pooled_shots import table
+from populations.pooled_shots import table
 
 
 def test_the_mean_is_held_to_the_truth() -> None:

@@ -1,11 +1,16 @@
 """Calibration from synthetic sightings, projected by OpenCV: recovery, covariance, bad pairs, checks."""
 
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from test_dic_cylinder import patch, rig
 
+import dic.calibration.views
 from dic import Camera
 from dic.calibration.bundle import (
     SHARED_PARAMETERS,
@@ -19,9 +24,21 @@ from dic.calibration.bundle import (
     project_points,
     residuals,
 )
+from dic.calibration.refine import (
+    LEAST_GAIN,
+    Refinement,
+    baseline_normals,
+    find_order,
+    prior_root,
+    refine,
+    turn_rig,
+)
 from dic.calibration.solve import calibrate
 from dic.calibration.targets import Chessboard, Detection, DottedCylinder, FiducialDots, TargetNotFound
 from dic.calibration.views import Calibration, PairOutcome
+from kolsky.base.errors import InputError
+from kolsky.pictures import calibration
+from kolsky.pictures.calibration import read_calibration_toml
 
 SIZE = ((512, 512), (512, 512))
 BOARD = FiducialDots(
@@ -416,3 +433,181 @@ def test_adjusting_a_pose_alone_leaves_the_cameras():
     np.testing.assert_allclose(fit.rig.poses[0][1], t, atol=1e-9)
     assert np.abs(residuals(fit.rig, sight)).max() < 1e-6
     assert free_columns((), square_pixels=False, relative=True).shape == (SHARED_PARAMETERS, 6)
+
+
+N = 8
+SHUFFLED = [3, 0, 6, 1, 7, 2, 4, 5]
+
+
+def mixed(poses):
+    """What both cameras see, camera 1's pictures out of order; and the order that puts them right."""
+    first, second = sightings(poses, target=BOARD)
+    return first, [second[k] for k in SHUFFLED]
+
+
+def test_the_order_of_the_pictures_is_found():
+    first, second = mixed(true_poses(N))
+    found = find_order((first, second), [BOARD] * N, SIZE)
+    assert found == np.argsort(SHUFFLED).tolist()
+    ordered = [second[k] for k in found]
+    assert find_order((first, ordered), [BOARD] * N, SIZE) == list(range(N))
+
+
+def test_pictures_of_other_poses_have_no_order():
+    first, _ = sightings(true_poses(N), target=BOARD)
+    _, second = sightings(true_poses(N, seed=99), target=BOARD)
+    assert find_order((first, second), [BOARD] * N, SIZE) is None
+    assert find_order((first[:2], second[:2]), [BOARD] * 2, SIZE) is None
+
+
+TEXT = """
+[calibration]
+camera_0 = "cam0_*.png"
+camera_1 = "cam1_*.png"
+distortion = "k1"
+
+[calibration.target]
+kind = "fiducial_dots"
+columns = 9
+rows = 7
+pitch = "2 mm"
+diameter = "0.8 mm"
+hole = "0.3 mm"
+hollow = [[1, 1], [6, 1], [1, 4]]
+"""
+
+
+def test_pairs_out_of_order_are_refused_with_the_order_that_would_fit(tmp_path, monkeypatch):
+    (tmp_path / "calibration.toml").write_text(TEXT)
+    toml, section = read_calibration_toml(tmp_path)
+    series = SimpleNamespace(n_frames=N, shape=SIZE[0][::-1], numbers=tuple(range(N)))
+    monkeypatch.setattr(calibration, "_series", lambda *given: series)
+    views = mixed(true_poses(N))
+    seen = nullcontext(lambda progress: views)
+    monkeypatch.setattr(dic.calibration.views, "detect_in_background", lambda *given: seen)
+    with pytest.raises(InputError, match="do not fit two cameras") as refused:
+        calibration.calibration_of(toml, section, lambda *told: None)
+    order = ", ".join(str(k) for k in np.argsort(SHUFFLED))
+    assert f"beside 0, 1, 2, 3, 4, 5, 6, 7 of camera 0, {order} of camera 1 would fit" in str(refused.value)
+    views = sightings(true_poses(N), target=BOARD)  # the same name: what is seen from now on
+    assert calibration.calibration_of(toml, section, lambda *told: None).rms < 0.1
+
+
+NOISE = 0.02
+
+
+def seen(cameras, seed=0, n=300, noise=NOISE):
+    rng = np.random.default_rng(seed)
+    X = patch(rng, 50.0, n)
+    return (
+        X,
+        [camera.project(X) + noise * rng.standard_normal((n, 2)) for camera in cameras.cameras],
+        np.full(n, noise * np.sqrt(2.0)),
+    )
+
+
+def turned(cameras, x):
+    """Independent of the code: camera 1 turned by SciPy, its baseline rotated about axes across it."""
+    R, t = cameras.relative
+    R = Rotation.from_rotvec(x[:3]).as_matrix() @ R
+    first, second = cameras.cameras
+    assert np.allclose(first.rotation @ first.rotation.T, np.eye(3))
+    direction = t / np.linalg.norm(t) + baseline_normals(t) @ x[3:]
+    t = np.linalg.norm(t) * direction / np.linalg.norm(direction)
+    return replace(
+        cameras,
+        cameras=(first, replace(second, rotation=R @ first.rotation, translation=t + R @ first.translation)),
+    )
+
+
+def test_a_pose_moves_by_its_turns_and_tilts_and_keeps_its_length():
+    x = np.array([1e-3, -2e-3, 3e-3, 4e-3, -5e-3])
+    cameras = rig()
+    (R, t), (Q, s) = turn_rig(cameras, x).relative, turned(cameras, x).relative
+    np.testing.assert_allclose(R, Q, atol=1e-12)
+    np.testing.assert_allclose(t, s, atol=1e-15)
+    assert np.linalg.norm(t) == pytest.approx(np.linalg.norm(cameras.relative[1]), rel=1e-12)
+    base = cameras.relative[1]
+    np.testing.assert_allclose(baseline_normals(base).T @ base, 0.0, atol=1e-15)
+    np.testing.assert_allclose(baseline_normals(base).T @ baseline_normals(base), np.eye(2), atol=1e-12)
+
+
+def test_a_camera_that_was_knocked_is_put_back_as_far_as_the_rays_tell():
+    true = rig()
+    _, pixels, sigma = seen(true)
+    wrong = turned(true, np.array([4e-4, 1e-4, -3e-4, 2e-4, 0.0]))
+    found = refine(wrong, *pixels, sigma)
+    assert found.before > 0.5
+    # |normal deviate| has the median 0.6745 of its sigma; 300 points tell it to 7 %
+    assert found.after == pytest.approx(0.6745 * sigma[0], rel=0.2)
+    assert found.held_out_after == pytest.approx(0.6745 * sigma[0], rel=0.2)
+    assert found.helps
+    assert found.n_points == 300
+
+
+def test_right_cameras_are_left_alone():
+    """Made sets of points of the true rig: the rule must not be moved by their noise."""
+    for seed in range(6):
+        _, pixels, sigma = seen(rig(), seed)
+        assert not refine(rig(), *pixels, sigma).helps
+
+
+def test_false_matches_pull_little():
+    true = rig()
+    _, pixels, sigma = seen(true)
+    wrong = turned(true, np.array([4e-4, 0.0, 0.0, 0.0, 0.0]))
+    pixels[1][:15] += np.random.default_rng(1).uniform(-4.0, 4.0, (15, 2))
+    found = refine(wrong, *pixels, sigma)
+    assert found.after < 1.4 * 0.6745 * sigma[0]
+
+
+def test_the_rule_wants_a_fifth_on_points_that_were_left_out():
+    zero = np.zeros(3)
+    made = Refinement(rig(), zero, zero[:2], np.eye(5), 1.0, 0.1, 1.0, 1.0 - LEAST_GAIN, 100)
+    assert made.helps
+    assert not replace(made, held_out_after=1.0 - LEAST_GAIN + 1e-6).helps
+    assert LEAST_GAIN == 0.2
+    assert made.words["epipolar_median_after_px"] == 0.1
+
+
+def test_the_prior_is_the_calibrations_covariance_of_turns_and_tilts():
+    cameras = rig()
+    rng = np.random.default_rng(2)
+    A = rng.standard_normal((26, 26)) * 1e-4
+    with_covariance = replace(cameras, covariance=A @ A.T)
+    t = cameras.relative[1]
+    J = np.zeros((5, 6))
+    J[:3, :3], J[3:, 3:] = np.eye(3), baseline_normals(t).T / np.linalg.norm(t)
+    root = prior_root(with_covariance, 3e-4)
+    C = J @ (A @ A.T)[-6:, -6:] @ J.T + 9e-8 * np.eye(5)
+    np.testing.assert_allclose(root.T @ root, np.linalg.inv(C), rtol=1e-6)
+    np.testing.assert_allclose(prior_root(cameras, 2e-3), np.eye(5) / 2e-3)
+
+
+def test_what_the_points_do_not_tell_stays_as_small_as_the_fault():
+    """Over a small specimen some turns and tilts are hardly seen; with noise alone they would run away."""
+    true = rig()
+    for seed in range(3):
+        _, pixels, sigma = seen(true, seed)
+        found = refine(turned(true, np.array([2e-4, 0.0, 0.0, 0.0, 0.0])), *pixels, sigma)
+        fault = found.before / 0.6745 / 5400.0  # the turn that the distances amount to [rad]
+        assert np.linalg.norm([*found.turn, *found.tilt]) < 3.0 * fault
+        assert np.all(np.sqrt(np.diag(found.covariance)) < 1.01 * fault)
+
+
+@pytest.mark.parametrize("n", [39, 5])
+def test_too_few_points_are_refused(n):
+    _, pixels, sigma = seen(rig())
+    with pytest.raises(ValueError, match="needs 40 pairs"):
+        refine(rig(), pixels[0][:n], pixels[1][:n], sigma[:n])
+    with pytest.raises(ValueError, match="positive"):
+        refine(rig(), *pixels, 0.0 * sigma)
+
+
+def test_points_left_out_take_no_part():
+    """Every second point moved by 3 px: fitted to the others, a pose says so; fitted to themselves, less."""
+    _, pixels, sigma = seen(rig())
+    pixels[1][::2, 1] += 3.0
+    found = refine(rig(), *pixels, sigma)
+    # each half fits its own points; the other half is then 3 px off
+    assert found.held_out_after == pytest.approx(3.0, rel=0.1)

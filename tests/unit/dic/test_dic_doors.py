@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import test_dic_camera_files as camera_battery
-import test_dic_images_damaged as picture_battery
+import test_dic_images as picture_battery
 from test_dic_calibration import SIZE, parameters, sightings, true_poses
 
 from dic import Camera, StereoRig, camera_files, open_pictures

@@ -6,7 +6,8 @@ import os
 import numpy as np
 import pytest
 from speckle_pictures import render, speckle_pattern
-from test_dic_strains import at_rest, grid, history
+from test_dic_full_field import at_rest, history
+from test_dic_full_field import strains_grid as grid
 
 from dic import processes
 from dic.chain import inputs, outliers

@@ -1,15 +1,20 @@
 """The match of subsets: against a float64 twin, and against motions known in closed form."""
 
+from dataclasses import replace
 from functools import cache
 
 import correlation_twin as twin
 import numpy as np
 import pytest
 from speckle_pictures import render, speckle_pattern
+from synthetic_dic import synthetic_result
 
-from dic import PointOutcome
+from dic import PointOutcome, SurfaceHistory, centre_line
 from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
 from dic.correlation import subsets as warps
+from dic.correlation.subsets import overlap_correlation
+from dic.surfaces.outline import outline, rows_of
+from dic.surfaces.surface_history import noise_floor
 
 SIDE = 128
 CENTRE = (SIDE - 1) / 2
@@ -294,3 +299,156 @@ def test_no_points_are_no_error():
     found = correlate(stack(still()), stack(still()), np.zeros((0, 2)), np.zeros((0, 12)), Correlation())
     assert found.warp.shape == (0, 12)
     assert found.covariance.shape == (0, 2, 2)
+
+
+def at_rest(u: np.ndarray, sigma: float = 2e-6) -> SurfaceHistory:
+    """Points that seem to move by u [n_frames, n_points] in every direction, twice and three times as much
+    along y and Z."""
+    n_frames, n_points = u.shape
+    return SurfaceHistory(
+        t=np.arange(n_frames) * 1e-3,
+        X=np.zeros((n_points, 3)),
+        u=u[..., None] * np.array([1.0, 2.0, 3.0]),
+        sigma=np.full((n_frames, n_points, 3), sigma),
+        outcome=np.zeros((n_frames, n_points), dtype=np.int64),
+    )
+
+
+def test_points_that_move_alike_are_motion_of_the_cameras():
+    u = 1e-6 * np.array([-1.0, 0.0, 1.0])[:, None] * np.ones(5)
+    found = noise_floor(at_rest(u), np.ones(3, dtype=bool))
+    # (1 + 0 + 1) / (3 - 1) = 1; nothing is left between the points.
+    np.testing.assert_allclose(found.time, [1e-6, 2e-6, 3e-6], rtol=1e-12)
+    np.testing.assert_allclose(found.common, [1e-6, 2e-6, 3e-6], rtol=1e-12)
+    np.testing.assert_allclose(found.space, 0.0, atol=1e-18)
+    np.testing.assert_allclose(found.ratio, [0.5, 1.0, 1.5], rtol=1e-12)
+    assert (found.n_frames, found.n_points) == (3, 5)
+
+
+def test_points_that_move_against_each_other_are_noise_in_space():
+    u = 1e-6 * np.array([[1.0, -1.0], [-1.0, 1.0], [0.0, 0.0]])
+    found = noise_floor(at_rest(u), np.ones(3, dtype=bool))
+    np.testing.assert_allclose(found.time[0], 1e-6, rtol=1e-12)  # (1 + 1 + 0) / 2 of either point
+    np.testing.assert_allclose(found.common[0], 0.0, atol=1e-18)
+    # Squares 4e-12, by 3/2 for the mean through the frames, over 3 frames of 2 - 1 points each.
+    np.testing.assert_allclose(found.space[0], np.sqrt(4.0 * 1.5 / 3.0) * 1e-6, rtol=1e-12)
+
+
+def test_lost_points_and_moving_frames_do_not_count():
+    u = 1e-6 * np.array([[-1.0, 50.0], [0.0, 70.0], [1.0, 90.0], [1e3, 1e3]])
+    surface = at_rest(u)
+    outcome = surface.outcome.copy()
+    outcome[1, 1] = 1
+    found = noise_floor(replace(surface, outcome=outcome), np.array([True, True, True, False]))
+    np.testing.assert_allclose(found.time[0], 1e-6, rtol=1e-12)
+    assert (found.n_frames, found.n_points) == (3, 1)
+    with pytest.raises(ValueError, match="needs 3 static frames with points, got 2"):
+        noise_floor(surface, np.array([True, True, False, False]))
+
+
+def test_strain_noise_is_that_of_points_with_a_strain_in_every_static_frame():
+    result = synthetic_result()
+    value = np.zeros_like(result.strain.value)
+    rest = np.flatnonzero(result.static)
+    ramp = np.zeros(len(rest))
+    ramp[:2] = 1e-3 * np.array([1.0, -1.0])
+    value[rest] = ramp[:, None, None] * np.array([1.0, 2.0, 3.0])
+    value[rest[0], 3] = np.nan  # left out, whatever it says elsewhere
+    value[rest[1], 3] = 1.0
+    found = replace(result, strain=replace(result.strain, value=value)).strain_noise
+    expected = 1e-3 * np.sqrt(2.0 / (len(rest) - 1))
+    np.testing.assert_allclose(found, expected * np.array([1.0, 2.0, 3.0]), rtol=1e-12)
+
+
+RADIUS, HEIGHT, SCALE = 4.75e-3, 6.5e-3, 1.0 / 18e3
+NOISE = np.array([1e-6, 1e-6, 4e-6])
+SUBSET = 21.0
+
+
+def symmetry_grid(step=5.0, half=50.0):
+    x, y = np.meshgrid(np.arange(-half, half + 1.0, step), np.arange(10.0, 108.0, step))
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def barrel(points, bulge):
+    """Places on a barrel about y and its radius there; x and y are the pixels'."""
+    y = points[:, 1] * SCALE
+    r = RADIUS + bulge * (1.0 - (2.0 * y / HEIGHT - 1.0) ** 2)
+    angle = np.arcsin(points[:, 0] * SCALE / RADIUS)
+    return np.stack([r * np.sin(angle), y, r * np.cos(angle)], axis=-1), r
+
+
+def history(points, places, rng=None, outcome=None):
+    rho = overlap_correlation(points, points, SUBSET) + 1e-10 * np.eye(len(points))
+    X = barrel(points, 0.0)[0]
+    noise = 0.0
+    if rng is not None:
+        noise = np.einsum("nm,fmi->fni", np.linalg.cholesky(rho), rng.standard_normal(places.shape)) * NOISE
+    if outcome is None:
+        outcome = np.zeros(places.shape[:2], dtype=np.int64)
+    return SurfaceHistory(
+        t=np.arange(float(len(places))),
+        X=X,
+        u=np.where((outcome == 0)[..., None], places + noise - X, np.nan),
+        sigma=np.broadcast_to(NOISE, places.shape),
+        outcome=outcome,
+    )
+
+
+def test_the_outline_is_the_barrels_one_row_a_point():
+    points = symmetry_grid()
+    place, _ = barrel(points, 0.7e-3)
+    found = outline(history(points, place[None]), points, half_width=1.2e-3, subset=SUBSET)
+    assert found.Z.size == 20
+    assert (np.diff(found.y) > 0.0).all()
+    true = RADIUS + 0.7e-3 * (1.0 - (2.0 * found.y / HEIGHT - 1.0) ** 2)
+    np.testing.assert_allclose(found.Z, true, atol=1e-12)  # rows of one y on a body of revolution: round-off
+
+
+def test_the_sigma_of_the_outline_is_that_of_its_errors_and_no_promise_of_dense_columns():
+    points = symmetry_grid()
+    place, _ = barrel(points, 0.7e-3)
+    rng = np.random.default_rng(1)
+    surface = history(points, np.repeat(place[None], 150, axis=0), rng)
+    found = outline(surface, points, half_width=1.2e-3, subset=SUBSET)
+    true = RADIUS + 0.7e-3 * (1.0 - (2.0 * found.y / HEIGHT - 1.0) ** 2)
+    # 150 frames of 20 rows that overlap by four: 750 values, 2.6 %; the noise of y adds 1 % where
+    # the outline slopes by 0.4.
+    assert ((found.Z - true) / found.sigma).std() == pytest.approx(1.0, abs=0.09)
+    single = centre_line(surface, half_width=0.1e-3).sigma.mean()
+    assert 0.55 * single < found.sigma.mean() < 0.8 * single  # 43 px of columns hold 2 to 3 subsets of 21
+    dense = symmetry_grid(step=2.5)
+    place, _ = barrel(dense, 0.7e-3)
+    more = outline(history(dense, place[None]), dense, half_width=1.2e-3, subset=SUBSET)
+    assert more.sigma.mean() == pytest.approx(found.sigma.mean(), rel=0.06)  # the same pixels again
+
+
+def test_rows_are_those_of_the_picture_whichever_way_the_axis_runs():
+    points = symmetry_grid()
+    surface = history(points, barrel(points, 0.0)[0][None])
+    rows = rows_of(surface, points)
+    np.testing.assert_array_equal(rows, np.repeat(np.arange(20), 21))
+    upside_down = points * [1.0, -1.0]
+    np.testing.assert_array_equal(rows_of(surface, upside_down), rows)
+    np.testing.assert_array_equal(rows_of(surface, points[:, ::-1]), rows)
+
+
+def test_lost_points_leave_the_mean_and_are_counted():
+    points = symmetry_grid()
+    place, _ = barrel(points, 0.7e-3)
+    outcome = np.zeros((2, len(points)), dtype=np.int64)
+    outcome[1, :42] = PointOutcome.LOW_CORRELATION  # two rows
+    outcome[1, 52] = PointOutcome.NOT_CONVERGED  # the middle of the third
+    found = outline(
+        history(points, np.array([place, place]), outcome=outcome), points, half_width=0.4e-3, subset=SUBSET
+    )
+    assert np.bincount(found.frame).tolist() == [20, 18]
+    assert found.left_out == {PointOutcome.LOW_CORRELATION: 6, PointOutcome.NOT_CONVERGED: 1}  # 3 columns
+
+
+@pytest.mark.parametrize("options", [{"half_width": 0.0}, {"subset": -1.0}, {"axis_Z": 5e-3}])
+def test_an_outline_that_cannot_be_is_refused(options):
+    points = symmetry_grid()
+    surface = history(points, barrel(points, 0.0)[0][None])
+    with pytest.raises(ValueError, match=r"must be"):
+        outline(surface, points, **({"half_width": 1e-3, "subset": SUBSET} | options))

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from test_dic_reconstruct import RIG, followed
+from test_dic_triangulate import TRACKED_RIG as RIG
+from test_dic_triangulate import followed
 
 from dic.bodies import axial_displacement
 from dic.bodies.axial_displacement import Translations, translations

@@ -1,18 +1,44 @@
 """The stereo match on rendered cylinders, where the answer is known ray by ray."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
+from epipolar_numpy import correlation, curve_distances, points_along, shows
+from epipolar_numpy import search as search_in_numpy
+from numpy.typing import NDArray
+from speckle_pictures import RenderedCylinder
+from stereo_scene import CYLINDER, DISTANCE, FOCAL, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
-from dic.camera import StereoRig
+from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Shape
-from dic.correlation.subsets import apply, identity
+from dic.correlation.subsets import Match, apply, identity
 from dic.outcome import PointOutcome
-from dic.stereo.epipolar_search import StereoGates, StereoSearch
-from dic.stereo.geometry import triangulate
-from dic.stereo.match import Gate, StereoMatch, match_stereo
+from dic.stereo.epipolar_search import (
+    Candidates,
+    StereoGates,
+    StereoSearch,
+    distance_along,
+    facet_geometry,
+    fit_facet,
+    gradient,
+    ideal_box,
+    normals,
+    search,
+    subsets,
+    visible_piece,
+)
+from dic.stereo.geometry import directions, epipolar_distance, triangulate
+from dic.stereo.match import (
+    Gate,
+    GateValues,
+    StereoMatch,
+    disagreement,
+    failed_gates,
+    match_stereo,
+    neighbourhood,
+    propagate,
+)
 
 QUADRATIC = Correlation(subset=21, shape=Shape.QUADRATIC)
 
@@ -181,3 +207,377 @@ def test_what_cannot_be_asked_is_refused(options: dict[str, object], words: str)
         matched(**options)
     with pytest.raises(ValueError, match="points must be finite"):
         match_stereo(*pictures(), [[np.nan, 1.0]], rig(), QUADRATIC, noise=NOISE)
+
+
+FloatArray = NDArray[np.float64]
+
+PIXELS = np.array([[20.0, 30.0], [64.0, 64.0], [110.0, 15.0]])
+DISTANCES = np.array([0.29, 0.297, 0.302])
+NORMALS = np.array([[0.3, 0.1, 1.0], [-0.5, 0.2, 0.8], [0.0, -0.4, 1.0]])
+
+
+def on_plane(pixels: FloatArray, X: FloatArray, n: FloatArray) -> FloatArray:
+    """Where camera 1 sees what camera 0 sees at `pixels` of planes through X with normals n."""
+    first, second = rig().cameras
+    ideal = first.undistort(pixels)
+    ray = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ first.rotation
+    s = np.sum(n * (X - first.centre), axis=-1) / np.sum(n * ray, axis=-1)
+    return second.project(first.centre + s[..., None] * ray)
+
+
+def test_the_gradient_is_that_of_rays_cut_with_the_plane() -> None:
+    seen = facet_geometry(rig(), PIXELS, DISTANCES)
+    A = gradient(seen, DISTANCES, NORMALS)
+    h = 0.01
+    for k, step in enumerate(np.eye(2) * h):
+        ends = [on_plane(PIXELS + sign * step, seen.X, NORMALS) for sign in (1.0, -1.0)]
+        # central differences over 0.02 px: third order of the homography, 1e-4 px² of curvature
+        np.testing.assert_allclose(A[..., k], (ends[0] - ends[1]) / (2.0 * h), atol=1e-7)
+
+
+def test_a_gradient_gives_its_facet_back() -> None:
+    A = gradient(facet_geometry(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
+    fit = fit_facet(rig(), PIXELS, DISTANCES, A)
+    unit = NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True)
+    np.testing.assert_allclose(fit.normal, unit, atol=1e-9)  # round-off over the sine of 12.5°
+    np.testing.assert_allclose(fit.across, 0.0, atol=1e-10)
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
+    for camera, angle in zip(rig().cameras, fit.incidence, strict=True):
+        to = camera.centre - X
+        cosine = np.sum(unit * to, axis=1) / np.linalg.norm(to, axis=1)
+        np.testing.assert_allclose(np.cos(angle), cosine, atol=1e-9)
+
+
+def test_a_turn_of_the_subset_is_no_facet() -> None:
+    A = gradient(facet_geometry(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
+    turned = A.copy()
+    turned[:, 1, 0] += 0.05  # the epipolar lines are level to a few degrees: this is across them
+    across = fit_facet(rig(), PIXELS, DISTANCES, turned).across
+    np.testing.assert_allclose(across, 0.05, rtol=0.02)
+
+
+def test_normals_face_the_cameras_alike_and_turn_by_what_is_asked() -> None:
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
+    n = normals(rig(), X, np.radians([[0.0, 0.0], [30.0, 0.0], [0.0, 20.0]]))
+    to = [camera.centre - X for camera in rig().cameras]
+    cosines = [np.einsum("nhk,nk->nh", n, t / np.linalg.norm(t, axis=1, keepdims=True)) for t in to]
+    np.testing.assert_allclose(cosines[0][:, 0], cosines[1][:, 0], atol=1e-12)
+    np.testing.assert_allclose(np.sum(n[:, 0] * n[:, 1], axis=1), np.cos(np.radians(30.0)), atol=1e-12)
+    np.testing.assert_allclose(np.sum(n[:, 0] * n[:, 2], axis=1), np.cos(np.radians(20.0)), atol=1e-12)
+    base = rig().cameras[1].centre - rig().cameras[0].centre
+    across = np.cross(X - rig().cameras[0].centre, base)
+    np.testing.assert_allclose(np.sum(n[:, 1] * across, axis=1), 0.0, atol=1e-12)
+
+
+def test_a_curve_is_walked_in_equal_steps_from_rim_to_rim() -> None:
+    s = curve_distances(rig(), PIXELS, SHAPE, None, 1.0)
+    for k, row in enumerate(s):
+        row = row[np.isfinite(row)]
+        assert np.all(np.diff(row) > 0.0)
+        places = rig().cameras[1].project(points_along(rig(), PIXELS[k : k + 1], row[None])[0])
+        # cut out of the whole curve to the next of 64 knots, 2.0 px apart
+        assert np.sort(places[[0, -1], 0]) == pytest.approx([0.0, SHAPE[1] - 1.0], abs=2.5)
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        np.testing.assert_allclose(steps, 1.0, atol=0.01)  # linear between the knots
+        off = epipolar_distance(rig(), np.repeat(PIXELS[k : k + 1], len(places), axis=0), places)
+        np.testing.assert_allclose(off, 0.0, atol=1e-9)
+
+
+def test_a_lens_model_that_folds_back_shows_nothing_twice() -> None:
+    first, second = rig().cameras
+    folding = replace(second, distortion=(-60.0, 0.0, 0.0, 0.0, 0.0))  # turns at r = 0.075, 400 px
+    folded = replace(rig(), cameras=(first, folding))
+    s = curve_distances(folded, PIXELS, SHAPE, None, 1.0)
+    places = folding.project(points_along(folded, PIXELS, np.nan_to_num(s, nan=0.3)))[np.isfinite(s)]
+    assert np.all((places > -3.0) & (places < SHAPE[1] + 2.0))
+    assert np.isfinite(s).sum(axis=1).max() < 1.3 * SHAPE[1]
+
+
+def test_declared_distances_are_kept() -> None:
+    s = curve_distances(rig(), PIXELS, SHAPE, (0.29, 0.305), 1.0)
+    assert np.nanmin(s) >= 0.29
+    assert np.nanmax(s) == pytest.approx(0.305)
+
+
+def test_distance_is_measured_along_the_line_of_sight() -> None:
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
+    np.testing.assert_allclose(distance_along(rig(), PIXELS, X), DISTANCES, rtol=1e-12)
+    np.testing.assert_allclose(rig().cameras[0].project(X), PIXELS, atol=1e-8)
+
+
+def test_correlation_is_that_of_the_samples_with_weight() -> None:
+    rng = np.random.default_rng(2)
+    g, t = rng.random((2, 7, 50)).astype(np.float32)
+    weight = (rng.random((7, 50)) < 0.6).astype(np.float32)
+    some = weight > 0.0
+    expected = [np.corrcoef(a[k], b[k])[0, 1] for a, b, k in zip(g, t, some, strict=True)]
+    np.testing.assert_allclose(correlation(g, t, weight), expected, atol=1e-5)  # single precision
+    assert correlation(np.ones((1, 50), np.float32), t[:1], weight[:1])[0] == -1.0
+
+
+def lattice(n: int = 6, step: float = 10.0) -> FloatArray:
+    x = np.arange(n) * step
+    return np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+
+
+def bent(points: FloatArray) -> FloatArray:
+    """Affine parts of the warps of a displacement of second order."""
+    x, y = points.T
+    warp = np.zeros((len(points), 12))
+    warp[:, 0] = 3.0 + 0.1 * x - 0.05 * y + 1e-3 * x * x - 2e-3 * x * y
+    warp[:, 1] = -1.0 + 0.02 * x + 5e-4 * y * y
+    warp[:, 2], warp[:, 3] = 0.1 + 2e-3 * x - 2e-3 * y, -0.05 - 2e-3 * x
+    warp[:, 4], warp[:, 5] = 0.02, 1e-3 * y
+    return warp
+
+
+def test_neighbours_agree_on_a_displacement_of_second_order() -> None:
+    points = lattice()
+    near, valid = neighbourhood(points, 8), np.ones(36, dtype=bool)
+    np.testing.assert_allclose(disagreement(points, bent(points), near, valid), 0.0, atol=1e-12)
+
+
+def test_neighbours_see_the_one_that_is_elsewhere() -> None:
+    points, warp = lattice(), bent(lattice())
+    warp[14, :2] += (0.9, -1.2)
+    valid = np.ones(36, dtype=bool)
+    valid[0] = False
+    off = disagreement(points, warp, neighbourhood(points, 8), valid)
+    assert off[14] == pytest.approx(1.5)
+    assert np.isinf(off[0])
+    others = np.delete(np.arange(36), [0, 14])
+    assert off[others].max() < 1e-12  # a median: one of eight does not move it
+
+
+def test_the_best_neighbour_hands_on_first_and_islands_are_left() -> None:
+    points = np.concatenate([lattice(3), lattice(2) + 500.0])
+    warp = np.zeros((13, 12))
+    match = Match(warp, np.zeros((13, 2, 2)), np.zeros(13), np.zeros(13, np.int64), np.zeros(13, np.int64))
+    found = np.zeros(13, dtype=bool)
+    found[[0, 8]] = True
+    match.warp[0, 0], match.zncc[0] = 1.0, 0.8
+    match.warp[8, 0], match.zncc[8] = 2.0, 0.9
+    asked: list[tuple[int, float]] = []
+
+    def attempt(rows: NDArray[np.int64], guess: FloatArray) -> tuple[Match, NDArray[np.bool_]]:
+        asked.extend(zip(rows.tolist(), guess[:, 0].tolist(), strict=True))
+        n = len(rows)
+        result = Match(
+            guess, np.zeros((n, 2, 2)), np.full(n, 0.95), np.ones(n, np.int64), np.zeros(n, np.int64)
+        )
+        return result, rows != 4
+
+    guessed = propagate(match, points, neighbourhood(points, 8), 3, attempt, found)
+    first = dict(reversed(asked))
+    assert first[4] == 2.0  # the middle, beside both: the better correlated one leads
+    assert sum(row == 4 for row, _ in asked) == 3  # never believed, given up after three
+    assert found[[1, 2, 3, 5, 6, 7]].all()
+    assert not found[4]
+    assert guessed[:9].all()
+    assert not guessed[9:].any()
+
+
+GOOD = {
+    "sigma": 0.01,
+    "epipolar": 0.1,
+    "epipolar_sigma": 0.01,
+    "facet": 0.1,
+    "incidence": 0.5,
+    "back_match": 0.01,
+    "neighbours": 0.02,
+    "distinct": 0.1,
+    "distance": 0.3,
+    "unseen": 0.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "gate"),
+    [
+        ("epipolar", -0.55, Gate.EPIPOLAR),
+        ("facet", 1.05, Gate.FACET),
+        ("incidence", 1.35, Gate.FACET),
+        ("back_match", 0.55, Gate.BACK_MATCH),
+        ("neighbours", np.inf, Gate.NEIGHBOURS),
+        ("distinct", 0.61, Gate.UNIQUENESS),
+        ("distance", 0.41, Gate.DISTANCE),
+        ("unseen", 0.2, Gate.VIEW),
+    ],
+)
+def test_each_gate_closes_for_its_own_number_alone(name: str, value: float, gate: Gate) -> None:
+    values = {field.name: np.array([GOOD[field.name], GOOD[field.name]]) for field in fields(GateValues)}
+    assert set(values) == set(GOOD)
+    values[name][1] = value
+    assert failed_gates(GateValues(**values), StereoGates(), (0.2, 0.4)).tolist() == [0, gate]
+    values[name][1] = np.nan
+    if name not in ("sigma", "epipolar_sigma"):
+        assert failed_gates(GateValues(**values), StereoGates(), (0.2, 0.4))[1] == gate
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: StereoSearch(distances=(0.4, 0.3)), "distances must be two positive lengths"),
+        (lambda: StereoSearch(stretching_turns=()), "turns must be at least one"),
+        (lambda: StereoSearch(seeds=0), "seeds must be at least 1, got 0"),
+        (lambda: StereoSearch(subset=20), "subset must be odd"),
+        (lambda: StereoGates(epipolar=0.0), "epipolar must be a positive distance"),
+        (lambda: StereoGates(distinct=1.5), "distinct must be above 0, at most 1, got 1.5"),
+        (lambda: StereoGates(incidence=95.0), "incidence must be above 0, at most 90"),
+    ],
+)
+def test_settings_out_of_range_are_refused(make, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_a_rendered_ray_ends_on_the_cylinder() -> None:
+    cylinder = RenderedCylinder(4.75e-3, x=1e-4, z=-2e-4)
+    camera = rig().cameras[0]
+    X = cylinder.hit(camera, PIXELS)
+    np.testing.assert_allclose(np.hypot(X[:, 0] - 1e-4, X[:, 2] + 2e-4), 4.75e-3, rtol=1e-12)
+    np.testing.assert_allclose(camera.project(X), PIXELS, atol=1e-8)
+    assert np.all(np.sum(cylinder.normal(X) * (camera.centre - X), axis=1) > 0.0)  # the near side
+    assert np.isnan(cylinder.hit(camera, np.array([[400.0, 64.0]]))).all()
+    flat = cylinder.picture(camera, SHAPE, lambda arc, height: np.full(arc.shape, 0.7), oversample=2)
+    np.testing.assert_allclose(flat, 0.7, rtol=1e-12)
+
+
+LIMITS = (0.015, 6.0)
+
+
+def _side_by_side(focal: float, baseline: float, columns: int) -> StereoRig:
+    """Parallel cameras along x, the principal points in the middle."""
+    cameras = [
+        Camera(focal, focal, 0.5 * (columns - 1), 0.5 * (columns - 1), translation=np.array([-x, 0.0, 0.0]))
+        for x in (0.0, baseline)
+    ]
+    return StereoRig((cameras[0], cameras[1]))
+
+
+def test_parallel_cameras_show_disparities_from_zero_to_the_border() -> None:
+    focal, baseline, columns = 6000.0, 0.08, 101
+    pair = _side_by_side(focal, baseline, columns)
+    d = directions(pair.cameras[0], np.array([[50.0, 50.0], [80.0, 50.0]]))
+    piece = visible_piece(pair, d, (columns, columns), (1.0, 1000.0))
+    # x1 = x0 - f b q: from the farthest limit to the left border, which lies 2 % of the width farther out
+    room = 0.02 * (columns - 1)
+    np.testing.assert_allclose(piece[0], [1e-3, (50.0 + room) / (focal * baseline)], rtol=1e-4)
+    np.testing.assert_allclose(piece[1, 1], (80.0 + room) / (focal * baseline), rtol=1e-4)
+
+
+@pytest.mark.parametrize("angle", [4.0, 12.5, 30.0])
+def test_all_that_a_dense_walk_sees_lies_in_the_piece(angle: float) -> None:
+    pair, pixels = rig(angle), grid(24, 8)
+    piece = visible_piece(pair, directions(pair.cameras[0], pixels), SHAPE, LIMITS)
+    q = np.broadcast_to(np.linspace(1.0 / LIMITS[1], 1.0 / LIMITS[0], 20000), (len(pixels), 20000))
+    seen = shows(pair.cameras[1], points_along(pair, pixels, 1.0 / q), SHAPE)
+    assert seen.any(axis=1).sum() > 8
+    for row in np.flatnonzero(seen.any(axis=1)):
+        where = q[row, seen[row]]
+        assert piece[row, 0] <= where[0]
+        assert where[-1] <= piece[row, 1]
+        # the box is larger by 2 % of the picture on each side, the lens bends it by as much again
+        room = 0.06 * SHAPE[1] / (FOCAL * 2.0 * DISTANCE * np.sin(0.5 * np.radians(angle)))
+        assert piece[row, 1] - piece[row, 0] < 1.2 * (where[-1] - where[0]) + room
+
+
+def test_a_ray_that_the_picture_does_not_show_has_no_piece() -> None:
+    pair = _side_by_side(6000.0, 0.08, 101)
+    piece = visible_piece(pair, np.array([[0.0, 0.5, np.sqrt(0.75)]]), (101, 101), LIMITS)
+    assert piece[0, 0] == piece[0, 1] == 1.0 / LIMITS[1]
+
+
+def test_without_a_box_a_place_behind_the_camera_is_in_no_piece() -> None:
+    # the lens folds on the border; camera 1 stands 0.2 m ahead of camera 0: what is nearer lies behind it
+    folding = {"distortion": (-0.6, 0.0, 0.0, 0.0, 0.0)}
+    first = Camera(60.0, 60.0, 50.0, 50.0, **folding)
+    second = Camera(60.0, 60.0, 50.0, 50.0, translation=np.array([0.0, 0.0, -0.2]), **folding)
+    assert ideal_box(second, (101, 101)) is None
+    piece = visible_piece(StereoRig((first, second)), np.array([[0.0, 0.0, 1.0]]), (101, 101), (0.15, 200.0))
+    np.testing.assert_allclose(piece[0], [1.0 / 200.0, 1.0 / 0.2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("angle", np.linspace(6.0, 24.0, 7))
+def test_surfaces_are_found_whatever_the_angle(angle: float) -> None:
+    pair, points = rig(angle), grid(32, 32)
+    images = [picture.astype(np.float32) for picture in pictures(angle)]
+    wanted = subsets(images[0], points, identity(len(points)), 25, None)
+    found = search(pair, wanted, images[1], limits=None, turns=StereoSearch().turns)
+    assert np.isfinite(found.distance).all()  # no curve passes the picture by
+    exact = distance_along(pair, points, CYLINDER.hit(pair.cameras[0], points))
+    assert np.median(np.abs(found.distance - exact)) < 1e-3
+
+
+POINTS = grid(16, 4)  # at the rim a part of the subset is out of the picture
+EPIPOLAR_SEARCH_LIMITS = (0.29, 0.305)
+# OpenCV's bilinear weights are whole 1/32; the kernel's are exact
+ROUNDED = 0.02
+
+
+def _wanted(mask: np.ndarray | None = None):
+    images = [picture.astype(np.float32) for picture in pictures()]
+    return subsets(images[0], POINTS, identity(len(POINTS)), 25, mask), images[1]
+
+
+def _agree(found: Candidates, expected: Candidates) -> None:
+    nowhere = np.isnan(expected.distance)
+    np.testing.assert_array_equal(np.isnan(found.distance), nowhere)
+    np.testing.assert_array_equal(found.zncc[nowhere], -1.0)
+    fine = ~nowhere & (expected.zncc > 0.8) & (expected.second_peak < 0.7)  # one place stands out
+    assert fine.sum() > 20
+    np.testing.assert_allclose(found.zncc[fine], expected.zncc[fine], atol=ROUNDED)
+    np.testing.assert_allclose(found.second_peak[fine], expected.second_peak[fine], atol=ROUNDED)
+    same = np.abs(found.distance - expected.distance)[fine] < 1e-12
+    assert same.mean() > 0.9  # at the others two steps are as good
+    np.testing.assert_allclose(found.warp[fine][same], expected.warp[fine][same], atol=1e-9)
+
+
+@pytest.mark.parametrize("limits", [None, EPIPOLAR_SEARCH_LIMITS])
+def test_turned_facets_are_compared_at_every_step(limits: tuple[float, float] | None) -> None:
+    wanted, picture = _wanted()
+    turns = StereoSearch(stretching_turns=(-25.0, 0.0, 25.0), shearing_turns=(0.0, 25.0)).turns
+    _agree(
+        search(rig(), wanted, picture, limits=limits, turns=turns),
+        search_in_numpy(rig(), wanted, picture, limits=limits, turns=turns),
+    )
+
+
+def test_gradients_of_the_points_own_are_used_all_along_a_curve() -> None:
+    mask = np.ones(SHAPE, dtype=bool)
+    mask[:, :30] = False
+    wanted, picture = _wanted(mask)
+    seen = facet_geometry(rig(), POINTS, np.full(len(POINTS), 0.297))
+    A = gradient(seen, np.full(len(POINTS), 0.297), normals(rig(), seen.X, np.zeros((1, 2)))[:, 0])
+    _agree(
+        search(rig(), wanted, picture, limits=EPIPOLAR_SEARCH_LIMITS, gradients=A),
+        search_in_numpy(rig(), wanted, picture, limits=EPIPOLAR_SEARCH_LIMITS, gradients=A),
+    )
+
+
+def test_the_best_place_is_that_of_the_surface() -> None:
+    wanted, picture = _wanted()
+    found = search(rig(), wanted, picture, limits=EPIPOLAR_SEARCH_LIMITS, turns=StereoSearch().turns)
+    from stereo_scene import CYLINDER
+
+    exact = distance_along(rig(), POINTS, CYLINDER.hit(rig().cameras[0], POINTS))
+    inside = np.all(np.abs(POINTS - 63.5) < 40.0, axis=1)
+    # a step of 2 px along the curve is 0.5 mm along the ray, the cameras 12.5° apart
+    assert np.abs(found.distance - exact)[inside].max() < 0.4e-3
+
+
+def test_no_points_give_no_candidates() -> None:
+    wanted, picture = _wanted()
+    none = wanted.take(np.zeros(0, dtype=np.int64))
+    assert search(rig(), none, picture, limits=None).zncc.shape == (0,)
+
+
+def test_a_curve_longer_than_its_room_is_walked_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    from dic.correlation.kernels import curve
+
+    wanted, picture = _wanted()
+    whole = search(rig(), wanted, picture, limits=None)
+    monkeypatch.setattr(curve, "LONGEST", 8)
+    again = search(rig(), wanted, picture, limits=None)
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -12,7 +12,7 @@ KEYS_OF_SHOT_TOML = "dic"
 """A table of shot.toml has the name of a package: `dic.subset` is a key."""
 FILES = sorted(
     path
-    for folder in (*PACKAGES, "docs", "tests", "runs", "benchmarks")
+    for folder in (*PACKAGES, "docs", "tests", "runs", "benchmarks", "populations")
     for path in (ROOT / folder).rglob("*")
     if path.suffix in (".py", ".md") and "_build" not in path.parts and "generated" not in path.parts
 )

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks import answers, implicit_table, scatter
+from benchmarks import equilibrium_table
+from populations import answers, scatter
 
 TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
 
@@ -37,7 +38,7 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
-    assert "not made yet" in tables.budget("no_such_study")
+    assert "not run yet" in tables.budget("no_such_study")
     for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted", "advised", "solved"):
         assert "not run yet" in tables.TABLES[name]("no_such_study")
 
@@ -133,16 +134,16 @@ def test_times_of_equilibria_are_merged(tmp_path: Path) -> None:
     )
     path = tmp_path / "growth.json"
     path.write_text(json.dumps([large, {**small, "seconds": 9.0}]), "utf-8")
-    again = implicit_table.merged(path, [small])
+    again = equilibrium_table.merged(path, [small])
     assert again == [small, large]  # the older one of the same thing is gone
-    assert implicit_table.merged(path, [{**small, "threads": 2}])[1]["seconds"] == 1.0
-    row = implicit_table.table([{**large, "outcome": "SINGULAR"}]).splitlines()[-1]
+    assert equilibrium_table.merged(path, [{**small, "threads": 2}])[1]["seconds"] == 1.0
+    row = equilibrium_table.table([{**large, "outcome": "SINGULAR"}]).splitlines()[-1]
     assert (
         row
         == "| 2 000 | 2 x 1 x 1 hex27 | 1 to 10 % | auto | cpu | here, 1 thread | 2 | 2 | 3, 4: SINGULAR |"
     )
     peer = {"dolfinx": {"processor seconds": 50.0}, "largest difference": 2e-10}
-    said = implicit_table.table([{**large, **peer}]).splitlines()[-1]
+    said = equilibrium_table.table([{**large, **peer}]).splitlines()[-1]
     assert "50 s of the processor, 25.0 times as long" in said
 
 

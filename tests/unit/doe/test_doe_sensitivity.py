@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.stats import sobol_indices as scipy_indices
 
 from doe import Box, ResponseSurrogate, information, latin_hypercube
@@ -304,3 +305,35 @@ def test_the_best_window_moves_to_where_the_base_is_blind():
         best_window(groups, 1)
     with pytest.raises(ValueError, match=r"length must be in \[1, 20\]"):
         best_window(groups, 21)
+
+
+BOX = Box(("a", "b", "c"), (-np.pi,) * 3, (np.pi,) * 3)
+N, SEED = 256, 7
+
+
+def oracles_ishigami(x: np.ndarray) -> np.ndarray:
+    """Ishigami and Homma's function, two outputs: one of them in other units."""
+    y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    return np.column_stack([y, 1e3 * y + 5.0])
+
+
+def test_scipys_estimator_on_the_same_points() -> None:
+    found = sobol_indices(BOX, oracles_ishigami, outputs=("y", "z"), n=N, rng=SEED)
+    at_A, at_B, at_AB = SaltelliSample.draw(3, N, SEED).ask(oracles_ishigami, BOX)
+    oracle = stats.sobol_indices(func={"f_A": at_A.T, "f_B": at_B.T, "f_AB": np.swapaxes(at_AB, 1, 2)}, n=N)
+    # The same sums in another order. SciPy has shape [output, parameter].
+    np.testing.assert_allclose(found.first, oracle.first_order, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(found.total, oracle.total_order, rtol=0.0, atol=1e-10)
+
+
+def test_salibs_estimator_on_the_same_points() -> None:
+    sobol = pytest.importorskip("SALib.analyze.sobol", reason="needs SALib")
+    found = sobol_indices(BOX, oracles_ishigami, outputs=("y", "z"), n=N, rng=SEED)
+    at_A, at_B, at_AB = SaltelliSample.draw(3, N, SEED).ask(oracles_ishigami, BOX)
+    # SALib's layout, point by point: A, AB_1 .. AB_d, B.
+    Y = np.stack([at_A[:, 0], *at_AB[..., 0], at_B[:, 0]], axis=1).ravel()
+    problem = {"num_vars": 3, "names": list("abc"), "bounds": [[-np.pi, np.pi]] * 3}
+    oracle = sobol.analyze(problem, Y, calc_second_order=False, num_resamples=10, seed=1)
+    # SALib centres by the mean of all evaluations, here by that of A and B: O(1/n) of the first order.
+    np.testing.assert_allclose(found.first[0], oracle["S1"], atol=4.0 / N)
+    np.testing.assert_allclose(found.total[0], oracle["ST"], atol=4.0 / N)

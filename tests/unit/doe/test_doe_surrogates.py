@@ -1,14 +1,36 @@
 """Surrogates: principal components, response and cost, and the battery of every entry of SURROGATES."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, RBFInterpolator
 
-from doe import SURROGATES, Box, CostSurrogate, ResponseSurrogate, Surrogate, full_factorial, sobol
-from doe.surrogates import Kernel, PrincipalComponents, SurrogateError, SurrogateKind
+from doe import (
+    SURROGATES,
+    Box,
+    CostSurrogate,
+    ResponseSurrogate,
+    Surrogate,
+    full_factorial,
+    latin_hypercube,
+    sobol,
+)
+from doe.surrogates import (
+    DEFAULT_KERNELS,
+    Kernel,
+    PrincipalComponents,
+    QuadraticSurrogate,
+    RadialBasis,
+    SurrogateError,
+    SurrogateKind,
+)
 from doe.surrogates.protocol import checked_runs, unit_points
+from doe.surrogates.quadratic import runs_wanted, terms
+from doe.surrogates.quality import Fitness, fitness, nested
+from doe.surrogates.rbf import choose_kernel, loo_operator
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("m", "beta"), (0.75, 1e-6), (1.25, 1e-4), (False, True))
@@ -219,3 +241,317 @@ def test_values_of_a_scalar_response_have_one_column() -> None:
     points = sobol(BOX, 8, rng=0).points
     with pytest.raises(ValueError, match=r"shape \[n, 1\], got \[8, 2\]"):
         SURROGATES["cost"].fit(BOX, points, np.ones((8, 2)))
+
+
+def smooth(u: FloatArray) -> FloatArray:
+    """Two smooth columns of any number of parameters."""
+    s = u @ np.arange(1.0, u.shape[1] + 1.0)
+    return np.stack([np.sin(2.0 * s), np.exp(-0.5 * s) + u[:, 0] ** 2], axis=1)
+
+
+def scattered(n: int, d: int) -> FloatArray:
+    return np.random.default_rng(11).random((n, d))
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+@pytest.mark.parametrize("kernel", DEFAULT_KERNELS, ids=str)
+def test_closed_form_leave_one_out_is_the_refit(kernel: Kernel, d: int) -> None:
+    # Evenly spread in 1-D (random numbers come too close for the smoothest kernels).
+    n = 9 if d == 1 else kernel.n_needed(d) + 6
+    u = np.linspace(0.0, 1.0, n)[:, None] if d == 1 else scattered(n, d)
+    values = smooth(u)
+    fit = RadialBasis.fit(u, values, kernel)
+    refits = np.empty_like(values)
+    for i in range(n):
+        rest = np.arange(n) != i
+        epsilon = 1.0 if kernel.shape is None else kernel.shape
+        other = RBFInterpolator(
+            u[rest], values[rest], kernel=kernel.name, degree=kernel.degree, epsilon=epsilon
+        )
+        refits[i] = values[i] - other(u[i : i + 1])[0]
+    # A solve leaves a residual of eps |Phi| |c|; it enters e_i with weights B_ij / B_ii, up to about 100
+    # at the ends of a row of runs (binomial coefficients), where a smooth kernel extrapolates.
+    coefficients = loo_operator(u, kernel)[0] @ values
+    size = np.linalg.norm(kernel.matrix(u), 2) * np.linalg.norm(coefficients) + np.abs(values).max()
+    tolerance = 100.0 * np.finfo(float).eps * size
+    np.testing.assert_allclose(fit.loo_residuals, refits, rtol=0, atol=tolerance)
+    assert np.abs(refits).max() > 10.0 * tolerance  # the comparison has something to compare
+
+
+@pytest.mark.parametrize("kernel", DEFAULT_KERNELS[:6], ids=str)
+def test_operator_is_the_block_of_the_inverse_saddle_matrix(kernel: Kernel) -> None:
+    u = scattered(20, 2)
+    P = kernel.tail(u)
+    saddle = np.block([[kernel.matrix(u), P], [P.T, np.zeros((P.shape[1],) * 2)]])
+    block = np.linalg.inv(saddle)[:20, :20]
+    operator, condition = loo_operator(u, kernel)
+    # Both lose the digits of the condition number.
+    assert np.abs(operator - block).max() < 1e3 * np.finfo(float).eps * condition * np.abs(block).max()
+
+
+@pytest.mark.parametrize("kernel", DEFAULT_KERNELS, ids=str)
+def test_polynomials_of_the_tail_are_reproduced(kernel: Kernel) -> None:
+    u = scattered(30, 2) if kernel.shape is None or kernel.shape >= 4 else scattered(12, 2)
+    x, y = np.random.default_rng(2).random((2, 200))
+    coefficients = np.random.default_rng(3).normal(size=(kernel.degree + 1, kernel.degree + 1))
+    # Total degree of the tail: a_ij x^i y^j with i + j <= degree.
+    allowed = np.add.outer(np.arange(kernel.degree + 1), np.arange(kernel.degree + 1)) <= kernel.degree
+    exact = np.polynomial.polynomial.polyval2d(x, y, coefficients * allowed)
+    values = np.polynomial.polynomial.polyval2d(u[:, 0], u[:, 1], coefficients * allowed)
+    fit = RadialBasis.fit(u, values[:, None], kernel)
+    # Round-off of the solve; the polynomial is O(1). Up to 1e-16 times a condition number of 1e6 or so.
+    tolerance = 1e-13 * max(1.0, 1e-3 * fit.condition)
+    assert np.abs(fit.predict(np.stack([x, y], axis=1))[:, 0] - exact).max() < max(tolerance, 1e-11)
+    assert fit.loo_rms < max(tolerance, 1e-11)
+
+
+def test_cubic_in_one_dimension_is_the_natural_cubic_spline() -> None:
+    u = np.sort(scattered(9, 1), axis=0)
+    values = smooth(u)
+    spline = CubicSpline(u[:, 0], values, bc_type="natural")
+    x = np.linspace(u[0, 0], u[-1, 0], 101)
+    fit = RadialBasis.fit(u, values, Kernel("cubic", 1))
+    np.testing.assert_allclose(fit.predict(x[:, None]), spline(x), atol=1e-11)  # condition number ~1e4
+
+
+def test_error_converges_with_the_order_of_the_spline() -> None:
+    # f'' = 0 at both ends, as the natural spline has it: fourth order everywhere.
+    x = np.linspace(0.0, 1.0, 501)[:, None]
+    counts = np.array([9, 17, 33, 65])
+    errors, estimates = [], []
+    for n in counts:
+        u = np.linspace(0.0, 1.0, n)[:, None]
+        fit = RadialBasis.fit(u, np.sin(2.0 * np.pi * u), Kernel("cubic", 1))
+        errors.append(np.abs(fit.predict(x) - np.sin(2.0 * np.pi * x)).max())
+        estimates.append(fit.loo_rms)
+    order = -np.polyfit(np.log(counts - 1), np.log(errors), 1)[0]
+    assert order == pytest.approx(4.0, abs=0.3)  # the coarsest grid has 8 intervals a period
+    assert np.all(np.diff(estimates) < 0.0)
+    # Leaving a run out doubles the gap there, so the estimate lies above the error.
+    assert np.all(np.array(estimates) > errors)
+
+
+@pytest.mark.parametrize("n", [7, 9, 12])
+def test_nine_runs_are_plenty_for_a_smooth_response(n: int) -> None:
+    u, x = np.linspace(0.0, 1.0, n)[:, None], np.linspace(0.0, 1.0, 301)[:, None]
+    fit = choose_kernel(u, np.sqrt(0.75 + 0.5 * u), DEFAULT_KERNELS)
+    # sqrt(m) over m in [0.75, 1.25]: what a wave speed does with a stiffness. 1e-5 of its size.
+    assert np.abs(fit.predict(x) - np.sqrt(0.75 + 0.5 * x)).max() < 1e-5
+    others = []
+    for kernel in DEFAULT_KERNELS:
+        with suppress(SurrogateError):
+            others.append(RadialBasis.fit(u, np.sqrt(0.75 + 0.5 * u), kernel).loo_rms)
+    assert fit.loo_rms == min(others)
+
+
+def test_rough_data_choose_a_rough_kernel() -> None:
+    u = np.linspace(0.0, 1.0, 11)[:, None]
+    fit = choose_kernel(u, np.abs(u - 0.47), DEFAULT_KERNELS)
+    # Smooth kernels ring at a kink; the leave-one-out error must see it.
+    assert fit.kernel.name in ("thin_plate_spline", "cubic")
+
+
+def test_a_cluster_of_runs_is_not_ill_conditioned() -> None:
+    # The condition number of the reduced matrix does not change with the size of the cloud.
+    u = scattered(12, 2)
+    _, wide = loo_operator(u, Kernel("cubic", 1))
+    _, narrow = loo_operator(0.5 + 1e-3 * u, Kernel("cubic", 1))
+    assert narrow == pytest.approx(wide, rel=1e-6)  # cancellation in 0.5 + 1e-3 u costs three digits
+
+
+def test_too_few_runs_are_refused_with_the_number_needed() -> None:
+    # Quadratic tail in two parameters: 6 terms, one run more to leave out.
+    with pytest.raises(SurrogateError, match=r"at least 7 runs for 2 parameter\(s\) \(6 terms .* got 6"):
+        RadialBasis.fit(scattered(6, 2), np.ones((6, 1)), Kernel("quintic", 2))
+    with pytest.raises(SurrogateError, match=r"no kernel can be used with 2 runs.*at least 3 runs"):
+        choose_kernel(scattered(2, 1), np.ones((2, 1)), DEFAULT_KERNELS)
+
+
+def test_bad_runs_are_refused() -> None:
+    u = scattered(8, 2)
+    with pytest.raises(SurrogateError, match="runs 2 and 5 are the same point"):
+        RadialBasis.fit(np.insert(u, 5, u[2], axis=0), np.ones((9, 1)), Kernel("cubic", 1))
+    line = np.stack([u[:, 0], u[:, 0]], axis=1)
+    with pytest.raises(SurrogateError, match=r"do not determine the 3 terms .* lie on a curve"):
+        RadialBasis.fit(line, np.ones((8, 1)), Kernel("cubic", 1))
+    line[7, 1] = 0.9
+    line[:7, 1] = 0.3
+    with pytest.raises(SurrogateError, match="without run 7 the other 7 do not determine"):
+        RadialBasis.fit(line, np.ones((8, 1)), Kernel("cubic", 1))
+    with pytest.raises(SurrogateError, match=r"ill-conditioned: condition number .* take a rougher kernel"):
+        RadialBasis.fit(np.linspace(0, 1, 15)[:, None], np.ones((15, 1)), Kernel("gaussian", 0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("wendland", 1), "unknown kernel 'wendland'; one of"),
+        (("quintic", 1), "needs degree >= 2, got 1"),
+        (("cubic", 1, 2.0), "has no shape parameter"),
+        (("gaussian", 1), "needs a shape parameter > 0, got None"),
+        (("gaussian", 1, 0.0), "needs a shape parameter > 0, got 0"),
+    ],
+)
+def test_bad_kernels_are_refused(arguments: tuple, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Kernel(*arguments)
+
+
+QUADRATIC_BOX = Box(("m", "f", "beta"), (0.9, 0.1, 1e-6), (1.3, 0.5, 1e-4), (False, False, True))
+
+
+def quadratic(points: np.ndarray) -> np.ndarray:
+    """Two entries, quadratic in the unit coordinates."""
+    u = QUADRATIC_BOX.unit(points)
+    first = 3.0 + u[:, 0] - 2.0 * u[:, 1] * u[:, 2] + u[:, 2] ** 2
+    return np.stack([first, 1e-3 * (u[:, 0] * u[:, 1] - u[:, 1])], axis=1)
+
+
+def test_a_quadratic_is_found_exactly() -> None:
+    points = sobol(QUADRATIC_BOX, 16, rng=0).points
+    surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, quadratic(points))
+    other = sobol(QUADRATIC_BOX, 32, rng=1).points
+    # Round-off of a well-conditioned solve.
+    np.testing.assert_allclose(surrogate.predict(other), quadratic(other), rtol=1e-11, atol=1e-14)
+    assert surrogate.degrees_of_freedom == 6
+    assert (terms(3), runs_wanted(3)) == (10, 25)
+
+
+def test_roughness_is_the_scatter_of_single_runs() -> None:
+    gain = np.array([[0.5, 0.0], [1.0, 2000.0]])
+    noise = np.array([0.2, 3e-4])
+    expected = gain @ np.diag(noise**2) @ gain.T
+    found = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        points = latin_hypercube(QUADRATIC_BOX, 25, rng=rng).points
+        values = quadratic(points) + noise * rng.standard_normal((25, 2))
+        found.append(QuadraticSurrogate.fit(QUADRATIC_BOX, points, values).roughness(gain))
+    # Each has 15 degrees of freedom: a variance of 200 of them scatters by sqrt(2 / 3000) = 2.6 %; 4 sigma.
+    np.testing.assert_allclose(np.mean(found, axis=0), expected, rtol=0.11)
+
+
+def test_averaging_flattens_what_an_interpolant_follows() -> None:
+    rng = np.random.default_rng(3)
+    points = latin_hypercube(QUADRATIC_BOX, 40, rng=rng).points
+    values = quadratic(points) + 0.1 * rng.standard_normal((40, 2))
+    surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, values)
+    error = surrogate.predict(points)[:, 0] - quadratic(points)[:, 0]
+    # Ten terms of forty runs keep a quarter of the variance, an interpolant all of it; 3 sigma of chi^2(10).
+    assert 0.1**2 * 10 / 40 * 0.1 < np.mean(error**2) < 0.1**2 * 10 / 40 * 2.4
+
+
+def test_leave_one_out_is_the_refit() -> None:
+    rng = np.random.default_rng(1)
+    points = latin_hypercube(QUADRATIC_BOX, 18, rng=rng).points
+    values = quadratic(points) + 0.1 * rng.standard_normal((18, 2))
+    surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, values)
+    for left in (0, 7):
+        rest = np.arange(18) != left
+        other = QuadraticSurrogate.fit(QUADRATIC_BOX, points[rest], values[rest])
+        missed = values[left] - other.predict(points[left : left + 1])[0]
+        np.testing.assert_allclose(surrogate.loo_residuals[left], missed, rtol=1e-9)
+
+
+def test_what_does_not_determine_it_is_refused() -> None:
+    points = sobol(QUADRATIC_BOX, 32, rng=0).points.copy()
+    with pytest.raises(
+        SurrogateError, match=r"has 10 terms and takes at least 11 runs, better 25; there are 8"
+    ):
+        QuadraticSurrogate.fit(QUADRATIC_BOX, points[:8], quadratic(points[:8]))
+    points[:, 1] = 0.3
+    with pytest.raises(SurrogateError, match=r"the 32 runs do not determine a quadratic of 3 variables"):
+        QuadraticSurrogate.fit(QUADRATIC_BOX, points, quadratic(points))
+
+
+def test_roughness_of_four_runs_by_hand() -> None:
+    # A parabola through four evenly spaced values leaves their third difference, (-1, 3, -3, 1) / sqrt(20).
+    box = Box(("m",), (0.0,), (3.0,))
+    contrast = np.array([-1.0, 3.0, -3.0, 1.0]) / np.sqrt(20.0)
+    values = (2.0 + np.arange(4.0) ** 2 + 0.6 * contrast)[:, None]
+    surrogate = QuadraticSurrogate.fit(box, np.arange(4.0)[:, None], values)
+    assert surrogate.degrees_of_freedom == 1
+    np.testing.assert_allclose(surrogate.residuals[:, 0], 0.6 * contrast, atol=1e-12)  # round-off
+    # The whole of 0.6^2 over one degree of freedom, through a gain of 2.
+    np.testing.assert_allclose(surrogate.roughness(np.array([[2.0]])), [[4.0 * 0.36]], rtol=1e-9)
+
+
+QUALITY_BOX = Box(("x", "y"), (0.0, 1.0), (2.0, 3.0))
+QUALITY_TIME = np.linspace(0.0, 1.0, 25)
+SIGMA = np.linspace(0.01, 0.05, 25)
+CUBIC = (Kernel("cubic", 1),)
+
+
+def quality_response(points: FloatArray) -> FloatArray:
+    return np.sin(points[:, :1] * (1.0 + QUALITY_TIME) + points[:, 1:]) * QUALITY_TIME
+
+
+def fit(x: FloatArray, y: FloatArray) -> ResponseSurrogate:
+    return ResponseSurrogate.fit(QUALITY_BOX, x, y, scale=SIGMA, kernels=CUBIC, variance=1.0)
+
+
+def test_beginnings_of_the_order_are_spread() -> None:
+    u = full_factorial(Box(("a", "b"), (0.0, 0.0), (1.0, 1.0)), 5).points
+    order = nested(u)
+    assert sorted(order) == list(range(25))
+    assert u[order[0]].tolist() == [0.5, 0.5]
+    # The corners are farthest from the middle, then the middles of the edges.
+    assert {tuple(x) for x in u[order[1:5]]} == {(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}
+    assert {tuple(x) for x in u[order[5:9]]} == {(0.0, 0.5), (0.5, 0.0), (0.5, 1.0), (1.0, 0.5)}
+
+
+def test_the_runs_it_asks_for_do() -> None:
+    small = sobol(QUALITY_BOX, 32, rng=1).points
+    found = fitness(fit, QUALITY_BOX, small, quality_response(small), sigma=SIGMA, allowed=0.05)
+    assert not found.good
+    # A cubic interpolates a smooth response to h^2 or better at the edges: n^-1 or faster for two parameters.
+    assert 1.0 < found.order < 4.0
+    needed = found.runs_needed
+    assert needed is not None
+    assert 32 < needed < 1000
+    with pytest.raises(SurrogateError, match=f"about {needed} runs would do"):
+        found.require()
+    n = 2 ** int(np.ceil(np.log2(needed)))
+    large = sobol(QUALITY_BOX, n, rng=1).points
+    # Up to twice as many, for the balance of the sequence; an extrapolation is good to a factor.
+    assert (
+        fitness(fit, QUALITY_BOX, large, quality_response(large), sigma=SIGMA, allowed=0.05).error
+        < 1.5 * 0.05
+    )
+
+
+def test_a_gain_says_what_the_error_is_for() -> None:
+    points = sobol(QUALITY_BOX, 32, rng=1).points
+    gain = np.zeros((2, 25))
+    gain[0, 0] = 1e9  # what only the first entry moves, which is zero for every run
+    gain[1, 10] = 2.0
+    found = fitness(fit, QUALITY_BOX, points, quality_response(points), sigma=SIGMA, allowed=1.0, gain=gain)
+    residual = fit(points, quality_response(points)).loo_residuals
+    assert found.error == pytest.approx(2.0 * np.sqrt(np.mean(residual[:, 10] ** 2)), rel=1e-6)
+    assert found.good
+    assert found.runs_needed == 32
+    found.require()
+
+
+def test_a_rough_response_is_not_cured_by_runs() -> None:
+    points = sobol(QUALITY_BOX, 64, rng=1).points
+    rough = quality_response(points) + 0.1 * np.random.default_rng(0).standard_normal((64, 25))
+    found = fitness(fit, QUALITY_BOX, points, rough, sigma=SIGMA, allowed=0.05)
+    assert found.runs_needed is None
+    with pytest.raises(SurrogateError, match="hardly falls with the number of runs"):
+        found.require()
+
+
+def test_what_cannot_be_judged() -> None:
+    points = sobol(QUALITY_BOX, 4, rng=1).points
+    with pytest.raises(ValueError, match="allowed must be finite and > 0"):
+        fitness(fit, QUALITY_BOX, points, quality_response(points), sigma=SIGMA, allowed=0.0)
+    # Four runs carry a surrogate, two do not: one design is no convergence.
+    found = fitness(fit, QUALITY_BOX, points, quality_response(points), sigma=SIGMA, allowed=1e-6)
+    assert found.runs == (4,)
+    assert np.isnan(found.order)
+    assert found.runs_needed is None
+    with pytest.raises(SurrogateError, match="no kernel can be used with 3 runs"):
+        fitness(fit, QUALITY_BOX, points[:3], quality_response(points[:3]), sigma=SIGMA, allowed=1.0)
+    # An extrapolation over a hundredfold is none.
+    assert Fitness(1.0, 1e-9, (10, 20), (1.2, 1.0), 0.26).runs_needed is None

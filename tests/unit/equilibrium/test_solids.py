@@ -1,12 +1,22 @@
 """Every solid: stress and tangent against differences of its energy, the energy against NumPy, dP/dp."""
 
+from dataclasses import replace
+from math import factorial
+
 import numpy as np
 import pytest
 import warp as wp
 
+from explicit.device import select_device
 from explicit.materials import LAWS
 from explicit.materials.volumetric import VolumetricLaw
+from kolsky.equilibrium.elements import ELEMENTS, element, hypercube_rule, simplex_rule
+from kolsky.equilibrium.equations import Equations
+from kolsky.equilibrium.meshes import Mesh, box
+from kolsky.equilibrium.model import Model, Prescribed
 from kolsky.equilibrium.point_kernels import mat99
+from kolsky.equilibrium.points import Points
+from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import (
     VOLUMETRIC_PARAMETERS,
     CompressibleNeoHookean,
@@ -14,6 +24,8 @@ from kolsky.equilibrium.solid import (
     Volumetric,
     bulk,
 )
+from kolsky.equilibrium.solve import solve
+from tests.unit.equilibrium.models import PULL, TIGHT, clamped
 
 DEFORMATIONS = np.array(
     [
@@ -145,3 +157,182 @@ def test_the_quadratic_form_is_that_of_the_explicit_solver():
 def test_what_a_solid_refuses(make, text):
     with pytest.raises(ValueError, match=text):
         make()
+
+
+EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
+
+
+@EVERY
+def test_shape_functions_interpolate(name):
+    item = ELEMENTS[name]
+    np.testing.assert_allclose(item.values(item.nodes), np.eye(item.n_nodes), atol=1e-13)
+    points = item.rule(3)[0]
+    np.testing.assert_allclose(item.values(points).sum(axis=1), 1.0, rtol=1e-13)
+    np.testing.assert_allclose(item.values(points) @ item.nodes, points, atol=1e-13)
+
+
+@EVERY
+def test_gradients_are_derivatives(name):
+    item = ELEMENTS[name]
+    points, h = item.rule(2)[0], 1e-6
+    for j in range(item.dimension):
+        step = h * np.eye(item.dimension)[j]
+        by = (item.values(points + step) - item.values(points - step)) / (2.0 * h)
+        np.testing.assert_allclose(item.gradients(points)[..., j], by, atol=1e-9)
+
+
+@pytest.mark.parametrize("gauss", [1, 2, 3, 5])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_rules_are_exact(gauss, dimension):
+    points, weights = hypercube_rule(gauss, dimension)
+    degree = 2 * gauss - 1
+    even = degree - degree % 2
+    assert weights @ points[:, 0] ** even == pytest.approx(2.0**dimension / (even + 1), rel=1e-13)
+    points, weights = simplex_rule(gauss, dimension)
+    degree = {1: 1, 2: 2}.get(gauss, 2 * gauss - 1)
+    for a in range(degree + 1):  # x^a y^b over the unit simplex is a! b! / (a + b + d)!
+        b = degree - a
+        exact = factorial(a) * factorial(b) / factorial(a + b + dimension)
+        assert weights @ (points[:, 0] ** a * points[:, -1] ** b) == pytest.approx(exact, rel=1e-12)
+
+
+@EVERY
+def test_faces_close_the_element(name):
+    # Gauss's theorem: int n . x da = d V, with normals that point outwards
+    item = ELEMENTS[name]
+    total = 0.0
+    points, weights = item.face_rule(2)
+    for face in item.faces:
+        tangents = np.asarray(face.tangents)
+        normal = np.cross(*tangents) if item.dimension == 3 else np.array([tangents[0, 1], -tangents[0, 0]])
+        total += weights @ ((np.asarray(face.origin) + points @ tangents) @ normal)
+        assert len(item.nodes_on(face)) < item.n_nodes
+    volume = item.rule(1)[1].sum()
+    assert total == pytest.approx(item.dimension * volume, rel=1e-13)
+
+
+@EVERY
+def test_a_box_is_filled(name):
+    item = ELEMENTS[name]
+    size = (1.0, 2.0, 3.0)[: item.dimension]
+    mesh = box(size, (2, 1, 2)[: item.dimension], kind=name)
+    points, weights = item.rule(item.gauss)
+    jacobian = np.einsum("cki,gkj->cgij", mesh.points[mesh.cells], item.gradients(points))
+    volumes = np.linalg.det(jacobian) * weights
+    assert (volumes > 0.0).all()
+    assert volumes.sum() == pytest.approx(np.prod(size), rel=1e-12)
+    assert len(np.unique(mesh.cells)) == len(mesh.points)
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match=r"kind must be one of .*'hex20'"):
+        element("hex20")
+    with pytest.raises(ValueError, match="gauss must be in"):
+        hypercube_rule(0, 2)
+
+
+MOONEY = Isotropic(LAWS["mooney_rivlin"].of([9e3, 3.5e3, 400.0]), bulk(2e5))
+
+
+def distorted(kind: str, cells: int = 2) -> Mesh:
+    """A box whose inner points are moved by a smooth map; straight-sided, so quadratic elements stay affine
+    enough for their Gauss rule."""
+    d = ELEMENTS[kind].dimension
+    mesh = box((1.0,) * d, (cells,) * d, kind=kind)
+    X = mesh.points
+    bubble = np.prod(X * (1.0 - X), axis=1)
+    if ELEMENTS[kind].exponents.max() == 1:
+        X = X + bubble[:, None] * np.array([1.2, -0.8, 1.0])[:d]
+    else:
+        X = X @ (np.eye(d) + 0.2 * np.triu(np.ones((d, d)), 1)).T  # sheared cells
+    outer = np.flatnonzero(bubble < 1e-12)
+    return Mesh(X, mesh.cells, kind, {"outer": outer, "all": np.arange(len(X))})
+
+
+def patched(kind, kinematics, solid, volumetric):
+    mesh = distorted(kind)
+    d = mesh.dimension
+    F = np.array([[1.2, 0.1, -0.1], [0.05, 0.9, 0.2], [0.0, 0.1, 1.1]])[:d, :d]
+    target = mesh.points @ (F - np.eye(d)).T
+    outer = mesh.nodes("outer")
+    conditions = tuple(Prescribed("outer", i, "grow", target[outer, i]) for i in range(d))
+    model = Model(mesh, solid, conditions, kinematics=kinematics, volumetric=volumetric)
+    return solve(model, {"grow": [1.0]}), target
+
+
+@pytest.mark.parametrize("kind", sorted(ELEMENTS))
+def test_displacement_patch(kind):
+    kinematics = "3d" if ELEMENTS[kind].dimension == 3 else "plane_strain"
+    found, target = patched(kind, kinematics, CompressibleNeoHookean(9e3, 4e4), "displacement")
+    assert found.outcome.ok
+    np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [k for k in sorted(ELEMENTS) if ELEMENTS[k].pressure_degree is not None])
+def test_mixed_patch(kind):
+    kinematics = "3d" if ELEMENTS[kind].dimension == 3 else "plane_strain"
+    found, target = patched(kind, kinematics, MOONEY, "mixed")
+    assert found.outcome.ok
+    np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["quad9", "tri3"])
+def test_plane_stress_patch(kind):
+    found, target = patched(kind, "plane_stress", CompressibleNeoHookean(9e3, 4e4), "displacement")
+    assert found.outcome.ok
+    np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
+
+
+MODELS = {
+    "plane stress": clamped(),
+    "axisymmetric": clamped("quad8", "axisymmetric"),
+    "3d": clamped("hex8", "3d"),
+}
+
+
+@pytest.mark.slow  # compiles kernels that a CPU has no other use for
+@pytest.mark.parametrize("name", ["plane stress", "3d"])
+def test_kernels_sum_what_blas_sums(name, monkeypatch):
+    model = MODELS[name]
+    equations = Equations(model, model.parameters())
+    u = np.random.default_rng(2).normal(scale=0.02, size=model.n_dofs)
+    by_blas = equations.evaluate(u, {"pull": 0.0})
+    stiffness = equations.stiffness(by_blas)
+    monkeypatch.setattr(Points, "_by_blas", Points._on_device)
+    by_kernels = equations.evaluate(u, {"pull": 0.0})
+    np.testing.assert_allclose(by_kernels.body.forces, by_blas.body.forces, atol=1e-9)
+    np.testing.assert_allclose(equations.stiffness(by_kernels), stiffness, rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(stiffness, np.swapaxes(stiffness, 1, 2), atol=1e-8)
+
+
+def test_stiffness_is_the_derivative_of_the_forces():
+    model = MODELS["plane stress"]
+    equations = Equations(model, model.parameters())
+    rng = np.random.default_rng(4)
+    u, du = rng.normal(scale=0.02, size=(2, model.n_dofs))
+    state, h = equations.evaluate(u, {"pull": 0.0}), 1e-5
+    moved = [equations.evaluate(u + sign * h * du, {"pull": 0.0}).body.forces for sign in (1.0, -1.0)]
+    by = (moved[0] - moved[1]) / (2.0 * h)
+    np.testing.assert_allclose(
+        equations.times(equations.stiffness(state), du), by, atol=1e-6 * np.abs(by).max()
+    )
+
+
+@pytest.fixture(scope="module")
+def cuda() -> str:
+    """Name of the first GPU."""
+    try:
+        select_device("cuda")
+    except ValueError as absent:
+        pytest.skip(str(absent))
+    return "cuda"
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_gpu_gives_the_same(name, cuda):
+    model = MODELS[name]
+    own, other = (
+        direct(solve(replace(model, device=device), PULL, newton=TIGHT)) for device in ("cpu", cuda)
+    )
+    np.testing.assert_allclose(other.solution.forces, own.solution.forces, atol=1e-6)
+    np.testing.assert_allclose(other.forces, own.forces, atol=1e-6 * np.abs(own.forces).max())

@@ -1,15 +1,24 @@
 """Histories, outcomes and refusals of a solution."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import LinearOperator
 
-from kolsky.equilibrium.meshes import rectangle
+from benchmarks.equilibrium import SIZE, felupe, strip
+from explicit.materials import LAWS
+from kolsky.equilibrium.linear.base import Pattern, SingularError
+from kolsky.equilibrium.linear.solvers import AGED, Hierarchy, MultifrontalSolver, SparseSolver, linear_solver
+from kolsky.equilibrium.meshes import box, rectangle
 from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidPlane
-from kolsky.equilibrium.solid import CompressibleNeoHookean
+from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
-from kolsky.equilibrium.solve import Newton, solve
+from kolsky.equilibrium.solve import PAIRS, Newton, QuasiNewtonTangent, continued, solve
 from tests.unit.equilibrium.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 
@@ -137,3 +146,293 @@ def test_a_pressure_needs_faces():
     model = Model(mesh, MOONEY, (Fixed("left"), Pressure("corner", "p")), kinematics="plane_strain")
     with pytest.raises(ValueError, match="no face"):
         solve(model, {"p": [1.0]})
+
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "theory" / "equilibrium.md"
+
+
+@pytest.mark.slow
+def test_the_example_of_the_page(capsys: pytest.CaptureFixture[str]) -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    names: dict[str, object] = {}
+    exec(block, names)
+    assert capsys.readouterr().out.startswith("COMPLETED")
+    slopes = names["direct"](names["found"]).reaction("right")[-1, :, 0]  # type: ignore[operator]
+    constants = names["rubber"].parameters()  # type: ignore[attr-defined]
+    # the law is linear in its constants: their products with the slopes add up to the force
+    assert np.isclose(slopes @ constants, names["found"].reaction("right")[-1, 0], rtol=1e-6)  # type: ignore[attr-defined]
+
+
+FILE = Path(__file__).resolve().parents[2] / "reference" / "J_strip.csv"
+TABLE = np.array([line.split(",") for line in FILE.read_text(encoding="utf-8").splitlines()[1:]])
+"""Cells, order, nominal strain, force: `tests/reference/J_dolfinx.py`."""
+
+
+@pytest.mark.parametrize(("cells", "kind", "order"), [((20, 5, 2), "hex8", "1"), ((20, 5, 1), "hex27", "2")])
+def test_force(cells, kind, order):
+    rows = TABLE[(TABLE[:, 0] == "x".join(map(str, cells))) & (TABLE[:, 1] == order)]
+    assert len(rows) == 10
+    strains, expected = rows[:, 2].astype(float), rows[:, 3].astype(float)
+    found = solve(strip(cells, kind), {"pull": SIZE[0] * strains})
+    assert found.outcome.ok
+    # both stop at a residual of 1e-8; 0.1 % was asked for
+    np.testing.assert_allclose(found.reaction("right")[:, 0], expected, rtol=1e-6)
+
+
+def test_force_of_felupe():
+    pytest.importorskip("felupe")
+    model, pulls = strip((8, 2, 1), "hex8"), SIZE[0] * np.array([0.4, 0.8, 1.25])
+    found = solve(model, {"pull": pulls})
+    np.testing.assert_allclose(found.reaction("right")[:, 0], felupe(model.mesh, pulls)["forces"], rtol=1e-6)
+
+
+class Doubled:
+    """Factors of 2 I."""
+
+    def solve(self, right):
+        return 0.5 * right
+
+    def solve_transposed(self, right):
+        return 0.5 * right
+
+
+def test_the_formula_is_that_of_bfgs() -> None:
+    # H+ = (I - s y^T / y.s) H (I - y s^T / y.s) + s s^T / y.s  (Nocedal and Wright 2006, Eq. 6.17)
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(5, 5))
+    A = A @ A.T + np.eye(5)
+    H, kept = 0.5 * np.eye(5), QuasiNewtonTangent(Doubled(), learns=True)
+    for step in rng.normal(size=(3, 5)):
+        change = A @ step
+        kept.learn(step, change)
+        left = np.eye(5) - np.outer(step, change) / (change @ step)
+        H = left @ H @ left.T + np.outer(step, step) / (change @ step)
+    found = np.array([kept.direction(column) for column in np.eye(5)])
+    np.testing.assert_allclose(found, -H, rtol=1e-12, atol=1e-12 * np.abs(H).max())
+    assert kept.uses == 3
+
+
+def test_what_would_spoil_the_formula_is_not_learnt() -> None:
+    step, residual = np.array([1.0, 0.0]), np.array([1.0, 2.0])
+    falling, still = QuasiNewtonTangent(Doubled(), learns=True), QuasiNewtonTangent(Doubled(), learns=False)
+    falling.learn(step, -step)
+    still.learn(step, 3.0 * step)
+    for kept in (falling, still):
+        np.testing.assert_allclose(kept.direction(residual), [-0.5, -1.0])
+        assert kept.uses == 1
+
+
+def test_only_the_last_pairs_are_remembered() -> None:
+    kept = QuasiNewtonTangent(Doubled(), learns=True)
+    axes = np.eye(PAIRS + 1)
+    for axis in axes:
+        kept.learn(axis, 4.0 * axis)
+    np.testing.assert_allclose([-kept.direction(axis) @ axis for axis in axes], [0.5] + [0.25] * PAIRS)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_a_polynomial_is_continued(degree: int) -> None:
+    places = [0.0, -1.0, -1.5, -3.0, -4.0, -5.0]
+    rng = np.random.default_rng(degree)
+    of = rng.normal(size=(3, degree + 1))
+    states = [np.array([np.polyval(row, x) for row in of]) for x in places]
+    wanted = [np.polyval(row, 1.0) for row in of]
+    np.testing.assert_allclose(continued(places, states), wanted, rtol=1e-9)
+
+
+def test_beyond_a_kink_few_states_are_taken() -> None:
+    # at rest until the last step but one, then straight on: 0, 0, 0, 0, 1, 2 goes on to 3
+    states = [np.array([value]) for value in (2.0, 1.0, 0.0, 0.0, 0.0, 0.0)]
+    np.testing.assert_allclose(continued([0.0, -1.0, -2.0, -3.0, -4.0, -5.0], states), [3.0])
+
+
+def test_a_smooth_history_takes_fewer_factorisations_than_steps() -> None:
+    rubber = Isotropic(LAWS["neo_hookean"].of([25e3]), bulk(2e5))
+    grips = (Fixed("left"), Fixed("right", axes=(1, 2)), Prescribed("right", 0, "pull"))
+    strip = Model(box((0.1, 0.025, 0.005), (8, 2, 1), kind="hex8"), rubber, grips)
+    pulls = np.linspace(0.01, 0.1, 10)
+    found = solve(strip, {"pull": pulls})
+    assert found.outcome.ok
+    assert found.factorisations < 10
+    # what they converge to is an equilibrium of its own tangent
+    tight = solve(strip, {"pull": pulls}, newton=Newton(tolerance=1e-11, single=False))
+    np.testing.assert_allclose(found.reaction("right"), tight.reaction("right"), rtol=1e-8, atol=1e-9)
+
+
+LINEAR_MESH = box((3.0, 2.0, 1.0), (6, 4, 2), kind="hex8")
+DOFS = (LINEAR_MESH.cells[..., None] * 3 + np.arange(3)).reshape(len(LINEAR_MESH.cells), -1)
+
+
+def pattern(coupled: bool = False) -> Pattern:
+    """Unknowns of a box held at one end; `coupled`: its other end is one unknown along x."""
+    index = np.arange(LINEAR_MESH.points.size)
+    if coupled:
+        right = 3 * LINEAR_MESH.nodes("right")
+        index[right] = right[0]
+    index[(3 * LINEAR_MESH.nodes("left")[:, None] + np.arange(3)).ravel()] = -1
+    kept = np.unique(index[index >= 0])
+    index[index >= 0] = np.searchsorted(kept, index[index >= 0])
+    return Pattern(DOFS, index, len(kept))
+
+
+def elements(kind: str):
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(len(DOFS), 24, 24))
+    if kind == "definite":
+        return A @ np.swapaxes(A, 1, 2) + np.eye(24)
+    if kind == "indefinite":
+        return A + np.swapaxes(A, 1, 2)
+    return A + 8.0 * np.eye(24)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("kind", ["definite", "indefinite", "not symmetric"])
+@pytest.mark.parametrize("name", ["multifrontal", "superlu"])
+def test_against_a_dense_solver(name, kind, coupled, monkeypatch):
+    monkeypatch.setattr(
+        "kolsky.equilibrium.linear.multifrontal.LEAF_COMPONENTS", 60
+    )  # several levels of fronts
+    places, K = pattern(coupled), elements(kind)
+    dense = np.zeros((places.count, places.count))
+    for local, block in zip(places.index[DOFS], K, strict=True):
+        free = local >= 0
+        np.add.at(dense, np.ix_(local[free], local[free]), block[np.ix_(free, free)])
+    np.testing.assert_allclose(places.matrix(K).toarray(), dense, atol=1e-12)
+    solver = linear_solver(name, places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    factors = solver.factors(K, symmetric=kind != "not symmetric")
+    right = np.random.default_rng(1).normal(size=(places.count, 3))
+    expected = scipy.linalg.solve(dense, right)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(factors.solve(right), expected, atol=1e-8 * scale)
+    np.testing.assert_allclose(factors.solve(right[:, 0]), expected[:, 0], atol=1e-8 * scale)
+    transposed = scipy.linalg.solve(dense.T, right)
+    np.testing.assert_allclose(
+        factors.solve_transposed(right), transposed, atol=1e-8 * np.abs(transposed).max()
+    )
+
+
+def test_every_unknown_is_eliminated_once():
+    places = pattern()
+    solver = linear_solver("multifrontal", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    own = np.concatenate([front.unknowns[: front.eliminated] for front in solver.fronts])
+    np.testing.assert_array_equal(np.sort(own), np.arange(places.count))
+    assert sum(len(front.cells) for front in solver.fronts) == len(LINEAR_MESH.cells)
+    for front in solver.fronts:  # a boundary is eliminated later, in an ancestor
+        assert len(np.unique(front.unknowns)) == len(front.unknowns)
+
+
+def test_a_body_that_can_move_is_singular():
+    places = pattern()
+    A = elements("definite") * 0.0
+    A[:, :6, :6] = np.eye(6)
+    solver = linear_solver("multifrontal", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    with pytest.raises(SingularError):
+        solver.factors(A, symmetric=True)
+    A[0, 0, 0] = np.nan
+    with pytest.raises(SingularError, match="not finite"):
+        solver.factors(A, symmetric=True)
+    with pytest.raises(ValueError, match="linear must be one of"):
+        linear_solver("gauss", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+
+
+def test_multigrid_solves_what_factors_solve():
+    pytest.importorskip("pyamg")
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    found = [
+        linear_solver(name, places, LINEAR_MESH.points, LINEAR_MESH.cells)
+        .factors(K, symmetric=True)
+        .solve(right)
+        for name in ("amg", "multifrontal")
+    ]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-8 * np.abs(found[1]).max())
+
+
+def test_multigrid_is_taken_where_factors_are_too_large(monkeypatch):
+    pytest.importorskip("pyamg")
+    places = pattern()
+    solver = linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    assert isinstance(solver, MultifrontalSolver)
+    # by hand: every unknown keeps a row of its front
+    rows = np.concatenate([np.full(f.eliminated, len(f.unknowns)) for f in solver.fronts])
+    assert solver.bytes == 8 * rows.sum()
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.MANY", 10)
+    assert isinstance(
+        linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells), MultifrontalSolver
+    )
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.LARGEST", 8 * rows.sum() - 1)
+    assert isinstance(linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells), SparseSolver)
+
+
+def test_what_only_guides_is_solved_loosely():
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    for name, allowed in (("multifrontal", 1e-3), ("amg", 1e-2)):
+        if name == "amg":
+            pytest.importorskip("pyamg")
+        solver = linear_solver(name, places, LINEAR_MESH.points, LINEAR_MESH.cells)
+        exact = solver.factors(K, symmetric=True).solve(right)
+        rough = solver.factors(K.astype(np.float32), symmetric=True).solve(right)
+        apart = np.abs(rough - exact).max() / np.abs(exact).max()
+        assert 0.0 < apart < allowed
+
+
+def test_a_hierarchy_serves_later_matrices_until_it_has_aged():
+    """By hand: dropped beyond AGED times the iterations of its first solution to the same tolerance."""
+    pytest.importorskip("pyamg")
+    hierarchy = Hierarchy(np.ones((4, 1)))
+    hierarchy._levels = object()
+    for tolerance, first in ((1e-3, 7), (1e-10, 20)):
+        hierarchy.served(first, tolerance)
+        hierarchy.served(int(AGED * first), tolerance)
+        assert hierarchy.made
+    hierarchy.served(int(AGED * 7) + 1, 1e-10)
+    assert hierarchy.made
+    hierarchy.served(int(AGED * 7) + 1, 1e-3)
+    assert not hierarchy.made
+
+    places, K = pattern(), elements("definite")
+    solver = linear_solver("amg", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    right = np.random.default_rng(1).normal(size=places.count)
+    first = solver.factors(K, symmetric=True)
+    first.solve(right)
+    stiffer = solver.factors(3.0 * K, symmetric=True)
+    assert stiffer._hierarchy is first._hierarchy
+    assert stiffer._hierarchy.made
+    np.testing.assert_allclose(3.0 * stiffer.solve(right), first.solve(right), rtol=1e-6, atol=1e-12)
+
+
+def test_a_hierarchy_that_misleads_is_made_again(monkeypatch):
+    """A preconditioner of another body does not converge; a new one of the matrix does."""
+    pytest.importorskip("pyamg")
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    solver = linear_solver("amg", places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    factors = solver.factors(K, symmetric=True)
+    expected = factors.solve(right)
+
+    class Misleading:
+        def aspreconditioner(self):
+            sign = np.where(np.arange(places.count) % 2, 1.0, -1.0)
+            return LinearOperator((places.count, places.count), matvec=lambda x: sign * x.ravel())
+
+    factors._hierarchy._levels = Misleading()
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.ITERATIONS", 60)
+    np.testing.assert_allclose(factors.solve(right), expected, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("entries", [20_000_000, 500])
+def test_a_matrix_in_groups_of_cells_is_the_sum_of_all(monkeypatch, entries):
+    """SciPy's sum of the same triples; two components may share an unknown."""
+    monkeypatch.setattr("kolsky.equilibrium.linear.base.ENTRIES", entries)
+    draw = np.random.default_rng(2)
+    index = np.concatenate([np.arange(50), [3, 4, 4], np.full(17, -1)])
+    dofs = draw.integers(0, len(index), size=(40, 12))
+    K = draw.normal(size=(40, 12, 12))
+    local = index[dofs]
+    rows, columns = np.repeat(local, 12, axis=1).ravel(), np.tile(local, (1, 12)).ravel()
+    kept = (rows >= 0) & (columns >= 0)
+    expected = coo_array((K.ravel()[kept], (rows[kept], columns[kept])), shape=(50, 50)).toarray()
+    found = Pattern(dofs, index, 50).matrix(K)
+    assert found.has_sorted_indices
+    np.testing.assert_allclose(found.toarray(), expected, rtol=0, atol=1e-13)

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 import pytest
 import test_contact_laws as contact_battery
-import test_material_kernels as kernel_battery
 import test_material_laws as law_battery
-from test_material_runs import apart, impact
+from test_material_laws import apart, impact
 
 from explicit import Response, Samples
 from explicit.contact import CONTACT_LAWS
@@ -169,10 +168,10 @@ def test_its_warp_functions_are_its_twin(
     members: Any, precision: str, mapping: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     law = members[0]
-    monkeypatch.setattr(kernel_battery, "LAWS", {law.NAME: law})
-    monkeypatch.setattr(kernel_battery, "EXAMPLES", [law.example()])
-    monkeypatch.setattr(kernel_battery, "laws_kernel", cache(kernel_battery.laws_kernel.__wrapped__))
-    kernel_battery.test_every_law_is_its_twin(PRECISIONS[precision], mapping)
+    monkeypatch.setattr(law_battery, "LAWS", {law.NAME: law})
+    monkeypatch.setattr(law_battery, "EXAMPLES", [law.example()])
+    monkeypatch.setattr(law_battery, "laws_kernel", cache(law_battery.laws_kernel.__wrapped__))
+    law_battery.test_every_law_is_its_twin(PRECISIONS[precision], mapping)
 
 
 def simulate(law: Any, element: str, precision: str, contact: str = "", **sample: Any) -> Response:

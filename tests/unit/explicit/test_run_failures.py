@@ -1,6 +1,6 @@
 """What the time loop looks at beside its steps: it changes nothing, and cries wolf for nobody."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -147,3 +147,39 @@ def test_the_volume_of_a_mesh() -> None:
 def test_past_data_is_a_choice_of_two() -> None:
     with pytest.raises(ValueError, match="past_data must be 'continue' or 'stop', got 'hold'"):
         model(stroke(LENGTH), past_data="hold")
+
+
+LEDGER_TIMES = np.linspace(0.0, 4e-4, 24)[1:]
+
+
+def ledger_model() -> Model:
+    """A specimen pressed at 2.6 m/s from the start."""
+    motion = PlatenMotion.sampled(
+        lambda t: 2.6 * t, lambda t: np.full_like(t, 2.6), start=0.0, end=LEDGER_TIMES[-1]
+    )
+    mesh = cylinder(4.75e-3, 6.5e-3, n_radial=4, n_axial=6)
+    return Model(mesh=mesh, density=870.0, materials=(neo_hookean(27e3),), motions=(motion,))
+
+
+@pytest.mark.parametrize("n", [1, 8])
+def test_entries_left_out_are_nan_and_the_others_keep_their_bits(n: int) -> None:
+    samples = Samples.of(stiffness_factor=np.linspace(0.9, 1.1, n), poisson=0.49, damping=2.5e-5)
+    every = Sampling(force_times=LEDGER_TIMES, surface_times=LEDGER_TIMES)
+    full, thin = (
+        run(ledger_model(), samples, every),
+        run(ledger_model(), samples, replace(every, ledger_every=5)),
+    )
+    kept = (np.arange(len(LEDGER_TIMES)) % 5 == 0) | (np.arange(len(LEDGER_TIMES)) == len(LEDGER_TIMES) - 1)
+    for field in fields(full.energy):
+        whole, part = getattr(full.energy, field.name), getattr(thin.energy, field.name)
+        assert np.isfinite(whole).all()
+        assert np.array_equal(whole[:, kept], part[:, kept])
+        assert np.isnan(part[:, ~kept]).all()
+    assert np.array_equal(full.force_transmission, thin.force_transmission)
+    assert np.array_equal(full.surface_r, thin.surface_r)
+    assert np.isfinite(thin.energy.imbalance()).all()
+
+
+def test_a_ledger_needs_a_positive_distance() -> None:
+    with pytest.raises(ValueError, match=r"ledger_every must be >= 1, got 0"):
+        Sampling(force_times=LEDGER_TIMES, surface_times=LEDGER_TIMES, ledger_every=0)

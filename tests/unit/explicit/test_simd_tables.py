@@ -1,5 +1,7 @@
 """Constants in groups and rows of four: by one lane, by all lanes together, and by Warp itself."""
 
+from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 from typing import Any
 
@@ -13,6 +15,7 @@ from lane_kernels import (
     PRECISION,
     SLOTS,
     UNTOUCHED,
+    Inputs,
     N,
     Results,
     inputs,
@@ -221,3 +224,376 @@ def test_the_derivative_of_four_numbers_goes_back_to_their_places(numbers: Preci
     tape.backward(out)
     assert out.numpy()[0] == 2 + 6 + 16 + 40 + 3 + 8 + 20 + 48
     np.testing.assert_array_equal(row.grad.numpy(), [0, 0, 1, 3, 6, 12, 8, 0])
+
+
+BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
+
+
+@cache
+def numbers_kernel(numbers: Precision) -> Any:
+    """Many operations, each to its own slot."""
+    structs = small_structs(numbers)
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+    real, vec2, vec4 = numbers.real, numbers.vec2, numbers.vec4
+    one, half, infinity = real(1.0), real(0.5), real(np.inf)
+    seven = 7
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kernel(body: Body, batch: Batch, state: State, output: Output, first: int):
+        index, _lane = wp.tid()
+        sample = first + index
+        x, y, z = batch.x[sample], batch.y[sample], batch.z[sample]
+        k = batch.k[sample]
+        out, whole = output.values[sample], output.whole[sample]
+        # rounded once
+        out[0] = x * y + z
+        out[1] = z - x * y
+        out[2] = x * y - z
+        out[3] = x * y - z * z
+        total = real(z)
+        total += x * y
+        total -= y * z
+        out[4] = total
+        # rounded once an operation
+        product = x * y
+        out[5] = product + z
+        out[6] = x / y
+        out[7] = -x + y - half
+        out[8] = (x + y) * (x - y)
+        # numbers that are not
+        out[9] = wp.max(x, y)
+        out[10] = wp.max(y, x)
+        out[11] = wp.min(x, y)
+        out[12] = wp.min(y, x)
+        out[13] = wp.sign(x)
+        out[14] = wp.abs(x)
+        out[15] = wp.sqrt(wp.abs(z))
+        out[16] = wp.cbrt(x)
+        out[17] = wp.clamp(x, -one, half)
+        out[18] = real(int(wp.isfinite(x)))
+        out[19] = infinity
+        out[20] = -infinity + z
+        # vectors
+        v, pair = vec2(batch.v[sample]), batch.pairs[sample]
+        w = vec2(z, y)
+        out[21] = wp.dot(v, w)
+        out[22] = wp.dot(vec4(x, y, z, one), vec4(z, z, y, x))
+        w = w - pair.factor * v
+        out[23] = w[0]
+        out[24] = (-w * half + pair.arm)[1]
+        both = vec2(y)
+        out[25] = both[0] + both[1]
+        w, v = v, w
+        out[26] = w[0] - v[1]
+        # conversions
+        out[27] = real(k)
+        out[28] = real(int(z * real(100.0)))
+        out[29] = real(wp.float64(wp.float32(z)))
+        out[30] = real(z > y)
+        whole[0] = int(z * real(100.0))
+        whole[1] = k * seven - 3
+        whole[2] = (k + 2) % 3
+        whole[3] = (11 * k + 5) / (k + 1)
+        whole[4] = int(z > y)
+        whole[5] = int(not (z > y))
+        whole[6] = -k
+        whole[7] = wp.max(k, 2) + wp.min(k, body.two) * 10
+        whole[8] = wp.clamp(k, 1, 3)
+        whole[9] = wp.abs(k - 3)
+        whole[10] = batch.rows.shape[0] * 100 + batch.rows.shape[1]
+        whole[11] = int(wp.bool(k)) + 2 * int((z > y) == (k > 2))
+        row = batch.rows[k]
+        whole[12] = row.shape[0]
+
+    return kernel
+
+
+@cache
+def given(numbers: Precision) -> Inputs:
+    """Random numbers; x is also what is not a number, infinite, zero or of any size."""
+    random = inputs(numbers)
+    x, y = random.x.copy(), random.y.copy()
+    x[:6] = np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-6
+    y[10], x[10] = np.nan, 1.5
+    return replace(random, x=x, y=y)
+
+
+@cache
+def results(numbers: Precision, mapping: Mapping | None) -> Results:
+    if mapping is None:
+        return scalar_launch(numbers_kernel(numbers), numbers, given(numbers))
+    return lane_launch(numbers_kernel(numbers), numbers, given(numbers), mapping)
+
+
+def exactly(numbers: Precision, a: Fraction) -> Any:
+    return numbers.dtype(float(a))
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_a_product_that_is_added_is_rounded_once(numbers: Precision, mapping: Mapping) -> None:
+    got, data = results(numbers, mapping).values, given(numbers)
+    for i in range(N):
+        if not (np.isfinite(data.x[i]) and np.isfinite(data.y[i])):
+            continue
+        x, y, z = (Fraction(float(a[i])) for a in (data.x, data.y, data.z))
+        xy = Fraction(float(data.x[i] * data.y[i]))  # of two products the left one is rounded before
+        total = Fraction(float(exactly(numbers, z + x * y)))
+        expected = [x * y + z, z - x * y, x * y - z, xy - z * z, total - y * z]
+        assert got[i, :5].tolist() == [exactly(numbers, e) for e in expected]
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: Mapping) -> None:
+    got, d = results(numbers, mapping).values, given(numbers)
+    with np.errstate(all="ignore"):
+        expected = {
+            5: d.x * d.y + d.z,
+            6: d.x / d.y,
+            7: -d.x + d.y - numbers.dtype(0.5),
+            8: (d.x + d.y) * (d.x - d.y),
+            14: np.abs(d.x),
+            15: np.sqrt(np.abs(d.z)),
+            19: np.full(N, np.inf),
+            20: np.full(N, -np.inf),
+            25: d.y + d.y,
+        }
+    for slot, values in expected.items():
+        np.testing.assert_array_equal(got[:, slot], values.astype(numbers.dtype), err_msg=f"slot {slot}")
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_what_is_not_a_number(numbers: Precision, mapping: Mapping) -> None:
+    got, d = results(numbers, mapping).values, given(numbers)
+    # A number wins over NaN, as in C's fmax, Warp and CUDA.
+    np.testing.assert_array_equal(got[:, 9], np.fmax(d.x, d.y))
+    np.testing.assert_array_equal(got[:, 10], np.fmax(d.x, d.y))
+    np.testing.assert_array_equal(got[:, 11], np.fmin(d.x, d.y))
+    np.testing.assert_array_equal(got[:, 12], np.fmin(d.x, d.y))
+    np.testing.assert_array_equal(got[:, 13], np.where(d.x < 0, -1.0, 1.0))  # 1 for NaN and both zeros
+    np.testing.assert_array_equal(got[:, 17], np.fmin(np.fmax(d.x, -1.0), 0.5))
+    np.testing.assert_array_equal(got[:, 18], np.isfinite(d.x))
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_integers_and_truth_values(numbers: Precision, mapping: Mapping) -> None:
+    got, d = results(numbers, mapping), given(numbers)
+    cut = (d.z * numbers.dtype(100.0)).astype(np.int32)  # toward zero
+    k, greater = d.k, d.z > d.y
+    expected = [cut, 7 * k - 3, (k + 2) % 3, (11 * k + 5) // (k + 1), greater, ~greater, -k]
+    expected += [np.maximum(k, 2) + 10 * np.minimum(k, 2), np.clip(k, 1, 3), np.abs(k - 3)]
+    expected += [np.full(N, 507), (k != 0) + 2 * (greater == (k > 2)), np.full(N, 7)]
+    for slot, values in enumerate(expected):
+        np.testing.assert_array_equal(got.whole[:, slot], values, err_msg=f"slot {slot}")
+    for slot, values in ((27, k), (28, cut), (29, d.z.astype(np.float32)), (30, greater)):
+        np.testing.assert_array_equal(got.values[:, slot], values, err_msg=f"slot {slot}")
+    assert not np.signbit(got.values[:, 30]).any()
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_warp_itself_agrees(numbers: Precision, mapping: Mapping) -> None:
+    got, warp = results(numbers, mapping), results(numbers, None)
+    np.testing.assert_array_equal(got.whole, warp.whole)
+    # A few roundings of numbers of size 10 where a sum is fused, else none.
+    tolerance = 50 * np.finfo(numbers.dtype).eps
+    np.testing.assert_allclose(got.values[:, :31], warp.values[:, :31], rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
+def test_the_mappings_agree_bit_for_bit(numbers: Precision) -> None:
+    a, b = (results(numbers, mapping) for mapping in MAPPINGS)
+    rest = np.arange(a.values.shape[1]) != 16  # cbrt of one number is the library's, of a pack our own
+    np.testing.assert_array_equal(a.values[:, rest], b.values[:, rest])
+    np.testing.assert_array_equal(a.whole, b.whole)
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_cube_roots(numbers: Precision, mapping: Mapping) -> None:
+    roots = np.geomspace(1e-2, 1e2, 10 * N)
+    roots[::2] *= -1.0
+    roots[7] = 0.0
+    rtol = 1e-15 if numbers.name == "fp64" else 1e-7
+    for part in roots.reshape(10, N):
+        x = (part**3).astype(numbers.dtype)
+        got = lane_launch(numbers_kernel(numbers), numbers, replace(given(numbers), x=x), mapping).values[
+            :, 16
+        ]
+        exact = np.cbrt(x.astype(np.longdouble))
+        np.testing.assert_allclose(got, exact.astype(float), rtol=rtol)
+        assert (got[x == 0.0] == 0.0).all()
+
+
+@cache
+def kernel_of(numbers: Precision) -> Any:
+    structs = small_structs(numbers)
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kernel(body: Body, batch: Batch, state: State, output: Output, first: int):
+        index, lane = wp.tid()
+        sample = first + index
+        if lane == 0:
+            output.values[sample, 0] = wp.exp(batch.x[sample])
+            output.values[sample, 1] = wp.log(batch.y[sample])
+
+    return kernel
+
+
+def evaluated(numbers: Precision, mapping: Mapping, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Both functions of many numbers, N at a time, shape [n, 2]."""
+    found = []
+    for k in range(0, len(x), N):
+        given = replace(inputs(numbers), x=x[k : k + N], y=y[k : k + N])
+        found.append(lane_launch(kernel_of(numbers), numbers, given, mapping).values[:, :2])
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_they_are_those_of_numpy(numbers: Precision, mapping: Mapping) -> None:
+    rng = np.random.default_rng(5)
+    wide = 700.0 if numbers.name == "fp64" else 85.0
+    x = np.concatenate([rng.uniform(-wide, wide, 10 * N), rng.normal(0.0, 1e-3, 10 * N), rng.normal(size=N)])
+    y = np.concatenate([np.exp(x[: 10 * N]), 1.0 + x[10 * N : 20 * N], np.full(N, 2.0) + np.arange(N)])
+    x, y = x.astype(numbers.dtype), y.astype(numbers.dtype)
+    got = evaluated(numbers, mapping, x, y).astype(float)
+    # Two units in the last place of each: the series leaves out less, but three operations round.
+    last = 2.0 * float(np.finfo(numbers.dtype).eps)
+    np.testing.assert_allclose(got[:, 0], np.exp(x.astype(float)), rtol=last)
+    np.testing.assert_allclose(got[:, 1], np.log(y.astype(float)), rtol=last)
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_where_numbers_end(numbers: Precision, mapping: Mapping) -> None:
+    infinity, tiny = np.inf, float(np.finfo(numbers.dtype).smallest_subnormal)
+    x = np.array([0.0, -0.0, infinity, -infinity, np.nan, 800.0, -800.0, 1e30, -1e30, 1.0, 0.0, 0.0, 0.0])
+    y = np.array([0.0, -0.0, infinity, -infinity, np.nan, -1.0, 1.0, tiny, 3.0 * tiny, 2.0, 1.0, 1.0, 1.0])
+    x, y = x.astype(numbers.dtype), y.astype(numbers.dtype)
+    got = evaluated(numbers, mapping, x, y)
+    with np.errstate(all="ignore"):
+        np.testing.assert_allclose(got[:, 0], np.exp(x), rtol=3e-7 if numbers.name == "fp32" else 1e-15)
+        np.testing.assert_allclose(got[:, 1], np.log(y), rtol=3e-7 if numbers.name == "fp32" else 1e-15)
+
+
+def test_one_number_of_all_lanes_has_the_bits_of_a_pack() -> None:
+    (numbers,) = (p for p in PRECISION if p.name == "fp64")
+    x, y = np.linspace(-3.0, 3.0, N), np.linspace(0.2, 5.0, N)
+    by_lane, by_worker = (evaluated(numbers, mapping, x, y) for mapping in MAPPINGS)
+    np.testing.assert_array_equal(by_lane, by_worker)
+
+
+UNARY = (
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan"),
+    *("exp", "log", "log2", "log10", "sqrt", "cbrt", "abs", "sign"),
+    *("floor", "ceil", "round", "rint", "trunc"),
+)
+BINARY = ("pow", "atan2", "min", "max")
+
+
+@cache
+def every_function(numbers: Precision) -> Any:
+    structs = small_structs(numbers)
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+    low, high = numbers.real(-0.75), numbers.real(3.0)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kernel(body: Body, batch: Batch, state: State, output: Output, first: int):
+        index, lane = wp.tid()
+        i = first + index
+        if lane == 0:
+            x, y = batch.x[i], batch.y[i]
+            output.values[i, 0] = wp.sin(x)
+            output.values[i, 1] = wp.cos(x)
+            output.values[i, 2] = wp.tan(x)
+            output.values[i, 3] = wp.sinh(x)
+            output.values[i, 4] = wp.cosh(x)
+            output.values[i, 5] = wp.tanh(x)
+            output.values[i, 6] = wp.asin(x)
+            output.values[i, 7] = wp.acos(x)
+            output.values[i, 8] = wp.atan(x)
+            output.values[i, 9] = wp.exp(x)
+            output.values[i, 10] = wp.log(x)
+            output.values[i, 11] = wp.log2(x)
+            output.values[i, 12] = wp.log10(x)
+            output.values[i, 13] = wp.sqrt(x)
+            output.values[i, 14] = wp.cbrt(x)
+            output.values[i, 15] = wp.abs(x)
+            output.values[i, 16] = wp.sign(x)
+            output.values[i, 17] = wp.floor(x)
+            output.values[i, 18] = wp.ceil(x)
+            output.values[i, 19] = wp.round(x)
+            output.values[i, 20] = wp.rint(x)
+            output.values[i, 21] = wp.trunc(x)
+            output.values[i, 22] = wp.pow(x, y)
+            output.values[i, 23] = wp.atan2(x, y)
+            output.values[i, 24] = wp.min(x, y)
+            output.values[i, 25] = wp.max(x, y)
+            output.values[i, 26] = wp.clamp(x, low, high)
+            output.values[i, 27] = wp.where(x < y, x, y * y)
+            output.values[i, 28] = x**y
+            output.values[i, 29] = wp.pow(y, high)
+            if wp.isnan(x):
+                output.values[i, 30] = low
+            else:
+                output.values[i, 30] = wp.pow(wp.abs(x), low)
+
+    return kernel
+
+
+def numpy_results(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The same of NumPy in double precision, shape [n, 31]."""
+    # Warp's sign of zero is 1; its round goes away from zero at a half; its arcs take what is outside
+    # [-1, 1] for the bound.
+    named = {
+        "sign": np.where(x < 0.0, -1.0, 1.0),
+        "round": np.trunc(x + np.copysign(0.5, x)),
+        "asin": np.arcsin(np.clip(x, -1.0, 1.0)),
+        "acos": np.arccos(np.clip(x, -1.0, 1.0)),
+        "atan": np.arctan(x),
+    }
+    columns = [named[name] if name in named else getattr(np, name)(x) for name in UNARY]
+    columns += [x**y, np.arctan2(x, y), np.fmin(x, y), np.fmax(x, y)]
+    columns += [np.clip(x, -0.75, 3.0), np.where(x < y, x, y * y), x**y, y**3.0]
+    columns += [np.where(np.isnan(x), -0.75, np.abs(x) ** -0.75)]
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -> None:
+    rng = np.random.default_rng(7)
+    limits = np.finfo(numbers.dtype)
+    odd = [0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, -2.5, 2.0, -3.0, np.pi, 100.0, -100.0]
+    far = [
+        float(limits.tiny),
+        -float(limits.tiny),
+        float(limits.smallest_subnormal),
+        1e15,
+        -1e30,
+        1e30,
+        float(limits.max),
+    ]
+    x = np.concatenate([odd, far, rng.uniform(-1.0, 1.0, 3 * N), rng.normal(0.0, 20.0, 3 * N), odd, odd])
+    y = np.concatenate([rng.uniform(-3.0, 3.0, len(x) - 2 * N), odd[::-1], rng.integers(-4, 5, N)])
+    x, y = x.astype(numbers.dtype), y.astype(numbers.dtype)
+    found = []
+    for k in range(0, len(x) - N + 1, N):
+        given = replace(inputs(numbers), x=x[k : k + N], y=y[k : k + N])
+        found.append(lane_launch(every_function(numbers), numbers, given, mapping).values[:, :31])
+    got = np.concatenate(found)
+    with np.errstate(all="ignore"):
+        want = numpy_results(x.astype(float), y.astype(float))[: len(got)].astype(numbers.dtype)
+    names = [*UNARY, *BINARY, "clamp", "where", "**", "cube", "power of a size"]
+    # A scalar library is right to one unit in the last place or two, of NumPy's double rounded once more.
+    close = np.isclose(got, want, rtol=4.0 * float(limits.eps), atol=0.0, equal_nan=True)
+    tiny = np.abs(want) < 4.0 * float(limits.tiny)  # what is subnormal keeps fewer digits
+    with np.errstate(invalid="ignore"):  # infinity less infinity
+        close |= tiny & (np.abs(got - want) <= 4.0 * float(limits.smallest_subnormal))
+    wrong = [(names[j], x[i], y[i], got[i, j], want[i, j]) for i, j in np.argwhere(~close)]
+    assert not wrong
+
+
+def test_a_function_has_the_same_bits_in_both_mappings() -> None:
+    (numbers,) = (p for p in PRECISION if p.name == "fp64")
+    given = replace(inputs(numbers), x=np.linspace(0.2, 5.0, N), y=np.linspace(-3.0, 3.0, N))
+    a, b = (
+        lane_launch(every_function(numbers), numbers, given, mapping).values[:, :31] for mapping in MAPPINGS
+    )
+    np.testing.assert_array_equal(a, b)

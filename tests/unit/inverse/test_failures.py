@@ -16,6 +16,7 @@ from synthetic import failed, synthetic
 from typer.testing import CliRunner
 
 from explicit import Outcome, Response
+from kolsky.base.files import write_tables
 from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Forward, Numerics
@@ -24,7 +25,7 @@ from kolsky.inverse.result import Identification
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.tables import to_json, write_csv
+from kolsky.results.tables import tables, to_json
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()
@@ -276,7 +277,7 @@ def test_failures_survive_the_file(tmp_path: Path) -> None:
 
 def test_failures_in_tables(tmp_path: Path) -> None:
     result = synthetic()
-    write_csv(tmp_path, result)
+    write_tables(tmp_path, tables(result))
     rows = rows_of(tmp_path / "design.csv")
     (lost,) = result.design.lost
     assert rows[lost]["element"] == "351"

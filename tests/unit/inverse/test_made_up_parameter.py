@@ -12,6 +12,7 @@ import pytest
 
 import explicit
 from doe import full_factorial
+from kolsky.base.files import write_table
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.parameters import (
     PARAMETERS,
@@ -27,7 +28,7 @@ from kolsky.inverse.problem import prepare_shot
 from kolsky.results.nomenclature import axis_label, in_words, name_of
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
-from kolsky.studies.sweep import sweep, write_sweep
+from kolsky.studies.sweep import columns, sweep
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
@@ -115,7 +116,7 @@ def test_it_is_swept_and_written(tmp_path: Path) -> None:
     short = replace(shot, window=(first, first + 0.3 * (shot.window[1] - first)))
     design = full_factorial(design_box({"softening": (0.0, 0.5)}), 2)
     made = sweep(short, design, numerics=Numerics(mesh=(4, 6), threads=1))
-    table = write_sweep(tmp_path / "runs.csv", made).read_text("utf-8").splitlines()
+    table = write_table(tmp_path / "runs.csv", columns(made)).read_text("utf-8").splitlines()
     assert "softening (1)" in table[0]
     assert made.table.phi_force[0] != made.table.phi_force[1]
 

@@ -3,21 +3,35 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
+from kolsky.base.records import CentreLine
 from kolsky.cli.commandline import app
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.joint_result import CurveFound, JointResult, JointSettings, ModelChoice
+from kolsky.inverse.joint_result import (
+    RANGE,
+    CurveFound,
+    JointResult,
+    JointSettings,
+    ModelChoice,
+    as_not_seen,
+    interval,
+    needed_strength,
+)
 from kolsky.inverse.parameters import with_relaxation
+from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint_identification import identify_shots
-from kolsky.report.study_folder import write_joint_results
+from kolsky.report.result_folder import write_results
 from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
+from kolsky.uncertainty.budgets import _place_change, outlines_with_diameter
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 SETTINGS = JointSettings(
@@ -75,7 +89,7 @@ def test_a_ledger_goes_on_where_it_ended(shots: list[Shot], found: tuple[JointRe
 
 def test_files_and_page_say_the_same(found: tuple[JointResult, Path], tmp_path: Path) -> None:
     result, _ = found
-    write_joint_results(tmp_path / "out", result)
+    write_results(tmp_path / "out", result)
     said = json.loads((tmp_path / "out" / "joint.json").read_text("utf-8"))
     assert said == to_json(result)
     e = result.estimates["stiffness_factor"]
@@ -108,7 +122,7 @@ def test_the_result_file_gives_the_same_result(found: tuple[JointResult, Path], 
 
 
 def test_report_makes_the_page_again(found: tuple[JointResult, Path], tmp_path: Path) -> None:
-    write_joint_results(tmp_path / "out", found[0])
+    write_results(tmp_path / "out", found[0])
     page = (tmp_path / "out" / "joint.html").read_text("utf-8")
     for name in ("joint.html", "joint.json", "joint_shots.csv"):
         (tmp_path / "out" / name).unlink()
@@ -152,3 +166,82 @@ def test_shots_that_cannot_be_joined_are_refused(shots: list[Shot]) -> None:
         identify_shots([shots[0], with_relaxation(shots[1], "prony")], SETTINGS)
     with pytest.raises(ValueError, match="prony_time_1 has no effect"):
         identify_shots(shots, replace(SETTINGS, free={"prony_time_1": None}))
+
+
+def test_only_outlines_placed_by_a_radius_move() -> None:
+    """Two shots of a force bin and two outline points each; 0.1 % of 10 mm and 0.2 % of 8 mm."""
+    shots: list[Any] = [
+        SimpleNamespace(axis_by_radius=placed, specimen=SimpleNamespace(diameter=diameter))
+        for placed, diameter in ((False, 10e-3), (True, 8e-3))
+    ]
+    data: list[Any] = [SimpleNamespace(objective=SimpleNamespace(n_force=1))] * 2
+    change = np.array([3.0, 6e-6, 7e-6, 4.0, 9e-6, 8e-6, 5.0])
+    found = outlines_with_diameter(change, shots, data, (3, 6), np.array([1e-3, 2e-3]))
+    np.testing.assert_allclose(found, [3.0, 6e-6, 7e-6, 4.0, 1e-6, 0.0, 5.0], atol=1e-18)
+
+
+def test_a_higher_outline_is_compared_with_a_wider_model() -> None:
+    """Two shots of a force bin and three outline points each, on cones of slopes 0.2 and 0.5; the second
+    outline is 3 um too high."""
+    y = np.array([1e-3, 2e-3, 3e-3])
+    data: list[Any] = []
+    for slope in (0.2, 0.5):
+        line = CentreLine(np.zeros(3), np.zeros(3, dtype=np.int64), y, 5e-3 + slope * y, np.full(3, 1e-6))
+        seen = SimpleNamespace(centre_line=line)
+        counted = np.ones(3, dtype=bool)
+        data.append(SimpleNamespace(objective=SimpleNamespace(n_force=1), observations=seen, counted=counted))
+    stack = SimpleNamespace(data=np.zeros(8), shots=data, ends=(4, 8))
+    problem: Any = SimpleNamespace(stack=stack)
+    moved = _place_change(problem, np.array([0.0, 3e-6]), "y_offset")
+    np.testing.assert_allclose(moved, [0.0] * 5 + [1.5e-6] * 3, rtol=1e-9, atol=1e-18)
+    axis = _place_change(problem, np.array([1e-6, 0.0]), "Z_offset")
+    np.testing.assert_allclose(axis, [0.0] + [-1e-6] * 3 + [0.0] * 4, atol=1e-18)
+
+
+SOURCES = ("force and shape", "scatter between shots")
+STRENGTH = Estimate(
+    "prony_strength_1", "1", 0.004, 0.03, 0.04, 0.0, dict.fromkeys(SOURCES, 0.01), Verdict.IDENTIFIED,
+    mesh_correction=-0.002, searched=(0.0, 2.0),
+)  # fmt: skip
+TIME = Estimate(
+    "prony_time_1", "s", 1.3e-4, 2e-5, 1e-5, 3e-5, dict.fromkeys(SOURCES, 1e-5), Verdict.CONDITIONAL,
+    numerical_parts={"mesh": 1e-5}, mesh_correction=1.1e-4, searched=(2e-5, 5e-3),
+)  # fmt: skip
+
+
+def test_a_strength_keeps_its_upper_limit_and_is_never_negative() -> None:
+    found = as_not_seen(STRENGTH)
+    assert found == replace(STRENGTH, outcome=Verdict.NOT_SEEN)
+    assert found.sigma == pytest.approx(0.05)  # 3-4-5
+    assert interval(found, 2.0 * found.sigma) == pytest.approx((0.0, 0.104))
+
+
+def test_a_time_of_no_branch_is_anywhere_in_its_range() -> None:
+    """No correction, and the standard deviation of a range whose values are evenly likely."""
+    found = as_not_seen(TIME)
+    assert found.value == pytest.approx(2e-5)  # 130 us less the correction of 110
+    assert (found.mesh_correction, found.mesh_shift, found.sigma_numerical) == (0.0, 0.0, 0.0)
+    assert found.sigma == pytest.approx((5e-3 - 2e-5) / 12.0**0.5)
+    assert found.noise_parts == {"force and shape": 0.0, "scatter between shots": 0.0, RANGE: found.sigma}
+    assert found.numerical_parts == {"mesh": 0.0}
+    assert found.outcome is Verdict.NOT_SEEN
+    # 20 us with a half width of 2.9 ms would have been -2.9 to 2.9 ms.
+    assert interval(found, 2.0 * found.sigma) == (2e-5, 5e-3)
+
+
+def test_what_does_not_relax_stays_as_it_is() -> None:
+    m = replace(TIME, name="stiffness_factor", unit="1")
+    assert as_not_seen(m) is m
+    assert interval(m, 1e-4) == pytest.approx((3e-5, 2.3e-4))
+
+
+def test_it_says_which_strength_would_be_seen() -> None:
+    weak = {e.name: as_not_seen(e) for e in (STRENGTH, TIME)}
+    (said,) = needed_strength(weak)
+    assert "prony_strength_1 and what depends on it are not seen: it takes a strength above 0.1, 2 " in said
+    assert "without one prony_time_1 has no value" in said
+    assert "has no value" not in needed_strength({"prony_strength_1": weak["prony_strength_1"]})[0]
+    # One that is seen, and one that something else speaks against.
+    assert needed_strength({"prony_strength_1": STRENGTH, "prony_time_1": TIME}) == []
+    strong = replace(weak["prony_strength_1"], value=0.11)
+    assert needed_strength({"prony_strength_1": strong}) == []

@@ -9,10 +9,20 @@ import pytest
 
 from doe.least_squares import Whitening
 from kolsky.base.apparatus import Interface
+from kolsky.base.records import MaterialCurve
 from kolsky.inverse import joint_search
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.joint_runs import kind_of
-from kolsky.inverse.joint_search import Optimum, with_refined_patterns
+from kolsky.inverse.joint_result import JointSettings
+from kolsky.inverse.joint_runs import Unknowns, kind_of, node_strains, smoothness, with_factors
+from kolsky.inverse.joint_search import (
+    COARSE_SLOPE_RUNS,
+    MOST_RUNS,
+    WORSE_STEP,
+    Optimum,
+    refined_optimum,
+    secant,
+    with_refined_patterns,
+)
 from kolsky.uncertainty.mesh_error import joint_mesh_change
 
 NUMERICS = Numerics(mesh=(8, 10))
@@ -144,3 +154,166 @@ def test_patterns_with_which_the_search_does_not_rest_are_put_back(
     assert made.stack is stacks[kept]
     assert found.x.tolist() == [1.7 if kept == "anew" else 1.9]
     assert found.confirmed == (anew or old)
+
+
+TRUE = np.array([0.3, -0.2])
+SLOPES = np.array([[20.0, 0.0], [0.0, 50.0], [10.0, 10.0]])
+"""Of the refined mesh, in standard deviations of the data."""
+
+
+class MadeSteps:
+    """Data that are linear in two unknowns; what is asked of it is counted."""
+
+    def __init__(self, given: np.ndarray = SLOPES, lost: bool = False, rough: float = 0.0) -> None:
+        self.given, self.lost, self.rough = given, lost, rough
+        self.runs: list[np.ndarray] = []
+        self.costs: list[float] = []
+        self.rng = np.random.default_rng(3)
+        self.batches = 0
+        self.refined = Numerics(mesh=(64, 86))
+        self.unknowns = SimpleNamespace(box=SimpleNamespace(lower=(-1.0, -1.0), upper=(1.0, 1.0)))
+        self.stack = SimpleNamespace(data=SLOPES @ TRUE)
+
+    def predict(self, stage: str, points: np.ndarray, numerics: Numerics) -> np.ndarray:
+        assert numerics.mesh == (64, 86)
+        self.runs += list(points)
+        seen = points @ SLOPES.T + self.rough * self.rng.standard_normal((len(points), 3))
+        self.costs += [self.deviance(row) for row in seen]
+        return np.full_like(seen, np.nan) if self.lost else seen
+
+    def deviance(self, vector: np.ndarray) -> float:
+        return float(((vector - self.stack.data) ** 2).sum())
+
+    def whitening(self, residual: np.ndarray) -> Whitening:
+        return Whitening(np.ones(len(residual)), np.zeros((0, len(residual))))
+
+    def slopes(self, x: np.ndarray, sigma: np.ndarray, numerics: Numerics) -> Any:
+        self.batches += 1
+        return x @ SLOPES.T, self.given
+
+
+def refined(made: MadeSteps, x: np.ndarray, slopes: np.ndarray) -> Optimum:
+    return refined_optimum(made, x, slopes)  # type: ignore[arg-type]
+
+
+def test_right_slopes_take_two_runs_and_no_others() -> None:
+    made = MadeSteps()
+    start = np.array([0.5, 0.5])
+    found = refined(made, start, SLOPES)
+    np.testing.assert_allclose(found.x, TRUE, atol=1e-12)
+    np.testing.assert_array_equal(found.start, start)
+    np.testing.assert_allclose(found.vector, SLOPES @ TRUE)
+    assert found.confirmed
+    assert (len(made.runs), made.batches) == (2, 0)
+
+
+def test_a_start_within_a_quarter_of_a_standard_deviation_is_confirmed_there() -> None:
+    sigma = np.sqrt(np.diag(np.linalg.inv(SLOPES.T @ SLOPES)))
+    for share, runs in ((0.9, 1), (1.1, 2)):
+        made = MadeSteps()
+        start = TRUE + share * 0.25 * sigma * np.array([1.0, 0.0])
+        assert refined(made, start, SLOPES).confirmed
+        assert len(made.runs) == runs
+
+
+def test_slopes_that_lead_astray_are_taken_anew() -> None:
+    made = MadeSteps()
+    found = refined(made, np.array([0.4, 0.0]), -0.3 * SLOPES)  # away from the optimum
+    np.testing.assert_allclose(found.x, TRUE, atol=1e-12)
+    assert found.confirmed
+    # The start, the step that led away, and the one from the start with the right slopes.
+    assert (len(made.runs), made.batches) == (3, 1)
+    np.testing.assert_allclose(found.slopes, SLOPES, atol=1e-9)
+
+
+def test_slopes_that_grope_are_taken_anew() -> None:
+    made = MadeSteps()
+    steep = 4.0 * SLOPES @ np.array([[1.0, 0.6], [-0.6, 1.0]])  # short steps, turned
+    found = refined(made, np.array([0.9, 0.9]), steep)
+    assert found.confirmed
+    assert made.batches == 1
+    assert len(made.runs) == COARSE_SLOPE_RUNS + 1
+
+
+def test_a_misfit_that_jumps_is_not_confirmed_and_ends() -> None:
+    made = MadeSteps(rough=3.0)
+    found = refined(made, np.array([0.5, 0.5]), SLOPES)
+    assert not found.confirmed
+    assert len(made.runs) == MOST_RUNS
+    assert made.deviance(found.vector) <= min(made.costs) + WORSE_STEP
+
+
+def test_a_lost_run_is_refused() -> None:
+    with pytest.raises(ValueError, match="refined mesh of 64 x 86 elements did not complete"):
+        refined(MadeSteps(lost=True), TRUE, SLOPES)
+
+
+def test_the_secant_explains_the_last_change_and_nothing_else() -> None:
+    wrong = SLOPES + np.array([[3.0, -1.0], [2.0, 5.0], [0.0, 1.0]])
+    sigma, before, x = np.array([0.1, 0.5]), np.array([0.1, 0.1]), np.array([0.2, 0.4])
+    found = secant(wrong, before, SLOPES @ before, sigma, x, SLOPES @ x)
+    np.testing.assert_allclose(found @ (x - before), SLOPES @ (x - before))
+    step = (x - before) / sigma
+    across = sigma * np.array([-step[1], step[0]])  # at right angles, in standard deviations
+    np.testing.assert_allclose(found @ across, wrong @ across)
+    np.testing.assert_array_equal(secant(wrong, x, SLOPES @ x, sigma, x, SLOPES @ x), wrong)
+
+
+STRETCH = np.linspace(1.0, 0.4, 13)
+CURVE = MaterialCurve(STRETCH, 1e4 * (STRETCH - STRETCH**-2.0), np.ones(13))
+
+
+def test_parameters_come_first_in_their_own_coordinates() -> None:
+    both = Unknowns({"poisson": (0.49, 0.499), "prony_time_1": (1e-5, 1e-3)}, nodes=4)
+    assert both.names == ("poisson", "prony_time_1", "curve_1", "curve_2", "curve_3", "curve_4")
+    x = np.array([0.495, 2e-4, 0.1, -0.2, 0.3, 0.0])
+    inner = both.to_search(x)
+    np.testing.assert_allclose(inner, [0.01, *x[1:]])
+    np.testing.assert_allclose(both.from_search(inner), x)
+    assert both.inner.logarithmic == (True, True, False, False, False, False)
+    with pytest.raises(ValueError, match="cannot be free beside them"):
+        Unknowns({"stiffness_factor": None}, nodes=4)
+    alone = Unknowns({}, nodes=4)
+    assert alone.parameters is None
+    np.testing.assert_array_equal(alone.to_search(np.ones(4)), np.ones(4))
+
+
+def test_the_stiffness_of_all_is_m_or_all_nodes_together() -> None:
+    slopes = np.arange(12.0).reshape(2, 6)
+    nodes = Unknowns({"poisson": None, "damping": None}, nodes=4)
+    np.testing.assert_allclose(nodes.relative_stiffness(slopes, np.ones(6)), [14.0, 38.0])
+    m = Unknowns({"poisson": None, "stiffness_factor": None})
+    # d F / d ln m = m d F / d m
+    np.testing.assert_allclose(m.relative_stiffness(slopes[:, :2], np.array([0.49, 1.5])), [1.5, 10.5])
+
+
+def test_factors_stand_at_the_nodes_and_their_logarithm_is_linear_between() -> None:
+    np.testing.assert_allclose(node_strains(CURVE, 4), [0.0, -0.2, -0.4, -0.6])
+    logs = np.log([1.0, 1.2, 1.5, 1.5])
+    factor = np.divide(with_factors(CURVE, logs), CURVE.stress, where=CURVE.stress != 0.0, out=np.ones(13))
+    at = np.abs(STRETCH - 1.0)
+    assert factor[np.isclose(at, 0.2)] == pytest.approx(1.2)
+    assert factor[np.isclose(at, 0.3)] == pytest.approx(np.sqrt(1.2 * 1.5))
+    assert factor[np.isclose(at, 0.6)] == pytest.approx(1.5)
+
+
+def test_smoothness_is_the_second_difference_over_its_sigma() -> None:
+    rows = smoothness(5, 0.1)
+    assert rows.shape == (3, 5)
+    np.testing.assert_allclose(rows @ (2.0 + 0.7 * np.arange(5.0)), 0.0, atol=1e-12)  # a line is smooth
+    np.testing.assert_allclose(rows @ np.arange(5.0) ** 2, 20.0)  # second difference 2 over 0.1
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"curve_nodes": 3}, "curve_nodes must be 0 or 4 to 24, got 3"),
+        ({"curve_roughness": 0.0}, "curve_roughness must be in"),
+        ({"gain_each": 1.0}, "gain_each must be in"),
+        ({"refined_mesh": (16, 22)}, "must be finer"),
+        ({"numerics": Numerics(mesh=(16, 22), compressible=0.495)}, "leave the correction out"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(given: dict, words: str) -> None:  # type: ignore[type-arg]
+    with pytest.raises(ValueError, match=words):
+        JointSettings(**given)

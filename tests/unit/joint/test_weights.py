@@ -6,13 +6,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.diagnosis.relaxation import (
+    choice_in_words,
+    choice_with_mesh_error,
+    deviance_with_mesh_patterns,
+    points_in_step,
+)
 from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
+from kolsky.inverse.joint_result import ModelChoice, rate_of
+from kolsky.inverse.joint_search import LARGEST, expanded_scatter, restricted_deviance, restricted_scatter
 from kolsky.inverse.observations import Observations
+from kolsky.inverse.result import Verdict
 from kolsky.joint_identification import _shot_unknown
+from kolsky.uncertainty.mesh_error import MeshChange, mesh_patterns
 
 WIDE = np.array([1e3])
 """Ranges of the unknowns, far beyond what the data leave."""
@@ -128,3 +140,145 @@ def test_two_shots_are_not_one_block() -> None:
         assert len(label) == 19
         assert not set(label[:8].tolist()) & set(label[8:16].tolist())
         assert len(set(label[16:].tolist())) == 3  # slow tests and prior rows stand alone
+
+
+VALUES = np.array([1.02, 1.10, 1.05, 1.13, 0.98])
+SIGMA = 0.02
+
+
+def problem(values: np.ndarray, sigma: float = SIGMA):  # type: ignore[no-untyped-def]
+    """Shots that measure m itself: data m_k, slope 1, pattern of the k-th shot its own entry times m = 1."""
+    n = len(values)
+
+    def weights(more: np.ndarray) -> Whitening:
+        return Whitening(np.full(n, sigma), more)
+
+    return 1.0 - values, np.ones((n, 1)), np.eye(n), weights
+
+
+def test_the_deviance_of_a_mean_is_that_of_the_textbook() -> None:
+    residual, slopes, patterns, weights = problem(VALUES)
+    # n equal variances v: (n - 1) ln v + ln n + sum (y - mean)^2 / v
+    for s in (0.0, 0.03):
+        v = SIGMA**2 + s**2
+        squares = ((VALUES - VALUES.mean()) ** 2).sum()
+        expected = 4.0 * np.log(v) + np.log(5.0) + squares / v
+        found = restricted_deviance(residual, slopes, weights(s * patterns))
+        assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_scatter_is_what_is_left_of_the_variance() -> None:
+    found = restricted_scatter(*problem(VALUES))
+    # restricted maximum likelihood of a balanced design: s^2 = variance (n - 1) less sigma^2
+    assert found.value == pytest.approx(np.sqrt(VALUES.var(ddof=1) - SIGMA**2), rel=1e-3)
+    squares, least = ((VALUES - VALUES.mean()) ** 2).sum(), VALUES.var(ddof=1)
+    for end in found.interval:
+        v = SIGMA**2 + end**2
+        rise = 4.0 * np.log(v / least) + squares * (1.0 / v - 1.0 / least)
+        assert rise == pytest.approx(3.84, abs=1e-3)
+    assert found.interval[0] < found.value < found.interval[1] < LARGEST
+
+
+def test_shots_that_agree_have_none() -> None:
+    close = 1.05 + 0.5 * SIGMA * np.array([-1.0, 1.0, 0.0, 1.0, -1.0])
+    found = restricted_scatter(*problem(close))
+    assert found.value == 0.0
+    assert found.interval[0] == 0.0
+    v, squares = SIGMA**2 + found.interval[1] ** 2, ((close - close.mean()) ** 2).sum()
+    rise = 4.0 * np.log(v / SIGMA**2) + squares * (1.0 / v - 1.0 / SIGMA**2)
+    assert rise == pytest.approx(3.84, abs=1e-3)
+
+
+def test_few_shots_widen_the_interval_by_students_t() -> None:
+    level = norm.cdf(2.0)
+    assert expanded_scatter(0.03, 0.0, 3) == pytest.approx(0.06)
+    assert expanded_scatter(0.03, 0.03, 3) == pytest.approx(0.03 * student.ppf(level, 2))
+    # half of the variance between the shots: (n - 1) (sigma / between)^4 = 2 x 4 degrees of freedom
+    assert expanded_scatter(0.03, 0.03 / np.sqrt(2.0), 3) == pytest.approx(0.03 * student.ppf(level, 8))
+    assert expanded_scatter(0.0, 0.0, 3) == 0.0
+
+
+ASKED = ModelChoice(-8.0, -2.0, {}, 20.0, 1e-3, 1e-4, asked_for=True, sentence="the data ask for it")
+
+
+class TwoShots:
+    """Data of two shots with unit noise, two entries each."""
+
+    data = np.zeros(4)
+    shots = (0, 1)
+
+    def of_shot(self, k: int, row: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(4) // 2 == k, row, 0.0)
+
+    def weighed_beside(self, residual: np.ndarray, patterns: np.ndarray) -> None:
+        assert not np.isnan(residual).any()
+
+    def whitening(self, objectives: None, patterns: np.ndarray) -> Whitening:
+        return Whitening(np.ones(4), patterns)
+
+
+def strength(value: float, noise: float, mesh: float) -> Any:
+    size = SimpleNamespace(name="prony_strength_1", value=value, sigma=float(np.hypot(noise, mesh)))
+    return {"prony_strength_1": size}
+
+
+def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
+    assert choice_with_mesh_error(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
+    doubtful = choice_with_mesh_error(ASKED, strength(0.19, 0.06, 0.08))
+    assert not doubtful.asked_for
+    assert "its strength, 0.19 with a standard uncertainty of 0.1, mesh included" in doubtful.sentence
+    assert choice_with_mesh_error(ASKED, {}) is ASKED  # held, not found
+
+
+def test_a_time_at_a_bound_is_no_relaxation() -> None:
+    strong = strength(0.3, 0.06, 0.08)
+    inside, at_bound = (SimpleNamespace(outcome=v) for v in (Verdict.IDENTIFIED, Verdict.AT_BOUND))
+    assert choice_with_mesh_error(ASKED, {**strong, "prony_time_1": inside}) is ASKED
+    said = choice_with_mesh_error(ASKED, {**strong, "prony_time_1": at_bound})
+    assert not said.asked_for
+    assert "prony_time_1 ends at a bound" in said.sentence
+    assert rate_of("prony_strength_2") == "prony_time_2"
+    assert rate_of("creep_ratio") == "creep_resistance"
+
+
+def test_a_weak_branch_leaves_the_ringing_in_step() -> None:
+    """The bulk modulus, with m (1 + c) / (1 - 2 nu), is what it was; where nu is held nothing moves."""
+    points = np.array([[1.2, 0.4985, 0.1], [1.2, 0.499, 0.1]])
+    moved = points_in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
+    np.testing.assert_allclose(1.1 / (1.0 - 2.0 * moved[:, 1]), 1.0 / (1.0 - 2.0 * points[:, 1]))
+    np.testing.assert_array_equal(moved[:, [0, 2]], points[:, [0, 2]])
+    held = points_in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
+    np.testing.assert_array_equal(held, points)
+
+
+def test_an_error_of_the_mesh_is_each_shots_own_and_of_known_size() -> None:
+    stack: Any = TwoShots()
+    change = MeshChange(coarser=np.array([1.0, 2.0, 3.0, 4.0]), element=np.full(4, 8.0), ratio=4.0)
+    rows = mesh_patterns(stack, change)
+    # Richardson's extrapolation with order 3.2: 4^3.2 - 1 = 83.449; elements come together as 4^-1.5 = 1/8
+    np.testing.assert_allclose(rows[:2], np.array([[1, 2, 0, 0], [0, 0, 3, 4]]) / 83.449, rtol=1e-4)
+    np.testing.assert_allclose(rows[2:], [[1, 1, 0, 0], [0, 0, 1, 1]])
+    assert len(mesh_patterns(stack, MeshChange(change.coarser, None, 4.0))) == 2
+
+
+def test_what_a_mesh_error_explains_speaks_against_no_model() -> None:
+    stack: Any = TwoShots()
+    pattern = np.array([[3.0, 0.0, 0.0, 0.0]])
+    # variance 1 + 9 of the first entry; a point that is not reached adds nothing
+    found = deviance_with_mesh_patterns(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
+    assert found == pytest.approx(4.0 / 10.0 + 1.0 + np.log(10.0))
+
+
+def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() -> None:
+    said = choice_in_words(666.0, 0.3, asked=False, missed=664.0)
+    assert said.startswith("not decided")
+    assert "ended 664 in -2 ln L above" in said
+
+
+def test_the_choice_otherwise() -> None:
+    assert choice_in_words(-8.0, 1e-4, asked=True).startswith(
+        "the data ask for what relaxes (AIC -8.0; 0.01 %"
+    )
+    assert choice_in_words(2.0, 0.3, asked=False).startswith(
+        "the data do not ask for what relaxes (AIC +2.0; 30 %"
+    )

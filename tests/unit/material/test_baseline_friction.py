@@ -20,7 +20,7 @@ SHEAR = 80e3 / (2.0 * (1.0 + POISSON))
 NUMERICS = SlowNumerics(passages=160.0, poisson=POISSON, threads=1)
 CORRECTION = CorrectionNumerics(poisson=POISSON)
 LAWS = ("mooney_rivlin_2",)
-"""Beside the curves of nodes: the law that holds this solid. `benchmarks.baseline_specimens` tries all."""
+"""Beside the curves of nodes: the law that holds this solid. `populations.baseline_specimens` tries all."""
 
 
 def uniaxial(strain: np.ndarray) -> np.ndarray:

@@ -229,7 +229,7 @@ def test_the_command(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_elements_and_bars_agree_on_the_papers_test(paper: PlannedTest, tmp_path: Path) -> None:
     """The order of the paper's Fig. 5, its rate and its compression, with a film."""
-    from kolsky.report.study_folder import write_prediction_results
+    from kolsky.report.result_folder import write_prediction_results
 
     coarse = varied_test(paper, {"run.mesh": [8, 11], "run.step": "200 ns"})
     found = predict(coarse)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.readers.measured_tables import read_flyer, read_frame_times, read_outline, read_uniaxial
+from kolsky.readers.measured_tables import read_frame_table
 from kolsky.readers.recordings import read_scope
 from kolsky.readers.table import Column, read_table
 
@@ -152,7 +152,7 @@ def test_two_gigabytes_are_refused_unread(tmp_path: Path) -> None:
 
 def test_frame_times(write) -> None:
     path = write("frame,time (ms),shutter\n3,-1.0,open\n4,0.0,open\n7,1.5,open\n", "frames.csv")
-    frames = read_frame_times(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
+    frames = read_frame_table(path, frame=Column("frame"), time=Column("time (ms)", 1e-3), clock=True)
     assert frames.frame.tolist() == [3, 4, 7]
     assert frames.time.tolist() == [-1e-3, 0.0, 1.5e-3]
     assert frames.digit == pytest.approx(1e-4, rel=1e-12, abs=0.0)  # powers of ten
@@ -171,30 +171,28 @@ def test_frame_times(write) -> None:
 def test_frame_times_refuse(write, body: str, fragment: str) -> None:
     path = write("frame,time (ms)\n" + body, "frames.csv")
     with pytest.raises(InputError, match="line 3") as caught:
-        read_frame_times(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
+        read_frame_table(path, frame=Column("frame"), time=Column("time (ms)", 1e-3), clock=True)
     assert fragment in str(caught.value)
 
 
 def test_flyer_with_and_without_a_time_column(write) -> None:
     path = write("frame,d,t\n0,0.5,1.00\n1,-2,2.00\n", "flyer.csv")
     frame, d = Column("frame"), Column("d", 1e-3)
-    without = read_flyer(path, frame=frame, displacement=d)
-    with_time = read_flyer(path, frame=frame, displacement=d, time=Column("t"))
-    np.testing.assert_allclose(without.displacement, [5e-4, -2e-3], rtol=1e-15)  # one product
-    assert without.time is None
-    assert with_time.time is not None
+    without = read_frame_table(path, frame=frame, columns={"d": d})
+    with_time = read_frame_table(path, frame=frame, columns={"d": d}, time=Column("t"))
+    np.testing.assert_allclose(without.columns["d"], [5e-4, -2e-3], rtol=1e-15)  # one product
+    assert without.time.size == 0
     assert with_time.time.tolist() == [1.0, 2.0]
     assert with_time.digit == pytest.approx(0.01, rel=1e-12, abs=0.0)  # powers of ten
 
 
 def test_centre_line_rows_of_several_frames(write) -> None:
     path = write("frame,y,Z,s\n0,1,4.5,0.01\n0,2,4.6,0.02\n2,1,4.7,0.03\n", "line.csv")
-    mm = {"y": Column("y", 1e-3), "Z": Column("Z", 1e-3)}
-    table = read_outline(path, frame=Column("frame"), sigma=Column("s", 1e-3), **mm)
+    columns = {"sigma": Column("s", 1e-3), "Z": None}
+    table = read_frame_table(path, frame=Column("frame"), columns=columns, points=True)
     assert table.frame.tolist() == [0, 0, 2]
-    assert table.sigma is not None
-    np.testing.assert_allclose(table.sigma, [1e-5, 2e-5, 3e-5], rtol=1e-15)  # one product
-    assert read_outline(path, frame=Column("frame"), **mm).sigma is None
+    np.testing.assert_allclose(table.columns["sigma"], [1e-5, 2e-5, 3e-5], rtol=1e-15)  # one product
+    assert "Z" not in table.columns
 
 
 @pytest.mark.parametrize(
@@ -207,12 +205,12 @@ def test_centre_line_rows_of_several_frames(write) -> None:
 def test_centre_line_refuses(write, body: str, fragment: str) -> None:
     path = write("frame,y,Z,s\n" + body, "line.csv")
     with pytest.raises(InputError, match="line 3") as caught:
-        read_outline(path, frame=Column("frame"), y=Column("y"), Z=Column("Z"), sigma=Column("s"))
+        read_frame_table(path, frame=Column("frame"), columns={"s": Column("s", bound="> 0")}, points=True)
     assert fragment in str(caught.value)
 
 
 def test_uniaxial_percent_and_kilopascal(write) -> None:
     path = write("e,s\n0,0\n-50,-200\n", "curve.csv")
-    table = read_uniaxial(path, strain=Column("e", 0.01), stress=Column("s", 1e3))
-    assert table.strain.tolist() == [0.0, -0.5]
-    assert table.stress.tolist() == [0.0, -2e5]
+    table = read_table(path)
+    assert table.values(Column("e", 0.01)).tolist() == [0.0, -0.5]
+    assert table.values(Column("s", 1e3)).tolist() == [0.0, -2e5]

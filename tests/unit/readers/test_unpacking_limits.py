@@ -15,7 +15,7 @@ from kolsky.base import hdf5
 from kolsky.base.errors import InputError
 from kolsky.base.hdf5 import Format, reading, take
 from kolsky.base.toml import DEEPEST, LONGEST_LINE, parse_toml
-from kolsky.readers import contents, delimited, excel
+from kolsky.readers import contents, excel, sheet
 from kolsky.readers.child import mat
 from kolsky.readers.contents import LARGEST_SAMPLE, Layout
 from kolsky.readers.meshes import read_gmsh
@@ -142,7 +142,7 @@ def test_a_clock_is_finite(tmp_path: Path) -> None:
 
 
 def test_a_header_has_so_many_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(delimited, "LONGEST_HEADER", 6)
+    monkeypatch.setattr(sheet, "LONGEST_HEADER", 6)
     keys = "".join(f"key {k}: x\n" for k in range(5))
     list_channels(_table(tmp_path / "a.csv", "0.5", keys))
     with pytest.raises(InputError, match=r"line 8: has 7 lines above its samples, more than the 6"):

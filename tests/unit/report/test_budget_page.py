@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.report.pages.budget import write_page
-from kolsky.report.study_folder import write_budget_results
+from kolsky.report.result_folder import write_budget_results
 from kolsky.studies.budget.factors import Factor
 from kolsky.studies.budget.records import Budget, Source, plan_campaign
 

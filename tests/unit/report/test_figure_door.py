@@ -22,32 +22,17 @@ ROOT = Path(__file__).parents[3]
 PEAK_FORCE = '''
 """Figure of the largest force: measured and simulated."""
 
-from kolsky.report.figures.base import COLUMN, MEASURED, MODEL, FigureKind
+from kolsky.report.figures.base import COLUMN, MEASURED, MODEL, figure
 
 
-def caption(result):
-    return f"Largest force of the test {result.shot}, measured and simulated."
-
-
-def draw(result, panels):
+@figure(COLUMN, 60.0, [["peak"]], applies=lambda result: result.comparison.force_time.size > 0)
+def peak_force(result, panels):
     ax, c = panels["peak"], result.comparison
     ax.plot([1.0], [c.force_measured.max()], "o", color=MEASURED, label="measured")
     ax.plot([2.0], [c.force_model.max()], "o", color=MODEL, label="simulated")
     ax.set(xlabel="Test (–)", ylabel="Force $F$ (N)")
     ax.legend()
-
-
-FIGURES = (
-    FigureKind(
-        name="peak-force",
-        width=COLUMN,
-        height=lambda result: 60.0,
-        caption=caption,
-        panels=lambda result: [["peak"]],
-        draw=draw,
-        applies=lambda result: result.comparison.force_time.size > 0,
-    ),
-)
+    return f"Largest force of the test {result.shot}, measured and simulated."
 '''
 
 
@@ -70,8 +55,7 @@ def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for registry in (RECORDINGS, REGISTRY):
         for name in [name for name in registry if name != "force"]:
             monkeypatch.delitem(registry, name)
-    for name, kind in by_name(loaded("peak_force", file).FIGURES).items():  # the one line
-        monkeypatch.setitem(REGISTRY, name, kind)
+    monkeypatch.setitem(REGISTRY, "peak-force", loaded("peak_force", file).peak_force)  # the one line
     return file
 
 
@@ -126,9 +110,9 @@ def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
 
 
 def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:
-    figures = loaded("peak_force", made_up).FIGURES
+    kind = loaded("peak_force", made_up).peak_force
     with pytest.raises(ValueError, match="two figures of one page are called 'peak-force'"):
-        by_name(figures, figures)
+        by_name([kind, kind])
 
 
 def test_every_registry_has_figures_and_another_name_has_none() -> None:

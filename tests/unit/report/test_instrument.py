@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.report.canvas import inline_svg
+from kolsky.report.canvas import build, inline_svg
 from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import instrument, instrument_numbers, render
 from kolsky.shot.recordings import part_of_picture
@@ -82,7 +82,7 @@ def test_every_part_that_the_script_asks_for_is_on_the_page(page: str) -> None:
 
 
 def test_text_in_a_figure_stays_text_without_styles() -> None:
-    svg = inline_svg(REGISTRY["force"], RESULT)
+    svg = inline_svg(build(REGISTRY["force"], RESULT), "force")
     assert "Time" in "".join(re.findall(r">([^<]*)</t(?:ext|span)>", svg))
     assert not re.search(r"\sstyle=|<style", svg)
     assert 'stroke-linejoin="round"' in svg[:400]  # of everything, as the style said that was taken out

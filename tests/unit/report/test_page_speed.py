@@ -62,21 +62,25 @@ def test_groups_share_one_numbering_and_the_last_figure_is_begun_first(monkeypat
 
     def draw(kind, shown, name):
         begun.append((name, shown))
-        return f"<svg>{name}</svg>"
+        return f"<svg>{name}</svg>", f"{name}: Φ_F"
 
-    monkeypatch.setattr(rendering, "inline_svg", draw)
+    monkeypatch.setattr(rendering, "_drawn", draw)
     kinds = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
     first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
-    second = rendering.FigureGroup([kinds["force"], kinds["energy"]], "drawn", captioned=RESULTS["one"])
+    second = rendering.FigureGroup([kinds["force"], kinds["energy"]], RESULTS["two"])
     drawn = rendering.draw_groups([first, second], first=4, mark="a")
-    assert begun == [("energy-a", "drawn"), ("force-a", "drawn"), ("misfit-a", RESULTS["one"])]
+    assert begun == [
+        ("energy-a", RESULTS["two"]),
+        ("force-a", RESULTS["two"]),
+        ("misfit-a", RESULTS["one"]),
+    ]
     assert [(figure["id"], figure["number"]) for figure in drawn] == [
         ("misfit-a", 4),
         ("force-a", 5),
         ("energy-a", 6),
     ]
     assert [figure["svg"] for figure in drawn] == [f"<svg>{figure['id']}</svg>" for figure in drawn]
-    assert drawn[2]["caption"] == rendering.with_subscripts(kinds["energy"].caption(RESULTS["one"]))
+    assert drawn[2]["caption"] == rendering.with_subscripts("energy-a: Φ_F")
 
 
 @pytest.mark.parametrize("processes", [1, 2])

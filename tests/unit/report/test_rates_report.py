@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
+from kolsky.base.files import write_tables
 from kolsky.inverse.result import Declaration, Verdict
 from kolsky.report.canvas import build, save_figures
 from kolsky.report.figures.base import label_text
 from kolsky.report.pages.rates import figures_of, render
 from kolsky.studies.rates.comparison import Baselines, compare
-from kolsky.studies.rates.output import summary, tables, write_csv, write_hdf5
+from kolsky.studies.rates.output import summary, tables, write_hdf5
 from kolsky.studies.rates.records import RateReport
 
 EVIL = '<script>alert("x")</script> ../../x $\\alpha_{'
@@ -228,7 +229,7 @@ def test_without_an_outline_there_are_forces(report):
 
 
 def test_csv_and_hdf5_hold_the_same_numbers(report, tmp_path):
-    write_csv(tmp_path, report)
+    write_tables(tmp_path, tables(report))
     write_hdf5(tmp_path / "rates.h5", report)
     made = tables(report)
     assert {p.name for p in tmp_path.iterdir()} == {"rates.h5", *(f"{name}.csv" for name in made)}

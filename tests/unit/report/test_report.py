@@ -316,7 +316,7 @@ def test_shown_units_are_those_of_a_reader() -> None:
 
 
 def test_inline_figure_is_well_formed_and_named() -> None:
-    root = ElementTree.fromstring(inline_svg(REGISTRY["meshes"], RESULTS["one"]))
+    root = ElementTree.fromstring(inline_svg(build(REGISTRY["meshes"], RESULTS["one"]), "meshes"))
     assert root.tag == "svg"
     assert all(e.attrib.get("id", "meshes-").startswith("meshes-") for e in root.iter())
 

@@ -15,9 +15,10 @@ from synthetic import failed, synthetic
 
 from dic.files import replacing
 from kolsky.base.errors import InputError
+from kolsky.base.files import write_tables
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.tables import end_columns, to_json, write_csv
+from kolsky.results.tables import end_columns, tables, to_json
 
 CASES: dict[str, Callable[[], Identification]] = {
     "one parameter": synthetic,
@@ -294,9 +295,9 @@ def test_json_refuses_a_parameter_that_would_hide_a_key() -> None:
 
 def test_csv_columns_carry_units_and_values(tmp_path: Path) -> None:
     result = synthetic()
-    paths = write_csv(tmp_path / "new", result)
+    paths = write_tables(tmp_path / "new", tables(result))
     assert [p.name for p in paths] == ["force.csv", "profile.csv", "design.csv", "energy.csv"]
-    tables = {}
+    made = {}
     for path in paths:
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
@@ -304,18 +305,18 @@ def test_csv_columns_carry_units_and_values(tmp_path: Path) -> None:
             assert name in ("run", "stage", "outcome", "frame", "element", "ending") or name.endswith(")"), (
                 name
             )
-        tables[path.stem] = {name: [row[i] for row in rows] for i, name in enumerate(header)}
+        made[path.stem] = {name: [row[i] for row in rows] for i, name in enumerate(header)}
     c = result.comparison
-    written = np.array(tables["force"]["measured force (N)"], dtype=float)
+    written = np.array(made["force"]["measured force (N)"], dtype=float)
     np.testing.assert_allclose(written, c.force_measured, rtol=5e-9)  # nine digits
-    written = np.array(tables["profile"]["Z simulated (m)"], dtype=float)
+    written = np.array(made["profile"]["Z simulated (m)"], dtype=float)
     np.testing.assert_allclose(written, c.Z_model, rtol=5e-9)
-    assert tables["profile"]["inside (0/1)"].count("0") == 16
-    assert tables["design"]["outcome"].count("INVERTED") == 1
-    assert len(tables["energy"]["time (s)"]) == 186
+    assert made["profile"]["inside (0/1)"].count("0") == 16
+    assert made["design"]["outcome"].count("INVERTED") == 1
+    assert len(made["energy"]["time (s)"]) == 186
     # The residual closes the ledger: its column is external minus the seven others, each rounded to nine
     # digits, so to 8 * 5e-10 of the largest.
-    ledger = {name: np.array(column, dtype=float) for name, column in tables["energy"].items()}
+    ledger = {name: np.array(column, dtype=float) for name, column in made["energy"].items()}
     external, residual = ledger.pop("external (J)"), ledger.pop("residual (J)")
     del ledger["time (s)"]
     np.testing.assert_allclose(external - sum(ledger.values()), residual, atol=4e-9 * external.max())
@@ -338,8 +339,8 @@ def test_ends_of_runs_as_columns() -> None:
         )
     )
     assert columns["end (s)"][1] == 1e-4
-    assert columns["element"][:3] == ["", "0", ""]
-    assert columns["element R (m)"][:3] == ["", "0.0015", ""]
-    assert columns["element Y (m)"][:3] == ["", "0.0025", ""]
+    assert columns["element"][:3] == ["", 0, ""]
+    assert columns["element R (m)"][:3] == ["", 0.0015, ""]
+    assert columns["element Y (m)"][:3] == ["", 0.0025, ""]
     assert columns["ending"][0] == columns["ending"][2] == ""
     assert columns["ending"][1].startswith("INVERTED at 100.0 us in element 0")

@@ -6,8 +6,7 @@ from barshots import STRESS, bar_shot, strains, write_scope, write_toml
 
 from kolsky.base.errors import InputError
 from kolsky.schema.material import chosen_baseline
-from kolsky.schema.shot_file import parsed
-from kolsky.shot.bar_driven import BarDrivenShotFile
+from kolsky.schema.shot_file import BarDrivenShotFile, parsed
 from kolsky.shot.bars import load_waves
 from kolsky.shot.curve import read_curve
 from kolsky.shot.waves import waves

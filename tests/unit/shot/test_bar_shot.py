@@ -8,6 +8,7 @@ import pytest
 from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
 from kolsky.bars.reduction.analyse import analyse
+from kolsky.base.files import write_tables
 from kolsky.base.records import CentreLine
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
@@ -17,7 +18,7 @@ from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.printed import answer, details
-from kolsky.results.tables import to_json, write_csv
+from kolsky.results.tables import tables, to_json
 from kolsky.shot.bar_driven import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 
@@ -99,7 +100,7 @@ def test_files_and_report_of_a_result_without_an_outline(found, tmp_path):
     again = read_identification(path)
     assert again.estimates == found.estimates
     assert not again.terms.has_shape
-    write_csv(tmp_path, found)
+    write_tables(tmp_path, tables(found))
     assert len((tmp_path / "profile.csv").read_text().splitlines()) == 1
     html = render(found)
     assert "not measured" in html

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dic.outcome import PointOutcome
+from dic.surfaces.surface_history import centre_line
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
@@ -17,7 +18,6 @@ from kolsky.shot.surface import (
     cylinder_placement,
     declared_placement,
     flyer_motion,
-    outline,
     surface_history,
 )
 
@@ -120,7 +120,7 @@ def test_a_lost_point_is_an_outcome(tmp_path):
     X, u = barrel()
     np.testing.assert_allclose(surface.X, X, rtol=0, atol=2e-11)
     np.testing.assert_allclose(surface.u[surface.valid], u[surface.valid], rtol=0, atol=2e-11)
-    line = outline(surface, half_width=1.5e-3)
+    line = centre_line(surface, half_width=1.5e-3)
     assert line.left_out == {PointOutcome.LOW_CORRELATION: 1}
     # A body of revolution: the radius at a height is known.
     e = 0.05 * line.frame

@@ -196,7 +196,12 @@ REFUSED = [
         ['"toward specimen" or "away from specimen"'],
     ),
     ('sigma = "1 um"    ', 'sigma = "0 um"    ', "flyer.sigma", ["> 0 m"]),
-    ('y_offset = "0 mm"', 'y_offset = "0 mm"\nsigma = "4 um"', "centre_line.sigma", ["is given twice"]),
+    (
+        'y_offset = "0 mm"',
+        'y_offset = "0 mm"\nsigma = "4 um"',
+        "centre_line.sigma_column",
+        ["is given beside sigma"],
+    ),
     ("sigma_column = {", "# sigma_column = {", "centre_line.sigma", ["is missing"]),
     (
         'relative_sigma = "0.2 %"',

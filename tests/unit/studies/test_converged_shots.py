@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import converged_shots
-from benchmarks.converged_shots import FLAT, converged, radius_at
+from populations import converged_shots
+from populations.converged_shots import FLAT, converged, radius_at
 
 
 def test_the_radius_of_a_side_that_has_folded_at_both_ends():

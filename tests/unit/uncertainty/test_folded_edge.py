@@ -76,7 +76,7 @@ def test_what_is_no_fold_is_not_said() -> None:
 @pytest.mark.slow
 def test_the_impact_of_the_issue_is_caught_and_its_neighbour_is_not() -> None:
     """f = 0.3, 48 x 66: the one-point edge jumps by 0.13 mm, that of F-bar stays where it is."""
-    from benchmarks.folding import JUMP, impacts
+    from populations.folding import JUMP, impacts
 
     (one,), (whole,) = (impacts((48, 66, 1.0), element, (0.3,)) for element in ("one_point", "fbar"))
     assert one.jump > JUMP

@@ -9,13 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import forty_shots
-from benchmarks.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
-from benchmarks.forty_cures import CURES, all_regions, flyer_region, true_inputs, with_subset
-from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
 from dic.processes import cores
 from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
+from populations import forty_shots
+from populations.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
+from populations.forty_cures import CURES, all_regions, flyer_region, true_inputs, with_subset
+from populations.forty_shots import (
+    Answer,
+    Study,
+    cured_copy,
+    cures_for,
+    keep_to,
+    one,
+    said_on_purpose,
+    shares,
+)
 
 RIGHT = Answer("a", 1.2, 1.2 * 1.009, 0.005, "identified", True, "", 1.0, 2.0)
 

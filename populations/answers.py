@@ -1,0 +1,186 @@
+"""Answers of known shots, kept and compared: `python -m populations.answers --out FOLDER`.
+
+The shots are open-01 to open-04, made by another program, and drawn ones of the virtual laboratory
+(`--made 10 --seed N`, the population of the study of wrong inputs). Each is identified with what is free by
+default; open-01, open-03 and open-04 with Poisson's ratio and damping held at the shot file's values too, and
+open-01 with its flyer's record 20 us late. An answer is a file; what the folder holds is not made again.
+`--against OTHER` sets two folders beside each other, in standard uncertainties: what a change of the program
+has done to the answers.
+"""
+
+import argparse
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from kolsky.identification import identify
+from kolsky.inverse.result import Identification
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import Shot
+from populations import driver
+from populations.scatter import table as scatter
+
+ROOT = Path(__file__).resolve().parents[1]
+RUNS = ROOT / "runs"
+LATE = 20e-6
+"""By how much the flyer of the late shot is [s]."""
+HELD = ("poisson", "damping")
+"""What is held at the shot file's values."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked of every shot."""
+
+    mesh: tuple[int, int]
+    refined_mesh: tuple[int, int]
+    device: str
+    threads: int | None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One identification."""
+
+    name: str
+    folder: str
+    hold: tuple[str, ...] = ()
+    late: float = 0.0
+
+
+def open_cases(out: Path) -> Iterator[Case]:
+    """Those of the open shots; open-02 takes open-01's shot file."""
+    second = out / "shots" / "open-02"
+    if not (second / "shot.toml").exists():
+        shutil.copytree(ROOT / "tests" / "data" / "open-02", second, dirs_exist_ok=True)
+        shutil.copy(RUNS / "open-01" / "shot.toml", second)
+    for name in ("open-01", "open-02", "open-03", "open-04"):
+        folder = str(second if name == "open-02" else RUNS / name)
+        yield Case(name, folder)
+        if name != "open-02":
+            yield Case(f"{name}, held", folder, hold=HELD)
+    yield Case("open-01, flyer 20 us late", str(RUNS / "open-01"), late=LATE)
+
+
+def late_flyer(shot: Shot, lag: float) -> Shot:
+    """The shot with its flyer recorded late."""
+    motion = replace(shot.flyer, time=shot.flyer.time + lag)
+    window = shot.window[0], min(shot.window[1], float(motion.time[-1]))
+    return replace(shot, flyer=motion, window=window)
+
+
+def told(case: Case, found: Identification, seconds: float) -> dict[str, Any]:
+    """What is kept of an answer."""
+    known = json.loads((Path(case.folder) / "truth.json").read_text("utf-8"))
+    truths = {"stiffness_factor": known.get("m"), "poisson": known.get("nu"), "damping": known.get("beta_s")}
+    return {
+        "name": case.name,
+        "values": {name: e.value for name, e in found.estimates.items()},
+        "sigmas": {name: e.sigma for name, e in found.estimates.items()},
+        "truths": {n: v for n, v in truths.items() if v is not None and n in found.estimates},
+        "verdicts": {name: str(e.outcome) for name, e in found.estimates.items()},
+        "causes": [
+            {"key": c.key, "value": c.value, "evidence": c.evidence, "named": c.named, "beside": c.beside}
+            for c in found.causes[:4]
+        ],
+        "runs": len(found.design.points),
+        "seconds": seconds,
+    }
+
+
+def answer(case: Case, study: Study) -> dict[str, Any]:
+    """Identify a case."""
+    shot = load_shot(case.folder)
+    started = time.perf_counter()
+    found = identify(
+        late_flyer(shot, case.late) if case.late else shot,
+        driver.settings(study, study.threads, hold=case.hold),
+    )
+    return told(case, found, round(time.perf_counter() - started, 1))
+
+
+def file_of(case: Case, out: Path) -> Path:
+    """Where the answer to a case is kept."""
+    return out / f"{''.join(c if c.isalnum() else '-' for c in case.name)}.json"
+
+
+def read(out: Path) -> dict[str, dict[str, Any]]:
+    """The answers of a folder, by name."""
+    found = [json.loads(path.read_text("utf-8")) for path in sorted(out.glob("*.json"))]
+    return {one["name"]: one for one in found if "values" in one}
+
+
+def table(answers: dict[str, dict[str, Any]]) -> str:
+    """The answers as a Markdown table."""
+    lines = ["| shot | | truth | answer (k = 2) | error / sigma | verdict |", "| --- " * 6 + "|"]
+    for one in answers.values():
+        for name, value in one["values"].items():
+            sigma, truth = one["sigmas"][name], one["truths"].get(name)
+            off = "" if truth is None else f"{(value - truth) / sigma:+.2f}"
+            of = "" if truth is None else f"{truth:.6g}"
+            row = f"{of} | {value:.6g} ± {2.0 * sigma:.2g} | {off} | {one['verdicts'][name]}"
+            lines.append(f"| {one['name']} | {name} | {row} |")
+    lines += ["", "| shot | causes in their order (evidence) |", "| --- | --- |"]
+    for one in answers.values():
+        causes = [
+            f"{'**' if c['named'] else ''}{c['key']} = {c['value']:.6g}{'**' if c['named'] else ''}"
+            f"{' beside ' + c['beside'] if c['beside'] else ''} ({c['evidence']:.0f})"
+            for c in one["causes"][:2]
+        ]
+        lines.append(f"| {one['name']} | {'; '.join(causes)} |")
+    return "\n".join(lines)
+
+
+def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -> str:
+    """Values, uncertainties and verdicts beside those of another folder."""
+    lines = ["| shot | | change / sigma | U over the earlier one | verdict |", "| --- " * 5 + "|"]
+    for key in now.keys() & before.keys():
+        one, other = now[key], before[key]
+        for name in one["values"].keys() & other["values"].keys():
+            move = (one["values"][name] - other["values"][name]) / other["sigmas"][name]
+            ratio = one["sigmas"][name] / other["sigmas"][name]
+            same = one["verdicts"][name] == other["verdicts"][name]
+            verdict = "the same" if same else f"{other['verdicts'][name]} -> {one['verdicts'][name]}"
+            lines.append(f"| {key} | {name} | {move:+.3f} | {ratio:.3f} | {verdict} |")
+    return "\n".join([*lines[:2], *sorted(lines[2:])])
+
+
+def main() -> None:
+    """Identify what the folder does not hold, and print the tables."""
+    parser = driver.command(__doc__, seed=90417)
+    driver.add_meshes(parser)
+    parser.add_argument("--only", default="", help="cases whose names hold this")
+    parser.add_argument("--made", type=int, default=0, help="drawn shots beside the open ones")
+    parser.add_argument("--shots", type=Path, help="where they are; default a folder in --out")
+    parser.add_argument("--against", type=Path, help="another folder of answers")
+    given = parser.parse_args()
+    threads = 1 if given.workers > 1 and given.device == "cpu" else None
+    study = Study(given.mesh, given.refined_mesh, given.device, threads)
+    cases = list(open_cases(given.out))
+    if given.made:
+        from populations.wrong_inputs import POPULATION, made
+
+        place = given.shots or given.out / "made"
+        asked = {"population": POPULATION, "right": given.made, "shots": 0, "least": 0, "out": place}
+        folders = made(argparse.Namespace(**{**vars(given), **asked, "threads": threads}))
+        cases += [Case(folder.name, str(folder)) for folder in folders]
+    jobs = {file_of(case, given.out): (case, study) for case in cases if given.only in case.name}
+    driver.answers(answer, jobs, workers=given.workers)
+    found = read(given.out)
+    print(table(found))
+    right = [one for one in found.values() if "late" not in one["name"] and "held" not in one["name"]]
+    print(f"\n{scatter(right)}")
+    kept: dict[str, Any] = {"study": asdict(study), "answers": list(found.values())}
+    if given.against is not None:
+        before = read(given.against)
+        print(f"\n{changes(found, before)}")
+        kept["before"] = list(before.values())
+    driver.write(given.out / "answers.json", kept, indent=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,341 @@
+"""Made-up experiments with a known answer, in groups of one specimen size and one camera speed.
+
+The truth is the middle of both elements on a mesh at least 1.5 times finer than any that the identification
+uses, and finer still toward the faces' edges, driven by the exact path of the flyer and the exact curve. All
+else differs from experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping,
+friction, the flyer's speed, rise, shape and drag, and the noise of every instrument.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc
+
+import explicit
+from explicit.materials import marlow_from_curve
+from kolsky.bars.flyer.front_path import BarForce
+from kolsky.base.apparatus import Interface, Specimen
+from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
+from kolsky.inverse.observations import Observations, observe, predict
+from kolsky.shot.records import ModelSettings, Shot
+
+FloatArray = NDArray[np.float64]
+
+GROUP = 10
+"""Experiments that share specimen size, density and frame rate, and are simulated as one batch."""
+STATIC, MOVING = 12, 160
+"""Frames at rest, and from the beginning of the motion to the end of the window."""
+SAMPLES = 2700
+"""Samples of the force from the beginning of the motion to the end of the window."""
+HEIGHTS = np.linspace(0.08, 0.92, 14)
+"""Where the outline is seen, over the specimen's length at the time [-]."""
+LEAST_INSIDE = 0.9
+"""Share of the outline's points that a test must show; the others have rolled onto a platen [-]."""
+FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
+"""Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline
+[m], a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
+NOISE = (0.6, 1.6)
+"""Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
+TRUTH_ELEMENTS = ("fbar", "one_point")
+"""The truth is their middle: the outline of the one comes from above, that of the other from below."""
+TRUTH_GRADING = 5.0
+"""Largest over smallest element of the truth's mesh, twice that of the identification's: the edge of a bonded
+face is a singularity, which takes most of the elements' error (`python -m populations.truth_meshes`)."""
+BONDED, SLIDING = "bonded", "coulomb"
+KNOTS = 4097
+"""Knots of the flyer's exact path in the solver."""
+STRETCH = np.linspace(1.0, 0.36, 65)
+"""Stretches of the quasi-static test, from rest outward [-]."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the experiments of a group share."""
+
+    diameter: float
+    """Of the specimen [m]."""
+    length: float
+    """Of the specimen [m]."""
+    density: float
+    """Of the specimen [kg/m^3]."""
+    speed: float
+    """Of a flyer that just reaches `strain` at the end of the window [m/s]."""
+    strain: float
+    """Nominal compression at the end of the window under that flyer [-]."""
+
+    @property
+    def end(self) -> float:
+        """Last time that is compared [s]."""
+        return self.strain * self.length / self.speed
+
+    @property
+    def frames(self) -> FloatArray:
+        """Times of the frames, static ones included [s], shape [STATIC + MOVING]."""
+        return np.arange(1 - STATIC, MOVING + 1) / MOVING * self.end
+
+    @property
+    def samples(self) -> FloatArray:
+        """Times of the samples of the force [s], shape [SAMPLES + 1]."""
+        return np.linspace(0.0, self.end, SAMPLES + 1)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One experiment's true values and its instruments' noise."""
+
+    stiffness_factor: float
+    poisson: float
+    damping: float
+    friction: float
+    shear_modulus: float
+    """mu_0 [Pa]."""
+    second: float
+    third: float
+    """2 U' = mu_0 (1 + second (I1 - 3) + third (I1 - 3)^2) [-]."""
+    speed: float
+    """Of the flyer [m/s]."""
+    rise: float
+    """Time in which it gets there [s]."""
+    start_power: float
+    end_power: float
+    """Exponents a, b of the incomplete beta function that the velocity rises by [-]."""
+    drag: float
+    """Share of its speed that the flyer has lost when it has gone the specimen's length [-]."""
+    force_sigma: float
+    flyer_sigma: float
+    outline_sigma: float
+    curve_sigma: float
+    """Noise of the instruments, in the units of `FORCE_SIGMA` and its neighbours."""
+
+
+RANGES = {
+    "stiffness_factor": (0.9, 1.3),
+    "poisson": (0.9985, 0.9993),  # twice the ratio
+    "damping": (1.5e-5, 3.5e-5),
+    "friction": (0.15, 0.45),
+}
+"""Where the true parameters are drawn from, evenly; Poisson's ratio doubled."""
+
+
+def draw_setup(rng: np.random.Generator) -> Setup:
+    """Specimen, camera and speed of a group."""
+    diameter = rng.uniform(7e-3, 12e-3)
+    return Setup(
+        diameter=diameter,
+        length=diameter * rng.uniform(0.5, 0.85),
+        density=rng.uniform(820.0, 1100.0),
+        speed=float(np.exp(rng.uniform(np.log(1.3), np.log(4.0)))),
+        strain=rng.uniform(0.42, 0.5),
+    )
+
+
+def draw_truth(setup: Setup, rng: np.random.Generator) -> Truth:
+    """True values of one experiment."""
+
+    def noise(usual: float) -> float:
+        return float(usual * np.exp(rng.uniform(*np.log(NOISE))))
+
+    return Truth(
+        stiffness_factor=rng.uniform(*RANGES["stiffness_factor"]),
+        poisson=0.5 * rng.uniform(*RANGES["poisson"]),
+        damping=rng.uniform(*RANGES["damping"]),
+        friction=rng.uniform(*RANGES["friction"]),
+        shear_modulus=float(np.exp(rng.uniform(np.log(15e3), np.log(45e3)))),
+        second=rng.uniform(0.1, 0.3),
+        third=rng.uniform(0.02, 0.1),
+        speed=setup.speed * rng.uniform(0.9, 1.0),
+        rise=rng.uniform(40e-6, 90e-6),
+        start_power=rng.uniform(2.2, 4.0),
+        end_power=rng.uniform(2.2, 4.0),
+        drag=rng.uniform(0.0, 0.2),
+        force_sigma=noise(FORCE_SIGMA),
+        flyer_sigma=noise(FLYER_SIGMA),
+        outline_sigma=noise(OUTLINE_SIGMA),
+        curve_sigma=noise(CURVE_SIGMA),
+    )
+
+
+def drawn(number: int, seed: int) -> tuple[Setup, Truth]:
+    """Setup and truth of an experiment by its number: no other experiment is needed to know them."""
+    setup = draw_setup(np.random.default_rng([seed, 2, number // GROUP]))
+    return setup, draw_truth(setup, np.random.default_rng([seed, 3, number]))
+
+
+def stroke(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
+    """Displacement of the flyer toward the specimen [m] at times [s], of their shape."""
+    undragged = truth.speed * _risen(t, truth)
+    if truth.drag == 0.0:
+        return undragged
+    way = setup.length / truth.drag
+    return np.asarray(way * -np.expm1(-undragged / way))
+
+
+def velocity(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
+    """Time derivative of `stroke` [m/s]."""
+    s = np.clip(t / truth.rise, 0.0, 1.0)
+    rising = truth.speed * betainc(truth.start_power, truth.end_power, s)
+    return np.asarray(rising * np.exp(-truth.drag / setup.length * truth.speed * _risen(t, truth)))
+
+
+def _risen(t: FloatArray, truth: Truth) -> FloatArray:
+    """Integral of the risen share of the velocity [s].
+
+    Of the incomplete beta function I_s(a, b) it is s I_s(a, b) - a / (a + b) I_s(a + 1, b).
+    """
+    a, b, s = truth.start_power, truth.end_power, np.clip(t / truth.rise, 0.0, 1.0)
+    within = s * betainc(a, b, s) - a / (a + b) * betainc(a + 1.0, b, s)
+    return np.asarray(truth.rise * within + np.maximum(t - truth.rise, 0.0))
+
+
+def curve(truth: Truth) -> FloatArray:
+    """Exact nominal stress of the quasi-static test [Pa] at `STRETCH`."""
+    shift = STRETCH**2 + 2.0 / STRETCH - 3.0
+    modulus = truth.shear_modulus * (1.0 + truth.second * shift + truth.third * shift**2)
+    return np.asarray((STRETCH - STRETCH**-2) * modulus)
+
+
+def template(setup: Setup, truth: Truth) -> Observations:
+    """Where and when the instruments look; what they read there is of no account."""
+    seen = setup.frames[setup.frames > 0.0]
+    y = HEIGHTS * (setup.length - stroke(seen, setup, truth)[:, None])
+    line = CentreLine(
+        time=np.repeat(seen, len(HEIGHTS)),
+        frame=np.repeat(np.arange(len(seen)) + STATIC, len(HEIGHTS)).astype(np.int64),
+        y=y.ravel(),
+        Z=np.full(y.size, 0.5 * setup.diameter),
+        sigma=np.full(y.size, truth.outline_sigma),
+    )
+    samples = setup.samples
+    force = ForceHistory(samples, np.zeros(len(samples)), np.full(len(samples), truth.force_sigma))
+    width = setup.end / MOVING
+    return observe(force, line, window=(0.0, float(setup.frames[-1])), bin_width=width)
+
+
+def simulate(
+    setup: Setup,
+    truths: Sequence[Truth],
+    *,
+    mesh: tuple[int, int],
+    device: str,
+    element: str = "fbar",
+    interface: str = BONDED,
+    grading: float = 2.0,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Exact force at the samples [N] and radius at the points [m] of every experiment, in one batch.
+
+    Where the surface has rolled onto a platen it has no radius at a point's height: NaN.
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete, or leaves more than `LEAST_INSIDE` allows of the points on the platens.
+    """
+    knots = np.linspace(0.0, setup.end, KNOTS)
+    model = explicit.Model(
+        mesh=explicit.cylinder(
+            0.5 * setup.diameter, setup.length, n_radial=mesh[0], n_axial=mesh[1], grading=grading
+        ),
+        density=setup.density,
+        materials=tuple(marlow_from_curve(STRETCH, curve(truth)) for truth in truths),
+        motions=tuple(
+            explicit.PlatenMotion(
+                start=0.0,
+                step=float(knots[1]),
+                position=stroke(knots, setup, truth),
+                velocity=velocity(knots, setup, truth),
+            )
+            for truth in truths
+        ),
+        faces=interface,
+        side=interface,
+        element=element,
+    )
+    names = ["stiffness_factor", "poisson", "damping"] + (["friction"] if interface == SLIDING else [])
+    response = explicit.run(
+        model,
+        explicit.Samples.of(
+            **{name: np.array([getattr(truth, name) for truth in truths]) for name in names},
+            motion=np.arange(len(truths)),
+            material=np.arange(len(truths)),
+        ),
+        explicit.Sampling(
+            force_times=setup.samples, surface_times=setup.frames[setup.frames > 0.0], ledger_every=16
+        ),
+        device=device,
+    )
+    found = []
+    for row, truth in enumerate(truths):
+        if not response.completed[row]:
+            raise ValueError(f"the truth {truth} of {setup} ended {response.describe(row)}")
+        seen = predict(response.select([row]), template(setup, truth))
+        if np.mean(seen.inside) < LEAST_INSIDE:
+            raise ValueError("too many points of the outline lie on the platens: move HEIGHTS inward")
+        found.append((seen.force[0], np.where(seen.inside, seen.Z, np.nan)[0]))
+    return found
+
+
+def middle(
+    one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Force and radii half way between those of two elements."""
+    force, Z = (0.5 * (one[i] + other[i]) for i in range(2))
+    return force, Z
+
+
+def experiment(
+    number: int,
+    setup: Setup,
+    truth: Truth,
+    seen: tuple[FloatArray, FloatArray],
+    interface: str,
+    rng: np.random.Generator,
+) -> Shot:
+    """One experiment: the truth with the instruments' noise, as a shot that declares what is exact."""
+    observations, (force, Z), frames = template(setup, truth), seen, setup.frames
+    line, stress = observations.centre_line, curve(truth)
+    clean = np.where(frames > 0.0, stroke(frames, setup, truth), 0.0)
+    # In this order: what a seed draws stays what it was.
+    felt = force + truth.force_sigma * rng.standard_normal(force.shape)
+    tested = stress * (1.0 + truth.curve_sigma * rng.standard_normal(stress.shape))
+    flown = clean + truth.flyer_sigma * rng.standard_normal(clean.shape)
+    measured = Z + truth.outline_sigma * rng.standard_normal(Z.shape)
+    there = np.isfinite(measured)  # nobody sees a point that lies on a platen
+    return Shot(
+        name=f"experiment {number}",
+        folder=Path(),
+        specimen=Specimen(diameter=setup.diameter, length=setup.length, density=setup.density),
+        interface=Interface(faces=interface, side=interface, friction=truth.friction),
+        support="rigid",
+        transmission_bar=None,
+        model=ModelSettings(truth.poisson, truth.damping, "deviatoric", 0.0),
+        force=BarForce(
+            ForceHistory(
+                observations.force.time,
+                felt,
+                observations.force.sigma,
+            ),
+            sigma_gain=0.0,
+        ),
+        curve=MaterialCurve(
+            stretch=STRETCH,
+            stress=tested,
+            sigma=truth.curve_sigma * np.abs(stress),
+        ),
+        inputs={},
+        flyer=FlyerMotion(
+            time=frames,
+            displacement=flown,
+            sigma=np.full(len(frames), truth.flyer_sigma),
+        ),
+        centre_line=CentreLine(
+            time=line.time[there],
+            frame=line.frame[there],
+            y=line.y[there],
+            Z=measured[there],
+            sigma=line.sigma[there],
+        ),
+        window=(0.0, float(frames[-1])),
+    )

@@ -1,0 +1,117 @@
+"""Outlier gates on drawn scenes: `python -m populations.dic_outliers --population judged --out FOLDER`.
+
+Every scene (`populations.outlier_scenes`) is rendered, followed by two cameras and gated as by `kolsky dic`;
+of the points that are VALID then, those are counted whose place is off the true one by more than six of
+their standard deviations in any component. Limits were chosen on the population "tuned", and are judged on
+"judged". The folder keeps a file a scene: called again, the study goes on where it stopped.
+"""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from dic.bodies.follow import TrackedBody
+from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
+from dic.outcome import PointOutcome
+from dic.surfaces.cylinder import SpecimenFrame
+from populations.driver import answers, command
+from populations.outlier_scenes import RADIUS, drawn, followed, rig
+from tests.helpers.speckle_pictures import RenderedCylinder
+
+SIGMAS = 6.0
+KINDS = ("highlight", "lost paint", "both", "right pictures")
+POPULATIONS = ("tuned", "judged")
+
+
+@dataclass(frozen=True)
+class Count:
+    """Points of one scene after the gates."""
+
+    seed: int
+    kind: str
+    tracked: int
+    """VALID after the tracking and the stereo match."""
+    before: int
+    """Of them beyond six standard deviations."""
+    valid: int
+    """VALID after all gates."""
+    beyond: int
+    """Of them beyond six standard deviations."""
+    worst: float
+    """Largest error that is left [m]."""
+
+
+def counted(population: str, seed: int, device: str = "cpu") -> Count:
+    """Render, follow and gate one scene."""
+    scene = drawn(population, seed)
+    body = followed(scene, device=device)
+    X = RenderedCylinder(RADIUS).hit(rig(scene.angle).cameras[0], body.points)
+    truth = np.array([scene.place(X, k) for k in range(scene.n_frames)])
+    frame = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+    rest: Any = SimpleNamespace(
+        rest=list(range(scene.n_static)), placement=SimpleNamespace(frame=frame, radius=RADIUS)
+    )
+    inputs: Any = SimpleNamespace(rig=rig(scene.angle))
+    gated = gate_surface(gate_residual(gate_epipolar(inputs, body, rest)), rest)
+    tracked, before, _ = _off(body, truth)
+    valid, beyond, worst = _off(gated, truth)
+    return Count(seed, KINDS[seed % 4], tracked, before, valid, beyond, worst)
+
+
+def _off(body: TrackedBody, truth: np.ndarray) -> tuple[int, int, float]:
+    """VALID points, how many of them are beyond `SIGMAS`, and the largest error [m]."""
+    r = body.reconstruction
+    valid = r.outcome == PointOutcome.VALID
+    error = np.abs(r.position[valid] - truth[valid])
+    sigma = np.sqrt(np.einsum("nii->ni", r.covariance[valid]))
+    off = (error > SIGMAS * sigma).any(axis=1)
+    return int(valid.sum()), int(off.sum()), float(error.max(initial=0.0))
+
+
+def table(counts: Iterable[Count]) -> str:
+    """The counts by kind, as Markdown."""
+    found = list(counts)
+    lines = [
+        "| pictures | scenes | tracked points | beyond 6 σ | after the gates | beyond 6 σ | largest error |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    groups = [(kind, [c for c in found if c.kind == kind]) for kind in KINDS]
+    for name, group in [*groups, ("all", found)]:
+        if not group:
+            continue
+        tracked, valid = sum(c.tracked for c in group), sum(c.valid for c in group)
+        before, beyond = sum(c.before for c in group), sum(c.beyond for c in group)
+        lines.append(
+            f"| {name} | {len(group)} | {tracked} | {before / max(tracked, 1):.3%} | {valid} "
+            f"({valid / max(tracked, 1):.1%}) | {beyond / max(valid, 1):.3%} | "
+            f"{1e6 * max(c.worst for c in group):.0f} µm |"
+        )
+    return "\n".join(lines)
+
+
+def measured(population: str, seed: int, device: str) -> dict[str, Any]:
+    """`counted` as JSON can hold it."""
+    return asdict(counted(population, seed, device))
+
+
+def main() -> None:
+    """Run the study, print its table and keep it beside the answers."""
+    parser = command(__doc__)
+    parser.add_argument("--population", choices=POPULATIONS, default="judged")
+    parser.add_argument("--n", type=int, default=24, help="scenes")
+    given = parser.parse_args()
+    jobs = {
+        given.out / f"{given.population}-{number:04d}.json": (given.population, number, given.device)
+        for number in range(given.n)
+    }
+    found = answers(measured, jobs, workers=given.workers)
+    words = table(Count(**count) for count in found)
+    (given.out / f"{given.population}.md").write_text(words + "\n", "utf-8")
+    print(words)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,191 @@
+"""Thresholds of `kolsky.diagnosis.fit_quality` from shots that are known to be right.
+
+``python -m populations.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders:
+results of shots made with independent noise, mesh and element, whose inputs are as declared. The limits are
+chosen on the shots of ONE and judged on those of TWO; without ``--judge`` they are chosen only. With
+``--identify`` it first identifies every shot below them that has no result yet, so that a study that was cut
+off goes on.
+
+The limit of a figure is that of a stated rate of false alarms: the upper tolerance limit of its logarithm,
+taken as normal, that holds this share of all right shots with 95 % confidence (Howe 1969), or the largest
+that was seen where that is more, times a margin for shots unlike these. Evidence, which is zero on many
+right shots, has the largest times that margin. The table has for each limit how many shots of TWO are above
+it, and above the one in use, with the 95 % interval of that share; ``--out`` stores it with the quantiles of
+everything that the verdicts are made of.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import nct, norm
+
+from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, LATE, leading_lag, routes_apart
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.result import Identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.shot.load import load_shot
+from populations.driver import command, results, write
+from populations.threshold_choice import STRONGEST, RightShot, chosen, table, truth
+
+FALSE_ALARMS = 0.0125
+"""Share of right shots that one figure may refuse: of the four together 2 in 40."""
+CONFIDENCE = 0.95
+"""That no more than this share is refused."""
+MARGIN = 1.25
+"""Factor on a threshold for shots unlike those of the population."""
+FEWEST = 10
+"""Results from which a threshold is derived."""
+RESULT = "identification.h5"
+QUANTILES = (0.5, 0.9, 0.95, 1.0)
+"""Shares of the population up to which figures are printed."""
+
+
+def figures(result: Identification) -> Iterator[tuple[str, float]]:
+    """What the verdicts on a fit are made of, by name."""
+    for channel in result.fit:
+        yield f"{channel.channel}: residual over expected", channel.excess
+        yield f"{channel.channel}: slow residual over expected", channel.slow_excess
+        for name, share in channel.weight.items():
+            yield f"{channel.channel}: share of the information on {name}", share
+    for name in result.estimates:
+        if result.route_difference is not None:
+            yield f"routes apart in sigmas, {name}", routes_apart(result, name)
+    for lag in result.clocks:
+        yield f"lag of the {lag.recording} in sigmas", lag.significance
+    leading = leading_lag(result.clocks)
+    if leading is not None:
+        yield "leading lag in sigmas", leading.significance
+
+
+def threshold(values: Iterable[float]) -> float:
+    """Threshold of a positive figure from its values of right shots.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than ten, or one is not positive and finite.
+    """
+    found = np.array(list(values), dtype=np.float64)
+    if len(found) < FEWEST or not (np.isfinite(found).all() and (found > 0.0).all()):
+        raise ValueError(
+            f"{len(found)} values from {found.min():.4g} to {found.max():.4g}; at least {FEWEST} that are "
+            "positive and finite are needed"
+        )
+    logs = np.log(found)
+    limit = logs.mean() + tolerance_factor(len(logs)) * logs.std(ddof=1)
+    return float(MARGIN * np.exp(max(limit, logs.max())))
+
+
+def tolerance_factor(n: int) -> float:
+    """Standard deviations above the mean of n normal values that hold 1 - `FALSE_ALARMS` of all of them."""
+    quantile = norm.ppf(1.0 - FALSE_ALARMS)
+    return float(nct.ppf(CONFIDENCE, n - 1, quantile * np.sqrt(n)) / np.sqrt(n))
+
+
+def population(folder: Path) -> list[RightShot]:
+    """Results below a folder, named by their places.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or one has no goodness of fit.
+    """
+    places = sorted(folder.rglob(RESULT))
+    if not places:
+        raise ValueError(f"{folder}: no {RESULT} below it; identify its shots with --identify")
+    found = []
+    for place in places:
+        result = read_identification(place)
+        if not result.fit:
+            raise ValueError(f"{place}: no goodness of fit is recorded in it; identify the shot again")
+        found.append(RightShot(str(place.relative_to(folder)), result, truth(place)))
+    return found
+
+
+def limit(name: str, values: list[float]) -> float:
+    """Limit of a figure from its values of right shots; see the head of this module."""
+    if name != STRONGEST:
+        return threshold(values)
+    if len(values) < FEWEST:
+        raise ValueError(f"{len(values)} shots; at least {FEWEST} are needed")
+    return MARGIN * max(values)
+
+
+def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
+    """Identify the shots below a folder that have no result; returns what was refused, a line a shot."""
+    shots = sorted(path.parent for path in folder.rglob("shot.toml"))
+    missing = [shot for shot in shots if not (shot / "results" / RESULT).exists()]
+    lines = results(identified, [(shot, device) for shot in missing], workers)
+    refused = []
+    for number, line in enumerate(lines, start=1):
+        print(f"{number}/{len(missing)} {line or 'identified'}", flush=True)
+        refused += [line] if line else []
+    return refused
+
+
+def identified(shot: Path, device: str) -> str:
+    """Identify one shot with the default settings and write its result; returns why not, else ""."""
+    numerics = Numerics(device=device, threads=1 if device == "cpu" else None)
+    try:
+        result = identify(load_shot(shot), Settings(numerics=numerics))
+    except ValueError as error:
+        return f"{shot}: {error}"
+    (shot / "results").mkdir(exist_ok=True)
+    write_identification(shot / "results" / RESULT, result)
+    return ""
+
+
+def summary(shots: list[RightShot]) -> dict[str, Any]:
+    """Quantiles of every figure of the verdicts, and how the shots ended."""
+    columns: dict[str, list[float]] = {}
+    for shot in shots:
+        for name, value in figures(shot.result):
+            columns.setdefault(name, []).append(value)
+    outcomes = {s.name: sorted({e.outcome.value for e in s.result.estimates.values()}) for s in shots}
+    return {
+        "shots": len(shots),
+        "quantiles": {
+            name: dict(zip(map(str, QUANTILES), np.quantile(values, QUANTILES).tolist(), strict=True))
+            for name, values in columns.items()
+        },
+        "other thresholds in use": {"alone": ALONE, "contradiction": CONTRADICTION, "late": LATE},
+        "verdicts": Counter(verdict for said in outcomes.values() for verdict in said),
+        "not identified": {s.name: outcomes[s.name] for s in shots if not s.answered},
+    }
+
+
+def main() -> None:
+    """Choose on one population, judge on the other, print the table."""
+    parser = command(__doc__, out=False)
+    parser.add_argument("folder", type=Path, help="population one: the limits are chosen on it")
+    parser.add_argument("--judge", type=Path, help="population two: the limits are judged on it")
+    parser.add_argument("--out", type=Path, help="JSON file")
+    parser.add_argument("--identify", action="store_true", help="identify shots that have no result first")
+    given = parser.parse_args()
+    folders = [folder for folder in (given.folder, given.judge) if folder is not None]
+    refused = {}
+    for folder in folders if given.identify else ():
+        refused[str(folder)] = identify_missing(folder, workers=given.workers, device=given.device)
+    one, *rest = (population(folder) for folder in folders)
+    two = rest[0] if rest else []
+    said = {
+        **chosen(one, two, limit),
+        "refused": refused,
+        "figures of one": summary(one),
+        "figures of two": summary(two) if two else None,
+    }
+    print(table(said))
+    for folder, lines in refused.items():
+        for line in lines:
+            print(f"refused in {folder}: {line}")
+    if given.out is not None:
+        write(given.out, said, indent=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,220 @@
+"""Planted Prony shots, three and a relaxation test: `python -m populations.joint_coverage --out FOLDER`.
+
+Each draw is a material of its own (m, strength, time, Poisson's ratio, damping), three shots of it at speeds
+drawn between 1.2 and 3.5 m/s, made by the virtual laboratory with one slow curve, and a relaxation test.
+`identify_shots` answers with everything free, and says whether the data ask for what relaxes. With --elastic
+the same materials do not relax, and are identified as if they might. Counted is how often the 95 % interval
+holds the truth, how often strength and time are both within two standard uncertainties, and how often
+relaxation is asked for. The folder keeps every answer: called again, the study goes on where it stopped.
+
+Processes share all GPUs that there are: the truths run side by side on them, each GPU with its part of the
+shots (--truth-device cuda); an answer takes some minutes of one core of a CPU (--device cpu).
+"""
+
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from explicit.relaxation import PronySeries
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.joint_result import JointSettings
+from kolsky.inverse.parameters import with_relaxation
+from kolsky.joint_identification import identify_shots
+from kolsky.material.relaxation.evidence import HistoryTest, RateModel
+from kolsky.results.joint import to_json
+from kolsky.shot.load import load_shot
+from kolsky.virtual.make import Place, make_places, place_of
+from kolsky.virtual.material import law_of
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.specification import read_specification
+from populations.driver import about, add_meshes, answers, command, hold, numbers, write
+from populations.joint_coverage_counts import summary, table
+
+SHOTS = 3
+SLOW_SIGMA = 50.0
+"""Noise of the relaxation test [Pa]: half a percent of its stress."""
+SPECIFICATION = """format = 1
+name = "draw"
+seed = {seed}
+[material]
+stiffness_factor = {stiffness_factor:.9g}
+poisson = {poisson:.9g}
+damping = "{damping:.9g} s"
+[motion]
+compression = "40 %"
+[truth]
+mesh = [{across}, {along}]
+grading = {grading:.9g}
+element = "{element}"
+{relaxation}
+[population]
+shots = {shots}
+[population.draw]
+"motion.speed" = {{ low = "1.2 m/s", high = "3.5 m/s" }}
+"""
+RELAXATION = """[relaxation]
+kind = "prony"
+free = true
+strengths = [{prony_strength_1:.9g}]
+times = ["{prony_time_1:.9g} s"]
+"""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked; two studies that are equal here have the same draws and the same answers."""
+
+    elastic: bool = False
+    """Whether nothing relaxes."""
+    slow: bool = True
+    """Whether a relaxation test stands beside the shots."""
+    mesh: tuple[int, int] = (24, 32)
+    """Mesh of the search."""
+    refined_mesh: tuple[int, int] = (64, 86)
+    """Mesh of the answer."""
+    truth_mesh: tuple[int, int] = (96, 129)
+    """Mesh of the truth."""
+    truth_grading: float = 5.0
+    """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
+    twice the error (docs/validation/coverage.md)."""
+    truth_element: str = "middle"
+    """Its element: F-bar elements alone are as far off as the answer of three shots is uncertain."""
+    device: str = "cpu"
+    """Of the identifications; one thread a process on a CPU."""
+    truth_device: str = "cpu"
+    """Of the truths."""
+    seed: int = 1
+    """Of materials and noise."""
+
+
+def truth(study: Study, number: int) -> dict[str, float]:
+    """The material of a draw."""
+    rng = np.random.default_rng([study.seed, number])
+    return {
+        "stiffness_factor": float(rng.uniform(0.9, 1.4)),
+        "poisson": float(0.5 - 0.5 * np.exp(rng.uniform(np.log(1.6e-3), np.log(6e-3)))),
+        "damping": float(rng.uniform(15e-6, 35e-6)),
+        "prony_strength_1": float(np.exp(rng.uniform(np.log(0.15), np.log(0.8)))),
+        "prony_time_1": float(np.exp(rng.uniform(np.log(1e-4), np.log(1.2e-3)))),
+    }
+
+
+def make_truths(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> None:
+    """Make the shots of all draws: on GPUs their simulations run side by side, the slow curves are one."""
+    places = [place for number in numbers for place in specified(study, folder, number)]
+    threads = 1 if study.truth_device == "cpu" else None
+    make_places(places, device=study.truth_device, threads=threads, workers=workers)
+    for number in numbers:
+        folders = [place for _, place in specified(study, folder, number)]
+        for other in folders[1:]:  # one material has one slow curve
+            shutil.copy(folders[0] / "quasi_static.csv", other / "quasi_static.csv")
+
+
+def specified(study: Study, folder: Path, number: int) -> list[Place]:
+    """A draw's shots and their folders."""
+    true, place = truth(study, number), folder / f"draw-{number:03d}"
+    place.mkdir(parents=True, exist_ok=True)
+    relaxation = "" if study.elastic else RELAXATION.format(**true)
+    across, along = study.truth_mesh
+    text = SPECIFICATION.format(
+        **true,
+        seed=1000 * study.seed + number,
+        across=across,
+        along=along,
+        grading=study.truth_grading,
+        element=study.truth_element,
+        relaxation=relaxation,
+        shots=SHOTS,
+    )
+    (place / "SPEC.toml").write_text(text)
+    series = read_specification(place / "SPEC.toml")
+    shots = [series.shot(k) for k in series.numbers]
+    return [(shot, place_of(series, shot, place / "shots")) for shot in shots]
+
+
+def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
+    """Identify a draw's shots together."""
+    started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
+    threads = 1 if study.device == "cpu" else None
+    folders = sorted((place / "shots").glob("*/shot.toml"))
+    # Where the search starts does not know the truth.
+    shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
+    settings = JointSettings(
+        numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
+        refined_mesh=study.refined_mesh,
+        seed=study.seed + number,
+    )
+    said: dict[str, Any] = {"number": number, "truth": true, "elastic": study.elastic}
+    try:
+        slow = (relaxation_test(study, true, number),) if study.slow else ()
+        found = identify_shots(shots, settings, slow=slow, ledger=place / "joint.sqlite")
+        said |= {"found": to_json(found), "error": ""}
+    except ValueError as error:
+        said |= {"found": None, "error": str(error)}
+    said["seconds"] = time.perf_counter() - started
+    return said
+
+
+def line(one: dict[str, Any]) -> str:
+    """One answer in words."""
+    outcome = one["error"] or one["found"]["model_choice"]["sentence"]
+    return f"draw {one['number']}: {outcome}; {one['seconds']:.0f} s"
+
+
+def relaxation_test(study: Study, true: dict[str, float], number: int) -> HistoryTest:
+    """20 % of compression reached in 50 us and held for a second, of the true law, with noise."""
+    times = np.geomspace(1e-4, 1.0, 40)
+    test = HistoryTest.relaxation(times, np.zeros(40), SLOW_SIGMA, stretch=0.8, rise=5e-5)
+    series = PronySeries((), ())
+    if not study.elastic:
+        series = PronySeries((true["prony_strength_1"],), (true["prony_time_1"],))
+    material = Specification().material
+    law = law_of(material.law, material.parameters, material.shear_modulus)
+    clean = test.predict(law, [RateModel(true["stiffness_factor"], series)])[0]
+    noise = np.random.default_rng([study.seed, number, 7]).standard_normal(len(clean))
+    return replace(test, stress=clean + SLOW_SIGMA * noise, label="relaxation")
+
+
+def main() -> None:
+    """Run a study, or what is left of it, and sum it up."""
+    parser = command(__doc__, seed=1)
+    add_meshes(parser, truth=Study.truth_mesh)
+    parser.add_argument("--draws", type=int, default=50)
+    parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the draws")
+    parser.add_argument("--elastic", action="store_true", help="nothing relaxes: the control")
+    parser.add_argument("--without-slow", action="store_true", help="the shots alone")
+    parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
+    parser.add_argument("--truth-element", default="middle", choices=("fbar", "one_point", "middle"))
+    parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
+    given = parser.parse_args()
+    study = Study(
+        elastic=given.elastic,
+        slow=not given.without_slow,
+        mesh=given.mesh,
+        refined_mesh=given.refined_mesh,
+        truth_mesh=given.truth_mesh,
+        truth_grading=given.truth_grading,
+        truth_element=given.truth_element,
+        device=given.device,
+        truth_device=given.truth_device or given.device,
+        seed=given.seed,
+    )
+    hold(study, given.out)
+    jobs = {given.out / f"{n:03d}.json": (study, given.out, n) for n in given.rows or range(given.draws)}
+    missing = [job[-1] for path, job in jobs.items() if not path.exists()]
+    started = time.perf_counter()
+    make_truths(study, given.out, missing, given.workers)
+    print(f"{SHOTS * len(missing)} shots: {time.perf_counter() - started:.0f} s", flush=True)
+    each = answers(answer, jobs, workers=given.workers, line=line)
+    said = about(study, given) | {"seconds": time.perf_counter() - started} | summary(each)
+    print(table(said))
+    write(given.out / "summary.json", said, indent=1)
+
+
+if __name__ == "__main__":
+    main()

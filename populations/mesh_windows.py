@@ -1,0 +1,101 @@
+"""How long does a mesh err to one side? `python -m populations.mesh_windows --out FOLDER`.
+
+The folder is that of `populations.truth_meshes`, with its noise-free tests on several meshes; what is missing
+is simulated. The error of m, nu and beta on the default refined mesh against the truth, by one fixed linear
+map, is corrected as an answer is, and set over what `kolsky.uncertainty.mesh_error` says of it, with the
+elements' distance taken to one side over the whole test, a half of it, a quarter and so on.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.uncertainty.mesh_error import MeshChange
+from populations.coverage_problem import GROUP, FloatArray, drawn, middle, template
+from populations.driver import write
+from populations.mesh_order import DISCREPANCY, MESHES, STEPS, data_vector, kept_vectors, slope_of
+from populations.truth_meshes import TRUTH, Variant, keep, options, read
+
+COARSE, REFINED = MESHES[0], MESHES[3]
+"""The default meshes of an identification."""
+PARTS = (1, 2, 4, 6, 8, 12, 16, 24)
+"""Numbers of windows that are tried."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One test without noise."""
+
+    gain: FloatArray
+    """Linear map of the data to m, nu and beta, shape [3, k]."""
+    error: FloatArray
+    """Error of the three on the refined mesh, shape [3]."""
+    change: MeshChange
+    """What an identification sees of it."""
+    share: FloatArray
+    """Place of each entry in the test, 0 to 1, shape [k]."""
+
+
+def main() -> None:
+    """Simulate what is missing, compare and print."""
+    given = options(__doc__).parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    cases = []
+    for group in given.groups:
+        numbers = [GROUP * group + i for i in range(given.each)]
+        for variant in (*TRUTH, Variant(REFINED, "one_point")):
+            keep(variant, numbers, given.seed, given.out, given.device)
+        cases += cases_of(numbers, given.seed, given.out)
+    said = compared(cases)
+    write(given.out / "windows.json", said, indent=1)
+    print(f"| windows | {' | '.join(STEPS)} |\n| --- {'| --- ' * len(STEPS)}|")
+    for windows, row in said["error over distance, root mean squares"].items():
+        print(f"| {windows} | {' | '.join(f'{row[name]:.2f}' for name in STEPS)} |")
+
+
+def cases_of(numbers: list[int], seed: int, folder: Path) -> list[Case]:
+    """The tests of a group."""
+    pairs = [drawn(number, seed) for number in numbers]
+    setup, truths = pairs[0][0], [truth for _, truth in pairs]
+    head = folder / f"{seed}-{numbers[0] // GROUP}"
+    point, fbar = (kept_vectors(setup, truths, COARSE, e, head, "cpu") for e in ("one_point", "fbar"))
+    found = []
+    for i, (number, truth) in enumerate(zip(numbers, truths, strict=True)):
+        slope = slope_of(setup, truth, head, i, "cpu")
+        seen = template(setup, truth)
+        sigma = np.concatenate([np.hypot(seen.bins.sigma, DISCREPANCY), seen.centre_line.sigma])
+        weighted = slope.T * sigma**-2
+        gain = np.linalg.solve(weighted @ slope, weighted)
+        exact = data_vector(setup, truth, *middle(*(read(folder, number, one) for one in TRUTH)))
+        fine = data_vector(setup, truth, *read(folder, number, Variant(REFINED, "one_point")))
+        times = np.concatenate([0.5 * (seen.bins.edges[1:] + seen.bins.edges[:-1]), seen.centre_line.time])
+        change = MeshChange(point[i] - fine, fbar[i] - point[i], REFINED[0] / COARSE[0])
+        share = (times - times.min()) / (times.max() - times.min())
+        found.append(Case(gain, -gain @ (fine - exact), change, share))
+    return found
+
+
+def compared(cases: list[Case]) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+    """Root mean squares of the corrected errors over those of the elements' distance, by windows."""
+    left = np.array([case.error + case.change.correction(case.gain) for case in cases])
+    table = {}
+    for parts in PARTS:
+        said = []
+        for case in cases:
+            windows = np.minimum((parts * case.share).astype(int), parts - 1)
+            alone = replace(case.change, coarser=np.zeros_like(case.share), windows=windows)
+            said.append(alone.sigma(case.gain))
+        over = np.sqrt((left**2).mean(axis=0) / (np.array(said) ** 2).mean(axis=0))
+        table[str(parts)] = dict(zip(STEPS, over.tolist(), strict=True))
+    correction = np.array([case.change.correction(case.gain) for case in cases])
+    over = np.sqrt((left**2).mean(axis=0) / (correction**2).mean(axis=0))
+    return {
+        "error over distance, root mean squares": table,
+        "error over correction, root mean squares": {"": dict(zip(STEPS, over.tolist(), strict=True))},
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""A coverage study whose truths another program makes: `python -m populations.other_program --out FOLDER`.
+
+Experiments of `populations.coverage_problem`, two of each group, are simulated by DOLFINx
+(`tests/reference/M_dolfinx.py`, run by the interpreter of `--python`) and identified as those of
+`populations.coverage` are. The folder keeps every truth and every answer: called again, the study goes on
+where it stopped. `--truths` and `--answers` do one of the two, `--answers` of what truths there are.
+`--compare` sets truths beside those of this package's solver; `--csv` prints a thinned one.
+"""
+
+import json
+import os
+import platform
+import subprocess
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from populations.coverage import Study, answer, answer_file, line, truth_file
+from populations.coverage_counts import summary
+from populations.coverage_problem import (
+    GROUP,
+    HEIGHTS,
+    TRUTH_ELEMENTS,
+    TRUTH_GRADING,
+    FloatArray,
+    Setup,
+    Truth,
+    drawn,
+    middle,
+    simulate,
+)
+from populations.driver import answers, command, hold, write
+from populations.truth_meshes import COARSE, STEPS
+
+SCRIPT = Path(__file__).resolve().parents[1] / "tests" / "reference" / "M_dolfinx.py"
+ELEMENTS = (24, 16)
+"""Elements across the radius and along half the length."""
+STEP = 0.5
+"""Step of the other program [us]."""
+OWN_MESH = (96, 129)
+"""Mesh of the truths by this package's solver that `--compare` makes."""
+EACH = 2
+"""Experiments of each group."""
+BIN = 16
+"""Samples of the force that are compared as one mean: about a frame."""
+EVERY = 8
+"""Frames from one row of a thinned truth to the next."""
+UNUSED = ("friction", "force_sigma", "flyer_sigma", "outline_sigma", "curve_sigma")
+"""What the exact course of a bonded test does not depend on."""
+
+
+def numbers_of(groups: int) -> list[int]:
+    """Experiments of the study: the first of every group, then the second, so that a part has all groups."""
+    return [GROUP * group + i for i in range(EACH) for group in range(groups)]
+
+
+def described(setup: Setup, truth: Truth) -> dict[str, Any]:
+    """What the other program is given, in SI."""
+    return {
+        **{key: value for key, value in asdict(truth).items() if key not in UNUSED},
+        "diameter": setup.diameter,
+        "length": setup.length,
+        "density": setup.density,
+        "heights": HEIGHTS.tolist(),
+        "frames": setup.frames[setup.frames > 0.0].tolist(),
+        "samples": setup.samples.tolist(),
+    }
+
+
+def make_truth(study: Study, folder: Path, number: int, python: str) -> None:
+    """Let the other program simulate one experiment, unless its truth is kept."""
+    place = truth_file(study, folder, number)
+    if place.exists():
+        return
+    place.parent.mkdir(parents=True, exist_ok=True)
+    asked, partial = place.with_suffix(".json"), place.with_suffix(".part.npz")
+    asked.write_text(json.dumps(described(*drawn(number, study.seed))) + "\n")
+    options = ["--elements", str(ELEMENTS[0]), str(ELEMENTS[1]), "--step", str(STEP)]
+    one_thread = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    subprocess.run([python, str(SCRIPT), str(asked), str(partial), *options], check=True, env=one_thread)
+    partial.replace(place)
+    print(f"truth {number}", flush=True)
+
+
+def slopes(number: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of force and outline by m, nu and beta on a coarse mesh, each of shape [k, 3]."""
+    setup, truth = drawn(number, seed)
+    moved = [
+        replace(truth, **{name: getattr(truth, name) + sign * step})
+        for name, step in STEPS.items()
+        for sign in (1.0, -1.0)
+    ]
+    seen = simulate(setup, moved, mesh=COARSE, device="cpu", element="one_point")
+    sizes = np.array(list(STEPS.values()))
+
+    def slope(k: int) -> FloatArray:
+        each = np.array([one[k].ravel() for one in seen]).reshape(len(STEPS), 2, -1)
+        return np.asarray(((each[:, 0] - each[:, 1]) / (2.0 * sizes[:, None])).T)
+
+    return slope(0), slope(1)
+
+
+def binned(force: FloatArray) -> FloatArray:
+    """Means of `BIN` samples each, along the first axis; an incomplete last bin is left out."""
+    n = len(force) // BIN
+    return np.asarray(force[: n * BIN].reshape(n, BIN, *force.shape[1:]).mean(1))
+
+
+def apart(
+    one: tuple[FloatArray, FloatArray],
+    other: tuple[FloatArray, FloatArray],
+    slope: tuple[FloatArray, FloatArray],
+    truth: Truth,
+) -> dict[str, float]:
+    """By how much force and outline differ, and what it is in m, nu and beta by weighted least squares.
+
+    Parameters
+    ----------
+    one, other
+        Force at the samples [N] and radii [m].
+    slope
+        Their derivatives by the three parameters.
+    truth
+        Whose noise weighs force and outline.
+    """
+    force, outline = binned(one[0]) - binned(other[0]), (one[1] - other[1]).ravel()
+    weights = np.sqrt(BIN) / truth.force_sigma, 1.0 / truth.outline_sigma
+    A = np.vstack([weights[0] * binned(slope[0]), weights[1] * slope[1]])
+    b = np.concatenate([weights[0] * force, weights[1] * outline])
+    size = np.linalg.norm(A, axis=0)
+    found = np.linalg.lstsq(A / size, b, rcond=None)[0] / size
+    return {
+        "force rms over sigma": float(np.sqrt(np.mean(force**2)) / truth.force_sigma),
+        "outline rms (um)": float(1e6 * np.sqrt(np.mean(outline**2))),
+        **dict(zip(STEPS, found.tolist(), strict=True)),
+    }
+
+
+def thinned(force: FloatArray, Z: FloatArray) -> FloatArray:
+    """A truth at every eighth frame: mean force since the row before [N], radii at `HEIGHTS` [m]."""
+    radii = Z.reshape(-1, len(HEIGHTS))[EVERY - 1 :: EVERY]
+    means = force[1:].reshape(len(radii), -1).mean(1)
+    return np.column_stack([means, radii])
+
+
+def compare(study: Study, folder: Path, number: int) -> dict[str, float]:
+    """One truth less that of this package's solver; the answer is kept."""
+    place = folder / f"compared-{number:04d}.json"
+    if not place.exists():
+        setup, truth = drawn(number, study.seed)
+        own = middle(
+            *(
+                simulate(setup, [truth], mesh=OWN_MESH, device="cpu", element=element, grading=TRUTH_GRADING)[
+                    0
+                ]
+                for element in TRUTH_ELEMENTS
+            )
+        )
+        with np.load(truth_file(study, folder, number)) as stored:
+            said = apart((stored["force"], stored["Z"]), own, slopes(number, study.seed), truth)
+        write(place, {"number": number, "speed": truth.speed, **said})
+    kept: dict[str, float] = json.loads(place.read_text())
+    return kept
+
+
+def record(study: Study, folder: Path, numbers: list[int]) -> dict[str, Any]:
+    """All answers that the folder holds, summed up, and all comparisons."""
+    there = [answer_file(folder, n) for n in sorted(numbers) if answer_file(folder, n).exists()]
+    each = [json.loads(place.read_text()) for place in there]
+    of = {
+        **asdict(study),
+        "truth_mesh": [ELEMENTS[0], 2 * ELEMENTS[1]],
+        "truth": f"DOLFINx, Q2 / DPC1, generalised alpha, {STEP} us",
+    }
+    return {
+        "machine": {"processor": platform.machine(), "cores": os.cpu_count() or 1},
+        "study": of,
+        "asked": len(numbers),
+        "seconds": {"each": float(np.mean([one["seconds"] for one in each]))},
+        **summary(each),
+        "compared": [json.loads(place.read_text()) for place in sorted(folder.glob("compared-*.json"))],
+        "each": each,
+    }
+
+
+def main() -> None:
+    """Run the study, or what is left of it, and sum it up."""
+    parser = command(__doc__, seed=61)
+    parser.add_argument("--groups", type=int, default=10, help="of two experiments each")
+    parser.add_argument("--python", default="/usr/bin/python3", help="an interpreter that has DOLFINx 0.5")
+    parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
+    parser.add_argument("--answers", action="store_true", help="identify what has a truth, make none")
+    parser.add_argument("--compare", type=int, nargs="*", default=[], help="experiments, minutes each")
+    parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
+    given = parser.parse_args()
+    study = Study(free=tuple(STEPS), seed=given.seed)
+    # Truths are kept beside the answers' folder: in --out itself, apart from those of `populations.coverage`.
+    folder, numbers = given.out / "answers", numbers_of(given.groups)
+    hold(study, folder)
+    if given.csv is not None:
+        make_truth(study, folder, given.csv, given.python)
+        with np.load(truth_file(study, folder, given.csv)) as stored:
+            rows = thinned(stored["force"], stored["Z"])
+        print("\n".join(",".join(f"{x:.7g}" for x in row) for row in rows))
+        return
+    if not given.answers:
+        for number in numbers:
+            make_truth(study, folder, number, given.python)
+    for number in given.compare:
+        print(json.dumps(compare(study, folder, number)), flush=True)
+    if given.truths:
+        return
+    jobs = {
+        answer_file(folder, n): (study, folder, n) for n in numbers if truth_file(study, folder, n).exists()
+    }
+    answers(answer, jobs, workers=given.workers, line=line)
+    whole = record(study, folder, numbers)
+    write(given.out / "summary.json", whole, indent=1)
+    print(json.dumps({key: value for key, value in whole.items() if key != "each"}, indent=2))
+
+
+if __name__ == "__main__":
+    main()

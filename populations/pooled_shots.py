@@ -1,0 +1,137 @@
+"""Five shots of known m = 1.12, pooled: `python -m populations.pooled_shots --out FOLDER`.
+
+The shots are those of `runs/rate_shots.py`: one material, flyers of 0.7 to 4.5 m/s, the middle of both
+elements on a mesh 1.5 times as fine as the answers', graded toward the faces' edges. Asked is whether the
+95 % interval of their mean holds 1.12. What the folder holds is not made again.
+"""
+
+import importlib.util
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.results.hdf5 import write_identification
+from kolsky.shot.load import load_shot
+from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.rate import collected_shot
+from populations import driver
+
+SCRIPT = Path(__file__).resolve().parents[1] / "runs" / "rate_shots.py"
+SPEEDS = (0.7, 0.8, 1.4, 2.6, 4.5)
+"""Of the flyers [m/s], those of the script."""
+TRUE = 1.12
+"""The stiffness factor of all of them."""
+M = "stiffness_factor"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked of every shot."""
+
+    mesh: tuple[int, int]
+    refined_mesh: tuple[int, int]
+    truth_mesh: tuple[int, int]
+    device: str
+    threads: int | None
+
+
+def maker() -> ModuleType:
+    """The script that makes the shots."""
+    spec = importlib.util.spec_from_file_location("rate_shots", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def done(number: int, study: Study, folder: Path) -> str:
+    """Make and identify a shot that the folder does not hold; returns what was done."""
+    shot = folder / f"rate-{number:02d}"
+    result = shot / "results" / "identification.h5"
+    if not (shot / "truth.json").exists():  # the last that is written
+        script = maker()
+        numerics = Numerics(
+            mesh=study.truth_mesh,
+            grading=script.NUMERICS.grading,
+            device=study.device,
+            threads=study.threads,
+        )
+        script.make(shot, SPEEDS[number - 1], TRUE, seed=number, numerics=numerics)
+    if result.exists():
+        return f"{shot.name} is there"
+    found = identify(load_shot(shot), driver.settings(study, study.threads))
+    result.parent.mkdir(exist_ok=True)
+    write_identification(result, found)
+    m = found.estimates[M]
+    return f"{shot.name}: m = {m.value:.4f} ± {2.0 * m.sigma:.4f} (k = 2), {m.outcome}"
+
+
+def pooled(folder: Path) -> dict[str, Any]:
+    """The shots' values and their mean, from the results in the folder.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two shots count.
+    """
+    names = [f"rate-{number:02d}" for number in range(1, len(SPEEDS) + 1)]
+    (group,) = compare([collected_shot(folder / name, group="gel") for name in names]).groups
+    if group.pooled is None:
+        raise ValueError(f"{folder}: {len(group.counted)} of {len(names)} shots count, a mean needs two")
+    low, high = group.pooled.interval
+    counted = {shot.name for shot in group.counted}
+    return {
+        "shots": [
+            {
+                "shot": shot.name,
+                "speed": speed,
+                "value": shot.found.estimates[M].value,
+                "U": 2.0 * shot.found.estimates[M].sigma,
+                "counts": shot.name in counted,
+            }
+            for shot, speed in zip(group.shots, SPEEDS, strict=True)
+        ],
+        "true": TRUE,
+        "mean": group.pooled.mean,
+        "sigma": group.pooled.sigma,
+        "95 % interval": [low, high],
+        "holds the truth": bool(low <= TRUE <= high),
+        "scatter between shots": group.pooled.scatter,
+    }
+
+
+def table(said: dict[str, Any]) -> str:
+    """The shots as a Markdown table, the mean below it."""
+    lines = ["| flyer (m/s) | $m$ | U (k = 2) | counts |", "| --- | --- | --- | --- |"]
+    for shot in said["shots"]:
+        counts = "yes" if shot["counts"] else "no"
+        lines.append(f"| {shot['speed']:g} | {shot['value']:.4f} | {shot['U']:.4f} | {counts} |")
+    low, high = said["95 % interval"]
+    held = "holds" if said["holds the truth"] else "does not hold"
+    lines.append(f"\nmean {said['mean']:.4f}, 95 % {low:.4f} to {high:.4f}: {held} {said['true']:g}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Do what the folder does not hold, and print the table."""
+    parser = driver.command(__doc__)
+    driver.add_meshes(parser, truth=(96, 129))
+    given = parser.parse_args()
+    threads = 1 if given.workers > 1 and given.device == "cpu" else None
+    study = Study(given.mesh, given.refined_mesh, given.truth_mesh, given.device, threads)
+    if study.truth_mesh[0] < 1.5 * study.refined_mesh[0]:
+        parser.error("--truth-mesh: at least 1.5 times as fine as --refined-mesh")
+    jobs = [(number, study, given.out) for number in range(1, len(SPEEDS) + 1)]
+    for words in driver.results(done, jobs, given.workers):
+        print(words, flush=True)
+    said = pooled(given.out)
+    print(table(said))
+    driver.write(given.out / "pooled.json", {**said, "study": asdict(study)}, indent=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""Is the truth of the coverage study fine enough? `python -m populations.truth_meshes --out FOLDER`.
+
+Experiments of `populations.coverage_problem` are simulated without noise on meshes with both elements,
+some graded more toward the faces' edges. Printed is by how much of m, nu and beta the outline of each differs
+from that of the truth, by least squares over all its points: m alone, then the three together. All must go to
+one limit. Every run is kept in a file of the folder: called again, the study goes on where it stopped.
+"""
+
+import argparse
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from populations.coverage_problem import (
+    GROUP,
+    TRUTH_ELEMENTS,
+    TRUTH_GRADING,
+    FloatArray,
+    drawn,
+    middle,
+    simulate,
+)
+from populations.driver import command, write
+
+STEPS = {"stiffness_factor": 0.01, "poisson": 2e-5, "damping": 1e-6}
+"""Steps of the central differences by the parameters, to either side, in SI."""
+COARSE = (16, 22)
+"""Mesh of the derivatives."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """How a truth may be simulated."""
+
+    mesh: tuple[int, int]
+    element: str
+    grading: float = 2.0
+
+    @property
+    def name(self) -> str:
+        """In file names: elements across the radius, element, grading."""
+        return f"{self.mesh[0]}-{self.element}-{self.grading:g}"
+
+
+TRUTH = tuple(Variant((128, 172), element, TRUTH_GRADING) for element in TRUTH_ELEMENTS)
+"""The study's truth is the middle of these."""
+VARIANTS = (
+    *(Variant(mesh, e) for e in TRUTH_ELEMENTS for mesh in ((64, 86), (128, 172), (192, 258))),
+    *TRUTH,
+)
+
+
+def main() -> None:
+    """Simulate what is missing, compare and print."""
+    parser = options(__doc__)
+    parser.add_argument("--only-kept", action="store_true", help="simulate nothing, compare what is there")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, Any]] = []
+    for group in given.groups:
+        numbers = [GROUP * group + i for i in range(given.each)]
+        if not given.only_kept:
+            for variant in VARIANTS:
+                keep(variant, numbers, given.seed, given.out, given.device)
+        rows += _compared(group, numbers, given.seed, given.out)
+    write(given.out / "compared.json", rows, indent=1)
+    print("| flyer (m/s) | mesh | element | grading | $m$ alone | $m$ | $\\nu$ | $\\beta$ (µs) | rms (µm) |")
+    print("|" + " --- |" * 9)
+    for row in rows:
+        figures = [f"{row[name]:+.1g}" for name in ("poisson", "damping_us")]
+        print(
+            f"| {row['speed']:.1f} | {row['mesh'][0]} × {row['mesh'][1]} | {row['element']} "
+            f"| {row['grading']:g} | {row['m_alone']:+.5f} | {row['stiffness_factor']:+.5f} "
+            f"| {' | '.join(figures)} | {row['rms_um']:.2f} |"
+        )
+
+
+def options(description: str | None) -> argparse.ArgumentParser:
+    """The options of a study of these truths: its experiments, where they run, where they are kept."""
+    parser = command(description, seed=31)
+    parser.add_argument("--groups", type=int, nargs="+", default=[1, 3, 7, 8], help="specimens and rates")
+    parser.add_argument("--each", type=int, default=5, help="materials and flyers of each")
+    return parser
+
+
+def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: str) -> None:
+    """Simulate a group in one batch, unless it is kept."""
+    if all(_place(folder, number, variant).exists() for number in numbers):
+        return
+    pairs = [drawn(number, seed) for number in numbers]
+    seen = simulate(
+        pairs[0][0],
+        [truth for _, truth in pairs],
+        mesh=variant.mesh,
+        device=device,
+        element=variant.element,
+        grading=variant.grading,
+    )
+    for number, (force, Z) in zip(numbers, seen, strict=True):
+        np.savez_compressed(_place(folder, number, variant), force=force, Z=Z)
+    print(f"group {numbers[0] // GROUP}: {variant.name}", flush=True)
+
+
+def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[dict[str, Any]]:
+    """Means over a group of what each variant's outline differs by."""
+    slopes = _slopes(numbers, seed)
+    found = []
+    for variant in VARIANTS:
+        if not all(_place(folder, number, variant).exists() for number in numbers):
+            continue
+        shifts = []
+        for number, slope in zip(numbers, slopes, strict=True):
+            truth = middle(*(read(folder, number, one) for one in TRUTH))[1]
+            apart = (read(folder, number, variant)[1] - truth).ravel()
+            alone = np.linalg.lstsq(slope[:, :1], apart, rcond=None)[0]
+            together = np.linalg.lstsq(slope, apart, rcond=None)[0]
+            shifts.append([*alone, *together, np.sqrt(np.mean(apart**2))])
+        m_alone, m, poisson, damping, rms = np.mean(shifts, axis=0).tolist()
+        found.append(
+            {
+                "group": group,
+                "speed": float(np.mean([drawn(number, seed)[1].speed for number in numbers])),
+                **asdict(variant),
+                "m_alone": m_alone,
+                "stiffness_factor": m,
+                "poisson": poisson,
+                "damping_us": 1e6 * damping,
+                "rms_um": 1e6 * rms,
+            }
+        )
+    return found
+
+
+def _slopes(numbers: list[int], seed: int) -> list[FloatArray]:
+    """Derivatives of the outline by the parameters on a coarse mesh, each of shape [points, 3]."""
+    truths = [drawn(number, seed)[1] for number in numbers]
+    moved = [
+        replace(truth, **{name: getattr(truth, name) + sign * step})
+        for truth in truths
+        for name, step in STEPS.items()
+        for sign in (1.0, -1.0)
+    ]
+    setup = drawn(numbers[0], seed)[0]
+    radii = [Z.ravel() for _, Z in simulate(setup, moved, mesh=COARSE, device="cpu", element="one_point")]
+    sizes = np.array(list(STEPS.values()))
+    each = np.array(radii).reshape(len(truths), len(STEPS), 2, -1)
+    return list(((each[:, :, 0] - each[:, :, 1]) / (2.0 * sizes[:, None])).transpose(0, 2, 1))
+
+
+def _place(folder: Path, number: int, variant: Variant) -> Path:
+    return folder / f"t-{number}-{variant.name}.npz"
+
+
+def read(folder: Path, number: int, variant: Variant) -> tuple[FloatArray, FloatArray]:
+    with np.load(_place(folder, number, variant)) as stored:
+        return stored["force"], stored["Z"]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""The study of wrong inputs: right shots made by the virtual laboratory, each row's input wrong, identified.
+
+    python -m populations.wrong_inputs --out FOLDER [--population SPEC.toml] [--seed N] [--device cuda]
+        [--workers N] [--shots N] [--right N] [--rows WORD,...] [--table FILE.json]
+
+Every identification is a file of its own in FOLDER/jobs; one that is there is not made again. The page
+docs/validation/wrong_inputs.md is made from the table that --table writes.
+"""
+
+import argparse
+import json
+import math
+import time
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from kolsky.base.errors import InputError
+from populations.driver import answers, command, mesh, write
+from populations.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
+
+POPULATION = Path(__file__).with_suffix(".toml")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One identification."""
+
+    row: str
+    """Name of its row."""
+    shot: Path
+    """Folder of the right shot."""
+    device: str
+    """Of the solver."""
+    threads: int | None
+    """Of the solver."""
+    meshes: tuple[tuple[int, int], tuple[int, int]] | None
+    """The surrogate's and the refined one; None takes the defaults."""
+
+    def file(self, out: Path) -> Path:
+        """Where its result is."""
+        word = "".join(c if c.isalnum() else "-" for c in self.row)
+        return out / "jobs" / f"{self.shot.name}_{word}.json"
+
+
+def run(job: Job) -> dict[str, Any]:
+    """Identify one shot with its wrong input; what the package said of it."""
+    from kolsky.identification import identify
+    from kolsky.inverse.forward import Numerics
+    from kolsky.inverse.problem import Settings
+
+    row = next(row for row in ROWS if row.name == job.row)
+    truth = json.loads((job.shot / "truth.json").read_text("utf-8"))
+    said: dict[str, Any] = {"row": row.name, "shot": job.shot.name, "truth": truth["m"]}
+    started = time.perf_counter()
+    numerics, more = Numerics(device=job.device, threads=job.threads), {}
+    if job.meshes is not None:
+        numerics, more = numerics.with_mesh(job.meshes[0]), {"refined_mesh": job.meshes[1]}
+    free = None if row.free else dict.fromkeys(MODEL)
+    settings = Settings(free=free, numerics=numerics, **more)
+    try:
+        found = identify(row.wrong(job.shot), settings)
+    except (InputError, ValueError) as error:
+        return {**said, "refused": str(error), "seconds": time.perf_counter() - started}
+    m = found.estimates["stiffness_factor"]
+    return {
+        **said,
+        "refused": "",
+        "value": m.value,
+        "sigma": m.sigma,
+        "outcome": m.outcome.value,
+        "identified": m.outcome.identified,
+        "causes": [
+            {
+                "key": c.key,
+                "value": c.value,
+                "sigma": c.sigma,
+                "explained": c.explained,
+                "evidence": c.evidence,
+                "probability": c.probability,
+                "named": c.named,
+                "within": c.within,
+                "alike": list(c.alike),
+                "m": c.parameters.get("stiffness_factor"),
+            }
+            for c in found.causes
+        ],
+        "curve_visible": next((p.visible for p in found.systematic if p.key == "curve_scale"), None),
+        "fit": [{"channel": q.channel, "excess": q.excess, "explained": q.explained} for q in found.fit],
+        "warnings": list(found.warnings),
+        "seconds": time.perf_counter() - started,
+    }
+
+
+def judged(row: Row, said: dict[str, Any]) -> str:
+    """How a job ended: "refused", "not identified", "named", "other named", "silent"; of a right shot "quiet"
+    or "alarm"; of the curve's scale "said" or "silent"."""
+    if said["refused"]:
+        return "refused"
+    named = [cause for cause in said["causes"] if cause["named"]]
+    if row.name.startswith(RIGHT):
+        return "alarm" if named or not said["identified"] else "quiet"
+    if row.name == CURVE:
+        visible = said["curve_visible"]
+        return "said" if visible is not None and visible < 0.05 else "silent"
+    right = {row.key, *row.names} - {""}
+    if named and right & {named[0]["key"], *named[0]["alike"]}:
+        return "named"
+    if not said["identified"]:
+        return "not identified"
+    return "other named" if named else "silent"
+
+
+def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One entry a row: how its jobs ended, the error of m, the value that the right cause was given."""
+    found = []
+    for row in ROWS:
+        mine = [said for said in jobs if said["row"] == row.name]
+        if not mine:
+            continue
+        ends = [judged(row, said) for said in mine]
+        errors = [said["value"] / said["truth"] - 1.0 for said in mine if not said["refused"]]
+        right = [
+            (cause, said["truth"])
+            for said in mine
+            if not said["refused"]
+            for cause in said["causes"]
+            if cause["key"] == row.key
+        ]
+        corrected = [None if cause["m"] is None else cause["m"] / truth - 1.0 for cause, truth in right]
+        others = [
+            max((c["evidence"] for c in said["causes"] if not c.get("within", False)), default=0.0)
+            for said in mine
+            if not said["refused"]
+        ]
+        found.append(
+            {
+                "row": row.name,
+                "right cause": row.key,
+                "shots": len(mine),
+                "ends": {end: ends.count(end) for end in sorted(set(ends))},
+                "identified": sum(bool(said.get("identified")) for said in mine),
+                "corrected errors": corrected,
+                "errors": errors,
+                "values": [cause["value"] for cause, _ in right],
+                "evidence": others,
+                "seconds": sum(said["seconds"] for said in mine) / len(mine),
+            }
+        )
+    return found
+
+
+def finite(value: Any) -> Any:
+    """A value of JSON: what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
+    """Right shots all; of each wrong input as many as asked for, other ones from row to row."""
+    words = [word for word in args.rows.split(",") if word]
+    meshes = None if args.mesh is None else (args.mesh, args.refined_mesh)
+    first = 0
+    for row in ROWS:
+        if words and not any(word in row.name for word in words):
+            continue
+        many = args.right if row.name.startswith(RIGHT) else args.shots
+        chosen = [shots[(first + i) % len(shots)] for i in range(min(many, len(shots)))]
+        first += 0 if row.name.startswith(RIGHT) else many
+        yield from (Job(row.name, shot, args.device, args.threads, meshes) for shot in chosen)
+
+
+def made(args: argparse.Namespace) -> list[Path]:
+    """Folders of the right shots, made if they are not there."""
+    from kolsky.virtual.make import make
+    from kolsky.virtual.specification import read_specification
+
+    series = read_specification(args.population)
+    if args.seed is not None:
+        content = {**tomllib.loads(Path(args.population).read_text("utf-8")), "seed": args.seed}
+        declared = series.declared.model_copy(update={"seed": args.seed})
+        series = replace(series, file=replace(series.file, content=content), declared=declared)
+    many = min(max(args.right, args.shots, args.least), len(series.numbers))
+    found = make(
+        series,
+        args.out / "shots",
+        numbers=list(series.numbers)[:many],
+        device=args.device,
+        threads=args.threads,
+        workers=args.workers,
+        progress=lambda one: print(one.folder, flush=True),
+    )
+    return [one.folder for one in found]
+
+
+def attempt(job: Job) -> dict[str, Any]:
+    """`run`; of a job that broke what broke it."""
+    try:
+        return finite(run(job))  # type: ignore[no-any-return]
+    except Exception as error:  # counted and left out: the other jobs go on
+        return {"broke": f"{job.row} of {job.shot.name} broke: {type(error).__name__}: {error}"}
+
+
+def line(one: dict[str, Any]) -> str:
+    """How one job ended."""
+    if "broke" in one:
+        return str(one["broke"])
+    row = next(row for row in ROWS if row.name == one["row"])
+    return f"{one['shot']} {row.name}: {judged(row, one)}"
+
+
+def main() -> int:
+    """Make the shots, run what is missing, print the table; 1 if a job broke."""
+    parser = command(__doc__)
+    parser.add_argument("--population", type=Path, default=POPULATION)
+    parser.add_argument("--seed", type=int, help="another population of the same kind")
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--shots", type=int, default=6, help="of each wrong input")
+    parser.add_argument("--right", type=int, default=40, help="right shots, of each of their rows")
+    parser.add_argument("--least", type=int, default=0, help="shots that are made at least")
+    parser.add_argument("--rows", default="", help="only rows whose names hold one of these words")
+    parser.add_argument("--mesh", type=mesh, metavar="16x22", help="surrogate's mesh, for a trial")
+    parser.add_argument("--refined-mesh", type=mesh, metavar="32x44", default=(32, 44))
+    parser.add_argument("--table", type=Path, help="where the table is written, as JSON")
+    args = parser.parse_args()
+    jobs = {job.file(args.out): (job,) for job in jobs_of(args, made(args))}
+    print(f"{sum(not path.exists() for path in jobs)} of {len(jobs)} jobs to do", flush=True)
+    each = answers(attempt, jobs, workers=args.workers, line=line)
+    for path, one in zip(jobs, each, strict=True):
+        if "broke" in one:
+            path.unlink()  # tried again by the next call
+    broken = sum("broke" in one for one in each)
+    rows = table([one for one in each if "broke" not in one])
+    for entry in rows:
+        ends = ", ".join(f"{n} {end}" for end, n in entry["ends"].items())
+        strongest = sorted(round(x) for x in entry["evidence"] if x is not None)
+        print(f"{entry['row']:38} {entry['shots']:3} {ends:40} evidence {strongest}")
+    if args.table is not None:
+        about = {"population": Path(args.population).name, "seed": args.seed, "device": args.device}
+        write(args.table, finite({"about": about, "rows": rows}), indent=1)
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
