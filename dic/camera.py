@@ -83,14 +83,14 @@ class Camera:
         r2 = x * x + y * y
         # Terms of coefficients that are 0 are left out, here and below: most lenses have one or two others.
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3) if k2 or k3 else k1)
-        seen = np.empty(ideal.shape)  # np.stack takes longer than the sums, of few points
+        distorted = np.empty(ideal.shape)  # np.stack takes longer than the sums, of few points
         if p1 or p2:
-            seen[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-            seen[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+            distorted[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+            distorted[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
         else:
-            np.multiply(x, radial, out=seen[..., 0])
-            np.multiply(y, radial, out=seen[..., 1])
-        return seen
+            np.multiply(x, radial, out=distorted[..., 0])
+            np.multiply(y, radial, out=distorted[..., 1])
+        return distorted
 
     def project(self, X: FloatArray) -> FloatArray:
         """Pixels of points [px], shape [..., 2]; NaN for a point behind the camera.
@@ -130,7 +130,7 @@ class Camera:
         if not any(self.distortion):
             return target
         ideal = target.copy()
-        lost = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
+        missing = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what runs away is told below
             for _ in range(30):
                 off = self.distort(ideal) - target
@@ -139,10 +139,10 @@ class Camera:
                 area = a * d - b * c
                 ideal = ideal - np.stack([d * u - b * v, a * v - c * u], axis=-1) / area[..., None]
                 upright = (area > 0.0) & (a + d > 0.0)  # beyond a fold the lens shows things mirrored
-                there = (np.all(np.abs(off) <= 1e-12, axis=-1) & upright) | lost
-                if np.all(there):
+                converged = (np.all(np.abs(off) <= 1e-12, axis=-1) & upright) | missing
+                if np.all(converged):
                     return ideal
-        worst = pixels.reshape(-1, 2)[np.argmin(there.reshape(-1))]
+        worst = pixels.reshape(-1, 2)[np.argmin(converged.reshape(-1))]
         raise ValueError(
             f"the lens distortion {self.distortion} cannot be undone at pixel {worst}: it folds back there; "
             "use fewer distortion coefficients, or a calibration that covers the whole picture"

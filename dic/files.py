@@ -32,18 +32,18 @@ def scratch(folder: Path) -> Iterator[Path]:
     """
     remove_abandoned(folder)
     while True:
-        made = Path(tempfile.mkdtemp(prefix=HIDDEN, dir=folder))
+        directory = Path(tempfile.mkdtemp(prefix=HIDDEN, dir=folder))
         try:
-            lock = _locked(made)
+            lock = _locked(directory)
         except (BlockingIOError, FileNotFoundError):
             continue  # another process took it for abandoned before it was locked
-        if lock is None or made.exists():
+        if lock is None or directory.exists():
             break
         os.close(lock)
     try:
-        yield made
+        yield directory
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(directory, ignore_errors=True)
         if lock is not None:
             os.close(lock)
 
@@ -53,15 +53,15 @@ def remove_abandoned(folder: Path) -> None:
     if fcntl is None or str(folder) in _looked:
         return
     _looked.add(str(folder))
-    for left in sorted(Path(folder).glob(f"{HIDDEN}*")):
-        if left.is_symlink() or not left.is_dir():
+    for directory in sorted(Path(folder).glob(f"{HIDDEN}*")):
+        if directory.is_symlink() or not directory.is_dir():
             continue
         try:
-            lock = _locked(left)
+            lock = _locked(directory)
         except OSError:  # another process writes in it, or it is gone
             continue
         if lock is not None:
-            shutil.rmtree(left, ignore_errors=True)
+            shutil.rmtree(directory, ignore_errors=True)
             os.close(lock)
 
 

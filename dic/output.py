@@ -57,8 +57,8 @@ def geometry(result: StereoResult) -> dict[str, float]:
     middle = result.specimen.surface.X.mean(axis=0)
     at = frame.origin + frame.rotation.T @ middle
     small = 1e-5
-    seen = first.project(np.stack([at, *(at + small * frame.rotation[axis] for axis in (0, 1))]))
-    scale = np.linalg.norm(seen[1:] - seen[0], axis=1) / small
+    projected = first.project(np.stack([at, *(at + small * frame.rotation[axis] for axis in (0, 1))]))
+    scale = np.linalg.norm(projected[1:] - projected[0], axis=1) / small
     views = [(at - camera.centre) / np.linalg.norm(at - camera.centre) for camera in (first, second)]
     return {
         "scale_x": float(scale[0]),
@@ -70,9 +70,9 @@ def geometry(result: StereoResult) -> dict[str, float]:
 
 def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
     stated = {name: facts.get("reporting", {}).get(name) or NOT_STATED for name in STATED}
-    pictures, seen = facts["pictures"], geometry(result)
+    pictures, geometry_facts = facts["pictures"], geometry(result)
     rows, columns = pictures["shape"]
-    per_mm = (1e-3 * seen["scale_x"], 1e-3 * seen["scale_y"])
+    per_mm = (1e-3 * geometry_facts["scale_x"], 1e-3 * geometry_facts["scale_y"])
     sensors = [camera.sensor for camera in result.rig.cameras]
     sensor = "; ".join(f"{s[0]} x {s[1]} px" for s in sensors if s is not None)
     crops = "; ".join(f"({x:g}, {y:g})" for x, y in pictures["crop_offset"])
@@ -86,8 +86,8 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
         ("lighting", stated["lighting"]),
         ("field of view", f"{columns / per_mm[0]:.3g} x {rows / per_mm[1]:.3g} mm"),
         ("image scale", f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis"),
-        ("stereo angle", f"{np.degrees(seen['stereo_angle']):.4g} degrees"),
-        ("stand-off distance", f"{1e3 * seen['distance']:.4g} mm"),
+        ("stereo angle", f"{np.degrees(geometry_facts['stereo_angle']):.4g} degrees"),
+        ("stand-off distance", f"{1e3 * geometry_facts['distance']:.4g} mm"),
         (
             "image acquisition rate",
             f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames",
@@ -99,37 +99,37 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
 
 def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
     """The speckle report, camera by camera."""
-    seen = geometry(result)
-    per_mm = 1e-3 * float(np.sqrt(seen["scale_x"] * seen["scale_y"]))
+    geometry_facts = geometry(result)
+    per_mm = 1e-3 * float(np.sqrt(geometry_facts["scale_x"] * geometry_facts["scale_y"]))
     subset, rows = facts["settings"]["subset"], []
-    for camera, found in enumerate(facts.get("speckle", ())):
-        if "problem" in found:
-            rows.append(Row("pattern", f"camera {camera}", f"{NOT_STATED}: {found['problem']}"))
+    for camera, speckle in enumerate(facts.get("speckle", ())):
+        if "problem" in speckle:
+            rows.append(Row("pattern", f"camera {camera}", f"{NOT_STATED}: {speckle['problem']}"))
             continue
-        (x, y), edges = found["size"], found["size_by_edges"]
+        (x, y), edges = speckle["size"], speckle["size_by_edges"]
         entries = [
             (
                 "feature size",
                 f"{x:.3g} x {y:.3g} px by autocorrelation, {edges:.3g} px by edges; "
                 f"{0.5 * (x + y) / per_mm:.3g} mm",
             ),
-            ("coverage", f"{100.0 * found['coverage']:.3g} % dark"),
-            ("mean intensity gradient", f"{found['mean_gradient']:.4g} grey/px"),
-            ("grey noise", f"{found['noise']:.3g} grey"),
+            ("coverage", f"{100.0 * speckle['coverage']:.3g} % dark"),
+            ("mean intensity gradient", f"{speckle['mean_gradient']:.4g} grey/px"),
+            ("grey noise", f"{speckle['noise']:.3g} grey"),
         ]
-        if found["floor"] is not None:
+        if speckle["floor"] is not None:
             entries.append(
                 (
                     "predicted noise floor",
-                    f"{found['floor']:.2g} px, median over subsets of {subset} px",
+                    f"{speckle['floor']:.2g} px, median over subsets of {subset} px",
                 )
             )
-            needed = "no subset tried" if found["needed"] is None else f"one of {found['needed']} px"
+            subset_text = "no subset tried" if speckle["needed"] is None else f"one of {speckle['needed']} px"
             entries.append(
                 (
                     "subset too small",
-                    f"at {100.0 * found['too_small']:.2g} % of the places for {found['wanted']:g} px; "
-                    f"{needed} would do at 95 %",
+                    f"at {100.0 * speckle['too_small']:.2g} % of the places for {speckle['wanted']:g} px; "
+                    f"{subset_text} would do at 95 %",
                 )
             )
         rows += [Row("pattern", f"{name}, camera {camera}", value) for name, value in entries]
@@ -376,9 +376,9 @@ def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
     """Names and values as an HTML table, every text escaped."""
     from html import escape
 
-    left = ' style="text-align:left"'
+    align = ' style="text-align:left"'
     body = "".join(
-        f"<tr><th{left}>{escape(name)}</th><td{left}>{escape(value)}</td></tr>" for name, value in rows
+        f"<tr><th{align}>{escape(name)}</th><td{align}>{escape(value)}</td></tr>" for name, value in rows
     )
     return f"<table><caption>{escape(caption)}</caption><tbody>{body}</tbody></table>"
 
@@ -397,8 +397,8 @@ def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
         rows.append((name, f"{count} ({100.0 * count / total:.3g} %)"))
     if surface.valid.any():
         median = np.median(surface.sigma[surface.valid], axis=0)
-        said = ", ".join(f"{name} {1e6 * value:.3g}" for name, value in zip(COMPONENTS, median, strict=True))
-        rows.append(("median standard deviation (µm)", said))
+        text = ", ".join(f"{name} {1e6 * value:.3g}" for name, value in zip(COMPONENTS, median, strict=True))
+        rows.append(("median standard deviation (µm)", text))
     return rows
 
 

@@ -83,25 +83,25 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
         with ThreadPoolExecutor(1) as pool:
             yield PendingResult(pool.submit(work).result)
         return
-    here, there = multiprocessing.Pipe(duplex=False)
-    other = _fork(work, there)
-    there.close()
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    process = _fork(work, sender)
+    sender.close()
 
     def received() -> Result:
         with suppress(Exception):  # it ended early, by an error or a signal, or sent what cannot be read
-            result: Result = here.recv()
+            result: Result = receiver.recv()
             return result
         return work()  # raises here what it raised there
 
     try:
         yield PendingResult(received)
     finally:
-        here.close()
+        receiver.close()
         with suppress(
             ProcessLookupError, ChildProcessError
         ):  # a program may have its children's ends ignored
-            os.kill(other, signal.SIGKILL)
-            os.waitpid(other, 0)
+            os.kill(process, signal.SIGKILL)
+            os.waitpid(process, 0)
 
 
 @contextmanager
@@ -119,26 +119,28 @@ def background_pool(
         threads = cores() if processes is None and not forked else 1
         yield lambda progress=None: _by_threads(works, threads, progress or _no_progress)
         return
-    taken = multiprocessing.get_context("fork").Value("i", 0)
+    counter = multiprocessing.get_context("fork").Value("i", 0)
     with ExitStack() as stack:
-        some = partial(_run_claimed, works, taken)
-        others = [stack.enter_context(background(some, fork=True)) for _ in range(workers - 1)]
+        some = partial(_run_claimed, works, counter)
+        helpers = [stack.enter_context(background(some, fork=True)) for _ in range(workers - 1)]
 
         def joined(progress: Callable[[int, int], None] | None = None) -> list[Result]:
-            told, found = progress or _no_progress, {}
-            for number, result in _claim_works(works, taken):
-                found[number] = result
-                told(min(int(taken.value), len(works)), len(works))
-            for other in others:
-                found |= other()
-            results = [found[number] if number in found else work() for number, work in enumerate(works)]
-            told(len(works), len(works))
+            report, by_number = progress or _no_progress, {}
+            for number, result in _claim_works(works, counter):
+                by_number[number] = result
+                report(min(int(counter.value), len(works)), len(works))
+            for helper in helpers:
+                by_number |= helper()
+            results = [
+                by_number[number] if number in by_number else work() for number, work in enumerate(works)
+            ]
+            report(len(works), len(works))
             return results
 
         yield joined
 
 
-def _no_progress(done: int, total: int) -> None:
+def _no_progress(count: int, total: int) -> None:
     """Progress that nobody is told of."""
 
 
@@ -160,33 +162,33 @@ def run_parallel(
 
 
 def _by_threads(
-    works: Sequence[Callable[[], Result]], threads: int, told: Callable[[int, int], None]
+    works: Sequence[Callable[[], Result]], threads: int, report: Callable[[int, int], None]
 ) -> list[Result]:
     """Do the works in threads of this process; one thread is the caller's own."""
-    found = []
+    results = []
     with ThreadPoolExecutor(threads) as pool:
         for result in (map if threads == 1 else pool.map)(lambda work: work(), works):
-            found.append(result)
-            told(len(found), len(works))
-    return found
+            results.append(result)
+            report(len(results), len(works))
+    return results
 
 
-def _claim_works(works: Sequence[Callable[[], Result]], taken: Any) -> Iterator[tuple[int, Result]]:
+def _claim_works(works: Sequence[Callable[[], Result]], counter: Any) -> Iterator[tuple[int, Result]]:
     """Results of the works that nobody else has taken, each with its number."""
     while True:
-        with taken.get_lock():
-            number = int(taken.value)
-            taken.value = number + 1
+        with counter.get_lock():
+            number = int(counter.value)
+            counter.value = number + 1
         if number >= len(works):
             return
         yield number, works[number]()
 
 
-def _run_claimed(works: Sequence[Callable[[], Result]], taken: Any) -> dict[int, Result]:
-    return dict(_claim_works(works, taken))
+def _run_claimed(works: Sequence[Callable[[], Result]], counter: Any) -> dict[int, Result]:
+    return dict(_claim_works(works, counter))
 
 
-def _fork(work: Callable[[], Any], there: Any) -> int:
+def _fork(work: Callable[[], Any], sender: Any) -> int:
     """Fork this process, do the work there and send its result; the fork's number.
 
     Not by `multiprocessing.Process`, which the workers of a pool may not start.
@@ -200,6 +202,6 @@ def _fork(work: Callable[[], Any], there: Any) -> int:
         # A failure is repeated and reported in the parent.
         sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
         _FORKS_ALLOWED.set(False)  # a fork makes no forks
-        there.send(work())
+        sender.send(work())
     finally:
         os._exit(0)

@@ -142,8 +142,8 @@ class StereoResult:
         [n_frames]."""
         first, second = self.frames
         pair = np.where(first != FrameOutcome.VALID, first, second)
-        lost = (pair == FrameOutcome.VALID) & (self.specimen.n_valid == 0)
-        return np.asarray(np.where(lost, int(FrameOutcome.LOST), pair), dtype=np.int64)
+        empty = (pair == FrameOutcome.VALID) & (self.specimen.n_valid == 0)
+        return np.asarray(np.where(empty, int(FrameOutcome.LOST), pair), dtype=np.int64)
 
 
 KINDS = ("plane", "surface", "cylinder")

@@ -248,8 +248,8 @@ class Constraint:
             self._comparison = body
             _compare(body, dict.fromkeys(names, np.ones(1)))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            said = error.msg if isinstance(error, SyntaxError) else str(error)
-            raise ValueError(f"{text[:80]!r} cannot be read: {said}") from None
+            message = error.msg if isinstance(error, SyntaxError) else str(error)
+            raise ValueError(f"{text[:80]!r} cannot be read: {message}") from None
 
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
         """Points that meet the constraint.

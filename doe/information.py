@@ -107,7 +107,7 @@ class LinearData:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def deviations_alone(self) -> FloatArray:
+    def conditional_deviations(self) -> FloatArray:
         """Of each, if the others were known, shape [d]; infinite for one that the data do not see."""
         size = np.sqrt(np.diag(self.information))
         return np.divide(self.scale, size, out=np.full_like(size, np.inf), where=size > 0.0)
@@ -134,15 +134,15 @@ class LinearData:
         return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
 
     @property
-    def shares_alone(self) -> FloatArray:
+    def conditional_shares(self) -> FloatArray:
         """The same if the other parameters were known, shape [k, d]; 0 for one that the data do not see."""
         squares = self.rows**2
         total = squares.sum(axis=0)
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
-    def select(self, kept: NDArray[np.bool_]) -> LinearData:
-        """Some of the data, `kept` of shape [k]."""
-        return LinearData(self.names, self.jacobian[kept], self.sigma[kept], self.scale)
+    def select(self, rows: NDArray[np.bool_]) -> LinearData:
+        """Some of the data, `rows` of shape [k]."""
+        return LinearData(self.names, self.jacobian[rows], self.sigma[rows], self.scale)
 
 
 Criterion = Literal["D", "A"]
@@ -238,12 +238,12 @@ def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Cri
     while gained:
         gained = False
         for place in range(count):
-            rest = [g for k, g in enumerate(chosen) if k != place]
-            cost = costs(start + groups[rest].sum(axis=0) + groups, criterion)
-            cost[rest] = np.inf
-            other = int(np.argmin(cost))
-            if cost[other] < best - 1e-12 * abs(best):
-                chosen[place], best, gained = other, float(cost[other]), True
+            chosen_rows = [g for k, g in enumerate(chosen) if k != place]
+            cost = costs(start + groups[chosen_rows].sum(axis=0) + groups, criterion)
+            cost[chosen_rows] = np.inf
+            candidate = int(np.argmin(cost))
+            if cost[candidate] < best - 1e-12 * abs(best):
+                chosen[place], best, gained = candidate, float(cost[candidate]), True
     return chosen
 
 

@@ -276,7 +276,7 @@ def least_squares(
 def _sigma(jacobian: FloatArray) -> FloatArray:
     """Standard deviations in the unit box, shape [d]; infinite for a direction that nothing sees."""
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
-    seen = singular > 1e-12 * max(float(singular[0]), np.finfo(float).tiny)
-    shares = (right[seen] / singular[seen][:, None]) ** 2
-    blind = (np.abs(right[~seen]) > 1e-6).any(axis=0)
+    determined = singular > 1e-12 * max(float(singular[0]), np.finfo(float).tiny)
+    shares = (right[determined] / singular[determined][:, None]) ** 2
+    blind = (np.abs(right[~determined]) > 1e-6).any(axis=0)
     return np.asarray(np.where(blind, np.inf, np.sqrt(shares.sum(axis=0))))

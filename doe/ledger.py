@@ -188,7 +188,7 @@ class Ledger:
         A damaged row is named in `damaged`; to `record` the run again replaces it. Raises LedgerError if the
         file cannot be read.
         """
-        found: list[Run | None] = []
+        runs: list[Run | None] = []
         with self._refusing():
             for point in np.asarray(points, dtype=np.float64):
                 key = run_key(self.model, point)
@@ -196,8 +196,8 @@ class Ledger:
                 run = None if row is None else _run_of(row)
                 if row is not None and run is None:
                     self.damaged.append(key.hex()[:12])
-                found.append(run)
-        return found
+                runs.append(run)
+        return runs
 
     def record(self, points: ArrayLike, runs: Sequence[Run]) -> None:
         """Write a chunk of runs at points, shape [n, d], all or none; what was recorded at a point is
@@ -230,9 +230,9 @@ class Ledger:
         """
         if not Path(path).is_file():
             raise LedgerError(f"{path}: there is no such ledger")
-        taken = 0
-        with Ledger(path, self.model) as other, self._transaction():
-            for row in other._rows():
+        count = 0
+        with Ledger(path, self.model) as source, self._transaction():
+            for row in source._rows():
                 theirs = _run_of(row)
                 if theirs is None:
                     raise LedgerError(
@@ -248,8 +248,8 @@ class Ledger:
                     if ours.completed or not theirs.completed:
                         continue
                 self._sql.execute(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", row)
-                taken += 1
-        return taken
+                count += 1
+        return count
 
     def digest(self) -> str:
         """SHA-256 of every row but its seconds, in the order of the keys: equal for equal contents."""
@@ -273,8 +273,8 @@ class Ledger:
         )
         empty = not schema and stamp == (0, 0)
         first = stamp == (APPLICATION, 1) and schema == [("table", "runs", FIRST_TABLE)]
-        known = stamp == (APPLICATION, VERSION) and schema == [("table", "runs", TABLE)]
-        if not (empty or first or known):
+        compatible = stamp == (APPLICATION, VERSION) and schema == [("table", "runs", TABLE)]
+        if not (empty or first or compatible):
             raise LedgerError(
                 f"{self.path}: is not a ledger of version {VERSION}; give another place for the ledger"
             )
@@ -347,7 +347,7 @@ AHEAD = 64
 class Pace:
     """Progress of a sweep and its speed."""
 
-    done: int
+    finished: int
     """Runs finished, those found in the ledger included."""
     total: int
     """Runs of the design."""
@@ -357,8 +357,8 @@ class Pace:
     @property
     def seconds_left(self) -> float:
         """Time left at this rate [s]; infinite before the first chunk, 0 at the end."""
-        left = self.total - self.done
-        return left / self.rate if self.rate > 0.0 else (np.inf if left else 0.0)
+        remaining = self.total - self.finished
+        return remaining / self.rate if self.rate > 0.0 else (np.inf if remaining else 0.0)
 
 
 def shard(n: int, i: int, of: int) -> NDArray[np.intp]:

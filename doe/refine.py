@@ -111,9 +111,9 @@ class Round:
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
     predicted: float
     """Misfit that the surrogate predicted for the optimum."""
-    found: float
+    confirmed: float
     """Misfit of the run there; NaN if it failed."""
-    moved: float
+    shift: float
     """How far the runs moved the optimum, in its standard deviations [-]."""
     edge: float
     """Edge of the region in the unit box [-]."""
@@ -143,8 +143,8 @@ class Refinement:
     @property
     def ended(self) -> str:
         """The ending in words."""
-        moved = f"the last runs moved the optimum by {self.rounds[-1].moved:.2g} standard deviations"
-        return moved if self.converged else f"{moved}, and the rounds were used up"
+        reason = f"the last runs moved the optimum by {self.rounds[-1].shift:.2g} standard deviations"
+        return reason if self.converged else f"{reason}, and the rounds were used up"
 
 
 def refine(
@@ -199,10 +199,10 @@ def refine(
     converged = False
     for number in range(max_rounds):
         new = choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
-        given = np.asarray(run(new), dtype=np.float64)
-        kept = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
-        x, y = np.concatenate([x, new[kept]]), np.concatenate([y, given[kept]])
-        values = np.append(values, misfit(given[kept]))
+        new_responses = np.asarray(run(new), dtype=np.float64)
+        finite = np.asarray(np.isfinite(new_responses).all(axis=1), dtype=np.bool_)
+        x, y = np.concatenate([x, new[finite]]), np.concatenate([y, new_responses[finite]])
+        values = np.append(values, misfit(new_responses[finite]))
         predicted = float(misfit(surrogate.predict(best[None]))[0])
         inside = not _on_inner_face(best, region, box)
         # The lowest real misfit beats the surrogate's word.
@@ -215,10 +215,10 @@ def refine(
         surrogate = _about(box, region, x, y, scale, surrogate)
         before = best
         best, sigma = locate(surrogate, region, centre)
-        moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
-        found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
-        rounds.append(Round(new, predicted, found, moved, zoom.edge))
-        if inside and kept[0] and moved <= CONVERGED_MOVE:
+        shift = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
+        confirmed = float(misfit(new_responses[:1])[0]) if finite[0] else float("nan")
+        rounds.append(Round(new, predicted, confirmed, shift, zoom.edge))
+        if inside and finite[0] and shift <= CONVERGED_MOVE:
             converged = True
             break
     return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)
@@ -264,7 +264,7 @@ def _about(
     x: FloatArray,
     y: FloatArray,
     scale: ArrayLike,
-    like: ProcessSurrogate | None = None,
+    template: ProcessSurrogate | None = None,
 ) -> ProcessSurrogate:
     """The surrogate from the runs in and near a region, or from the nearest if they are too few."""
     distance = np.abs(region.unit(x) - 0.5).max(axis=1)
@@ -275,7 +275,7 @@ def _about(
         np.maximum(region.upper, x[near].max(axis=0)),
     )
     holding = Box(box.names, tuple(lower.tolist()), tuple(upper.tolist()), box.logarithmic)
-    return ProcessSurrogate.fit(holding, x[near], y[near], scale=scale, like=like)
+    return ProcessSurrogate.fit(holding, x[near], y[near], scale=scale, like=template)
 
 
 def _on_inner_face(x: FloatArray, region: Box, box: Box) -> bool:

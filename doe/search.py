@@ -157,24 +157,24 @@ def nelder_mead(
     if max_evaluations < d + 1:
         raise ValueError(f"max_evaluations must be at least {d + 1} (one simplex), got {max_evaluations}")
     recorder = _Recorder(function, box)
-    here = np.full(d, 0.5)
+    centre = np.full(d, 0.5)
     if start is not None:
         inside = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")
         if len(inside) != 1:
             raise ValueError(f"start must be one point of shape [{d}], got {len(inside)}")
         # `require` has refused what is outside; this takes off the round-off of the way to unit coordinates.
-        here = np.clip(box.unit(inside[0]), 0.0, 1.0)
+        centre = np.clip(box.unit(inside[0]), 0.0, 1.0)
     margin = AGREEMENT * tolerance
     side, edge = np.ones(d), FIRST_EDGE
     stayed = False
     while not stayed and len(recorder.values) < max_evaluations:
         solution = minimize(
             recorder,
-            here,
+            centre,
             method="Nelder-Mead",
             bounds=[(0.0, 1.0)] * d,
             options={
-                "initial_simplex": _simplex(here, side, edge),
+                "initial_simplex": _simplex(centre, side, edge),
                 "xatol": tolerance,
                 "fatol": np.inf,
                 "maxfev": max_evaluations - len(recorder.values),
@@ -184,9 +184,9 @@ def nelder_mead(
         if not solution.success or len(recorder.values) + 2 * d > max_evaluations:
             break
         side = _poll(recorder, end, margin)
-        moved = float(np.max(np.abs(end - here)))
-        stayed = edge == RESTART_EDGE and moved <= margin and min(recorder.values) == value
-        here, edge = recorder.unit[recorder.best], RESTART_EDGE
+        distance = float(np.max(np.abs(end - centre)))
+        stayed = edge == RESTART_EDGE and distance <= margin and min(recorder.values) == value
+        centre, edge = recorder.unit[recorder.best], RESTART_EDGE
     return _result(recorder, stayed, margin)
 
 

@@ -191,8 +191,8 @@ def _resampled(terms: list[FloatArray], seed: int) -> list[FloatArray]:
 
 
 def _moments(at_A: FloatArray, at_B: FloatArray) -> tuple[FloatArray, FloatArray]:
-    both = np.concatenate([at_A, at_B])
-    return both.mean(axis=0), both.var(axis=0)
+    values = np.concatenate([at_A, at_B])
+    return values.mean(axis=0), values.var(axis=0)
 
 
 def _refuse_constant(outputs: tuple[str, ...], mean: FloatArray, variance: FloatArray) -> None:
@@ -260,11 +260,11 @@ def history_indices(
     if not reduction.singular_values[0] > 1e-12 * np.abs(pilot / reduction.scale).max():
         raise ValueError("the history is the same all over the box: nothing to explain")
     at_A, at_B, at_AB = sample.ask(lambda x: reduction.scores(function(x)), box)
-    both = np.concatenate([at_A, at_B])
-    centre = both.mean(axis=0)
+    values = np.concatenate([at_A, at_B])
+    centre = values.mean(axis=0)
     at_A, at_B, at_AB = at_A - centre, at_B - centre, at_AB - centre
     change = at_AB - at_A
-    whole = (both - centre).T @ (both - centre) / len(both)
+    whole = (values - centre).T @ (values - centre) / len(values)
     of_first = np.einsum("np,dnq->dpq", at_B, change) / n
     of_total = 0.5 * np.einsum("dnp,dnq->dpq", change, change) / n
     basis = reduction.basis

@@ -85,8 +85,8 @@ def ahead_of_time(
     ValueError
         If an architecture is not one that Warp's compiler knows, or a name is not known.
     """
-    wanted = choices(contacts, precisions, elements)
-    return list(compile_each(folder, architectures, wanted, law=law, relaxation=relaxation, ptx=ptx))
+    variants = choices(contacts, precisions, elements)
+    return list(compile_each(folder, architectures, variants, law=law, relaxation=relaxation, ptx=ptx))
 
 
 Choice = tuple[str, str, str, str]
@@ -103,16 +103,16 @@ def choices(
     ValueError
         If a name is not known; the message lists those that are.
     """
-    found = [(*pair, number, shape) for pair, number, shape in product(contacts, precisions, elements)]
-    for faces, side, number, shape in found:
+    combinations = [(*pair, number, shape) for pair, number, shape in product(contacts, precisions, elements)]
+    for faces, side, number, shape in combinations:
         contact_law(faces), contact_law(side), precision(number), element(shape)
-    return found
+    return combinations
 
 
 def compile_each(
     folder: Path | str,
     architectures: Sequence[int],
-    wanted: Iterable[Choice],
+    combinations: Iterable[Choice],
     *,
     law: type,
     relaxation: Relaxation | None = None,
@@ -128,7 +128,7 @@ def compile_each(
     # A mesh that fits keeps its state in shared memory, a larger one does not.
     variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
     variants += [(on_chip, BLOCK, cluster) for on_chip, cluster in product((True, False), CLUSTERS)]
-    for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
+    for (faces, side, number, shape), (on_chip, block, cluster) in product(combinations, variants):
         able = [arch for arch in architectures if cluster == 1 or arch >= CLUSTER_ARCH]
         numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}
         if not able:
@@ -158,15 +158,15 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
             f"or name none (argument `modules`, environment variable {FOLDER_VARIABLE})"
         )
     module, place = _module(kernel), _folder_of(folder)
-    known = _LOADED.setdefault(module, set())
-    if (device.alias, place) in known:
+    loaded = _LOADED.setdefault(module, set())
+    if (device.alias, place) in loaded:
         return True
     for arch, ptx in candidates(place, device.arch):
         try:
             wp.load_aot_module(module, device=device, arch=arch, module_dir=place, use_ptx=ptx)
         except FileNotFoundError:
             continue
-        known.add((device.alias, place))
+        loaded.add((device.alias, place))
         return True
     _missing(str(place), module.name, device.arch)
     return False
@@ -236,13 +236,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     try:
         pairs = [_pair(text) for text in options.contacts]
-        wanted = choices(pairs, options.precision, options.element)
+        combinations = choices(pairs, options.precision, options.element)
         law = MarlowLaw if options.law == "marlow" else LAWS[options.law]
         kinds = [_relaxation(text) for text in options.relaxation]
         started = time.perf_counter()
         for kind in kinds:
             for path in compile_each(
-                options.out, options.arch, wanted, law=law, relaxation=kind, ptx=options.ptx
+                options.out, options.arch, combinations, law=law, relaxation=kind, ptx=options.ptx
             ):
                 print(f"{time.perf_counter() - started:6.1f} s  {path}", flush=True)
     except ValueError as error:

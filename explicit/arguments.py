@@ -47,12 +47,12 @@ def body_of(
     kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False
 ) -> Any:
     """The mesh's constants on a device, every node in its place of `node_order`; made once."""
-    known = _BODIES.setdefault(model.mesh, {})
+    bodies = _BODIES.setdefault(model.mesh, {})
     made_for = (str(where), on_chip, kernel.cluster)
     key = (kernel.structs.Body, model.density, model.element, numbers.name, *made_for)
-    if key not in known:
-        known[key] = _new_body(kernel, model, numbers, where, on_chip)
-    return known[key]
+    if key not in bodies:
+        bodies[key] = _new_body(kernel, model, numbers, where, on_chip)
+    return bodies[key]
 
 
 def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
@@ -169,14 +169,14 @@ def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArr
             f"at most {VALENCE} elements may meet at a node, {count.max()} do at node {count.argmax()}"
         )
     node = np.repeat(np.arange(mesh.n_nodes), count)
-    nothing = 4 * slots + place % zeros
-    table = np.tile(nothing, (VALENCE, 1))
+    zero_place = 4 * slots + place % zeros
+    table = np.tile(zero_place, (VALENCE, 1))
     table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
-    taken = np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes).reshape(-1, 4)
-    regular = np.asarray(taken.max(axis=1) <= 1)
-    here = np.asarray(regular[node])
-    table[:, regular] = nothing[regular]
-    table[(corner % 4)[here], node[here]] = (corner % 4 * slots + corner // 4)[here]
+    use = np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes).reshape(-1, 4)
+    regular = np.asarray(use.max(axis=1) <= 1)
+    selected = np.asarray(regular[node])
+    table[:, regular] = zero_place[regular]
+    table[(corner % 4)[selected], node[selected]] = (corner % 4 * slots + corner // 4)[selected]
     return table
 
 
@@ -200,17 +200,17 @@ APART = 256
 
 def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> dict[str, Any]:
     """Arrays on a device, by name."""
-    found = {name: (_as(numbers, dtype), dtype) for name, (numbers, dtype) in values.items()}
+    converted = {name: (_as(numbers, dtype), dtype) for name, (numbers, dtype) in values.items()}
     places, end = {}, 0
-    for name, (numbers, _) in found.items():
+    for name, (numbers, _) in converted.items():
         places[name] = end
         end += -(-max(numbers.nbytes, 1) // APART) * APART
     piece = np.zeros(end, dtype=np.uint8)
-    for name, (numbers, _) in found.items():
+    for name, (numbers, _) in converted.items():
         piece[places[name] : places[name] + numbers.nbytes] = numbers.reshape(-1).view(np.uint8)
     memory: Any = wp.array(piece, dtype=wp.uint8, device=where)
     arrays = {}
-    for name, (numbers, dtype) in found.items():
+    for name, (numbers, dtype) in converted.items():
         array: Any = wp.array(ptr=memory.ptr + places[name], dtype=dtype, shape=numbers.shape, device=where)
         array._ref = memory  # which lives as long as its parts
         arrays[name] = array
@@ -273,8 +273,8 @@ def batch_of(
     bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
     batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)
     batch.support_moves = int(bool(moving))
-    moved = len(model.motions) + np.minimum(np.arange(len(samples)), max(len(moving) - 1, 0))
-    support = moved if moving else np.zeros(len(samples))
+    motion_row = len(model.motions) + np.minimum(np.arange(len(samples)), max(len(moving) - 1, 0))
+    support = motion_row if moving else np.zeros(len(samples))
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.stop_past_data = int(model.past_data == "stop")
     real = numbers.real
@@ -324,9 +324,9 @@ def state_of(
     state = kernel.structs.State()
     bar = isinstance(model.support, CharacteristicBar) and model.support.round_trip < np.inf
     remembers = any(contact_law(name).remembers_slip for name in (model.faces, model.side))
-    needed = {name for name, wanted in (("bar_wave", bar), ("slip", remembers)) if wanted}
+    required = {name for name, condition in (("bar_wave", bar), ("slip", remembers)) if condition}
     if kernel.memory > 0:
-        needed.add("memory")
+        required.add("memory")
     for name, n, dtype in (
         *((name, first_boundary + n_boundary, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
@@ -338,7 +338,7 @@ def state_of(
         ("memory", kernel.memory * mesh.n_elements, numbers.real),
         ("bar_wave", 2 * BAR_HISTORY, wp.float64),
     ):
-        if on_chip and name not in needed:
+        if on_chip and name not in required:
             setattr(state, name, _no_room(dtype, where.alias))
             continue
         shape = (n, lanes) if lanes > 1 else (rows, n + SPARE)
@@ -359,12 +359,12 @@ def output_of(
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
     output.n_recorded = len(nodes)
-    wanted = {
+    arrays = {
         "force_times": (sampling.force_times, wp.float64),
         "surface_times": (sampling.surface_times, wp.float64),
         "nodes": (padded(node_order(mesh)[0][nodes]), wp.int32),
     }
-    for name, array in in_one_copy(wanted, where).items():
+    for name, array in in_one_copy(arrays, where).items():
         setattr(output, name, array)
     shapes = {
         "force": (n, n_force, 2),

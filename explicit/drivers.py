@@ -319,8 +319,8 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
     jobs: list[tuple[Mapping, int, int]] = []
     first = 0
     if n_elements <= LARGE_MESH:
-        rest = n_samples % (threads * lanes)
-        packed = n_samples - rest if -(-rest // threads) < WORTH_A_PACK * lanes else n_samples
+        remainder = n_samples % (threads * lanes)
+        packed = n_samples - remainder if -(-remainder // threads) < WORTH_A_PACK * lanes else n_samples
         while packed - first >= WORTH_A_PACK * lanes:
             count = min(lanes, n_samples - first)
             jobs.append(("simulation", first, count))
@@ -396,9 +396,9 @@ def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) ->
         _report((job.run() for job in jobs), progress)
         return
     with ThreadPoolExecutor(min(threads, len(jobs) + len(tasks))) as pool:
-        done = as_completed([pool.submit(job.run) for job in jobs])
+        finished = as_completed([pool.submit(job.run) for job in jobs])
         joined = [pool.submit(task) for task in tasks]  # no thread takes one while a launch is waiting
-        _report((future.result() for future in done), progress)
+        _report((future.result() for future in finished), progress)
         for future in joined:
             future.result()
 

@@ -112,7 +112,8 @@ def run_nearly_incompressible(
     first, second = changes
     compressible_work = base.steps.astype(np.float64) * model.mesh.n_elements
     work = compressible_work + sum(
-        mesh.n_elements * (one.steps + other.steps) for mesh, (one, other) in zip(coarse, pairs, strict=True)
+        mesh.n_elements * (stiffer.steps + softer.steps)
+        for mesh, (stiffer, softer) in zip(coarse, pairs, strict=True)
     )
     return NearlyIncompressible(
         response=first.applied_to(base, pairs[0]),
@@ -144,11 +145,11 @@ class _Change:
 
         def surface(name: str) -> FloatArray:
             change = histories(name)
-            known = np.isfinite(change).all(axis=2)
-            found = np.full((*change.shape[:2], len(fine.side)), np.nan)
-            heights, wanted = _heights(mesh), _heights(fine)
-            found[known] = CubicSpline(heights, change[known], axis=1)(wanted)
-            return found
+            finite = np.isfinite(change).all(axis=2)
+            refined = np.full((*change.shape[:2], len(fine.side)), np.nan)
+            heights, fine_heights = _heights(mesh), _heights(fine)
+            refined[finite] = CubicSpline(heights, change[finite], axis=1)(fine_heights)
+            return refined
 
         return cls(
             **{name: histories(name) for name in (*_FORCES, *_STRAINS)},
@@ -163,8 +164,8 @@ class _Change:
         """The response of the fine mesh with this change; the first run that failed says how it ended."""
         runs = (base, *pair)
         outcomes = tuple(
-            next((o for o in found if not o.ok), found[0])
-            for found in zip(*(r.outcomes for r in runs), strict=True)
+            next((o for o in of_sample if not o.ok), of_sample[0])
+            for of_sample in zip(*(r.outcomes for r in runs), strict=True)
         )
         ledger = {name: getattr(base.energy, name) + change for name, change in self.energy.items()}
         corrected = {

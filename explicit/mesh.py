@@ -176,7 +176,7 @@ class ElementGeometry:
     """Row-sum share of the volume at each corner [m^3], shape [n_elements, 4]."""
 
 
-_KNOWN: WeakKeyDictionary[Mesh, ElementGeometry] = WeakKeyDictionary()
+_GEOMETRIES: WeakKeyDictionary[Mesh, ElementGeometry] = WeakKeyDictionary()
 
 
 def element_geometry(mesh: Mesh) -> ElementGeometry:
@@ -184,9 +184,9 @@ def element_geometry(mesh: Mesh) -> ElementGeometry:
 
     Raises ValueError if an element has a non-positive Jacobian; the message names it.
     """
-    if mesh not in _KNOWN:
-        _KNOWN[mesh] = _integrate(mesh)
-    return _KNOWN[mesh]
+    if mesh not in _GEOMETRIES:
+        _GEOMETRIES[mesh] = _integrate(mesh)
+    return _GEOMETRIES[mesh]
 
 
 def _integrate(mesh: Mesh) -> ElementGeometry:

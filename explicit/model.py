@@ -159,16 +159,16 @@ class Samples:
         """Broadcast scalars and arrays to one batch."""
         values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
         contact = (release_stress, contact_stiffness)
-        given = (*values, *contact, relaxation)
-        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in given))
+        columns = (*values, *contact, relaxation)
+        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in columns))
         real = [np.array(np.broadcast_to(x, shape), dtype=np.float64) for x in (*values[:5], *contact)]
         index = [
             np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in (*values[5:], relaxation)
         ]
-        named = dict(
+        arguments = dict(
             zip((f.name for f in fields(cls)), (*real[:5], *index[:2], *real[5:], index[2]), strict=True)
         )
-        return cls(**named)  # type: ignore[arg-type]
+        return cls(**arguments)  # type: ignore[arg-type]
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

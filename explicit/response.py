@@ -151,8 +151,8 @@ class EnergyLedger:
     @property
     def residual(self) -> FloatArray:
         """External work minus everything it became [J], shape [n_samples, n_surface_times]."""
-        lost = self.damping + self.friction + self.impact + self.viscous
-        return self.external - (self.kinetic + self.elastic + self.artificial + lost)
+        dissipated = self.damping + self.friction + self.impact + self.viscous
+        return self.external - (self.kinetic + self.elastic + self.artificial + dissipated)
 
     def imbalance(self) -> FloatArray:
         """Largest |residual| over the largest |external work| of each simulation [-], shape [n_samples]."""

@@ -35,7 +35,7 @@ from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.platens import MovingSupport
 from explicit.precision import Precision, precision
 from explicit.response import EnergyLedger, Outcome, Response
-from explicit.simd import PACK_BYTES, Mapping, is_known, lane_kernel
+from explicit.simd import PACK_BYTES, Mapping, is_translated, lane_kernel
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 
 
@@ -131,21 +131,21 @@ def run_side_by_side(
         As `run`.
     """
     where = select_device(device)
-    found = [_prepared(problem, where, modules) for problem in problems]
+    prepared = [_prepared(problem, where, modules) for problem in problems]
     if not where.is_cuda:
-        histories = run_all_in_lanes([one for one, _ in found], threads or os.cpu_count() or 1)
+        histories = run_all_in_lanes([one for one, _ in prepared], threads or os.cpu_count() or 1)
         return [
-            _response(problem.model, problem.sampling, kept, nodes)
-            for problem, (_, nodes), kept in zip(problems, found, histories, strict=True)
+            _response(problem.model, problem.sampling, histories_of_problem, nodes)
+            for problem, (_, nodes), histories_of_problem in zip(problems, prepared, histories, strict=True)
         ]
-    for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in found}:
+    for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in prepared}:
         # before the launches: loading waits for what runs, and compiling takes longer than most of it
         wp.load_module(kernel.module, device=where, block_dim=block)
     wp.synchronize_device(where)
-    launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in found]
+    launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in prepared]
     return [
         _response(one.batch.model, problem.sampling, collect_from_gpu(one, None), nodes)
-        for problem, one, (_, nodes) in zip(problems, launched, found, strict=True)
+        for problem, one, (_, nodes) in zip(problems, launched, prepared, strict=True)
     ]
 
 
@@ -235,7 +235,7 @@ def compile_time_loops(
     also: Sequence[Callable[[], Problem]] = (),
     device: str = "cpu",
     threads: int | None = None,
-    told: CompileProgress | None = None,
+    progress: CompileProgress | None = None,
 ) -> int:
     """Compile what batches are run with, side by side, where this machine has not yet done so.
 
@@ -264,32 +264,32 @@ def compile_time_loops(
     if where.is_cuda:
         return 0
     with GENERATING:
-        wanted = _unknown(problems, where, threads)
-        if wanted:
-            wanted |= _unknown([make() for make in also], where, threads)
-        kernels = [lane_kernel(*choice).kernel for choice in wanted]
+        choices = _unknown(problems, where, threads)
+        if choices:
+            choices |= _unknown([make() for make in also], where, threads)
+        kernels = [lane_kernel(*choice).kernel for choice in choices]
     if not kernels:
         return 0
-    tell = told or (lambda done, total: None)
-    tell(0, len(kernels))
+    report = progress or (lambda done, total: None)
+    report(0, len(kernels))
     with ThreadPoolExecutor(threads) as pool:
         load = partial(wp.load_module, device=where, block_dim=1)
         waiting = [pool.submit(load, kernel.module) for kernel in kernels]
-        for done, future in enumerate(as_completed(waiting), start=1):
+        for count, future in enumerate(as_completed(waiting), start=1):
             future.result()
-            tell(done, len(kernels))
+            report(count, len(kernels))
     return len(kernels)
 
 
 def _unknown(problems: Sequence[Problem], where: Any, threads: int) -> dict[tuple[Any, ...], None]:
     """The choices of `lane_kernel` that are not known yet, each once and in order."""
-    found: dict[tuple[Any, ...], None] = {}
+    choices: dict[tuple[Any, ...], None] = {}
     for problem in problems:
-        made, numbers, _ = _time_loop_of(problem, where)
+        time_loop, numbers, _ = _time_loop_of(problem, where)
         lanes = PACK_BYTES // numbers.dtype().itemsize
         jobs = packs(len(problem.samples), lanes, problem.model.mesh.n_elements, threads)
         mappings: dict[Mapping, None] = dict.fromkeys(job[0] for job in jobs)
         for mapping in mappings:
-            if not is_known(made.kernel, numbers, mapping, lanes):
-                found[made.kernel, made.structs, numbers, mapping, lanes] = None
-    return found
+            if not is_translated(time_loop.kernel, numbers, mapping, lanes):
+                choices[time_loop.kernel, time_loop.structs, numbers, mapping, lanes] = None
+    return choices

@@ -59,10 +59,10 @@ class ObservedPoints:
 
     @classmethod
     def of(
-        cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray
+        cls, camera: Camera, track: Track, k: int, places: FloatArray, finite: BoolArray
     ) -> "ObservedPoints":
-        """The `known` points that were found in frame `k`."""
-        rows = np.flatnonzero(known & (track.outcome[k] == PointOutcome.VALID))
+        """The `finite` points that were found in frame `k`."""
+        rows = np.flatnonzero(finite & (track.outcome[k] == PointOutcome.VALID))
         pixels = apply(track.points[rows], track.warp[k, rows])
         return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
 
@@ -101,8 +101,8 @@ def lateral_places(
     slope = (weight * since) @ across / spread
     off = across - np.average(across, axis=0, weights=weight) - np.outer(since, slope)
     scatter = np.sqrt((weight @ off**2) / weight.sum() * twice.size / (twice.size - 2))
-    own = scatter * np.sqrt(weight.sum() / (twice.size * spread))
-    speed = float(np.linalg.norm(np.abs(slope) + 2.0 * own))
+    slope_sigma = scatter * np.sqrt(weight.sum() / (twice.size * spread))
+    speed = float(np.linalg.norm(np.abs(slope) + 2.0 * slope_sigma))
     apart = np.abs(t - [np.average(t[twice[rows]], weights=weight[rows]) for rows in near])
     return place, np.clip(speed * apart, low, high), scatter
 
@@ -113,28 +113,28 @@ def _translation_in(
     frame: SpecimenFrame,
     k: int,
     places: FloatArray,
-    known: BoolArray,
+    finite: BoolArray,
     near: FloatArray,
     lateral: float,
     overlap: csr_array,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
     seen. `lateral` is the prior standard deviation of the translation across y, about that of `near` [m]."""
-    seen = [
-        ObservedPoints.of(camera, track, k, places, known)
+    observed = [
+        ObservedPoints.of(camera, track, k, places, finite)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
     ]
-    if not any(points.rows.size for points in seen):
+    if not any(points.rows.size for points in observed):
         return None
-    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
-    off = [points.off(frame, move) for points in seen]
+    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in observed]
+    off = [points.off(frame, move) for points in observed]
     across = lateral**-2
-    counted_before: list[BoolArray] = [np.zeros(0, dtype=bool) for _ in seen]
-    shared: list[FloatArray] = [np.zeros(0) for _ in seen]  # covariances of the points that count
+    counted_before: list[BoolArray] = [np.zeros(0, dtype=bool) for _ in observed]
+    shared: list[FloatArray] = [np.zeros(0) for _ in observed]  # covariances of the points that count
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)
-        for i, (points, fine, away) in enumerate(zip(seen, keep, off, strict=True)):
+        for i, (points, fine, away) in enumerate(zip(observed, keep, off, strict=True)):
             if not fine.any():
                 continue
             J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
@@ -147,11 +147,13 @@ def _translation_in(
             H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
             g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
         move = move + np.linalg.solve(H, g)
-        off = [points.off(frame, move) for points in seen]
-        keep = [points.inliers(away) for points, away in zip(seen, off, strict=True)]
+        off = [points.off(frame, move) for points in observed]
+        keep = [points.inliers(away) for points, away in zip(observed, off, strict=True)]
         if not any(fine.any() for fine in keep):
             return None
-    counted = np.unique(np.concatenate([points.rows[fine] for points, fine in zip(seen, keep, strict=True)]))
+    counted = np.unique(
+        np.concatenate([points.rows[fine] for points, fine in zip(observed, keep, strict=True)])
+    )
     return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), len(counted)
 
 
@@ -199,8 +201,8 @@ def rim_of(
 def stereo_translations(body: TrackedBody, frame: SpecimenFrame) -> tuple[FloatArray, FloatArray]:
     """Places of the points on the body [m], shape [n_points, 3], and translations of the frames [m], shape
     [n_frames, 3], by what both cameras saw; NaN where unknown."""
-    seen = body.reconstruction.outcome == PointOutcome.VALID
-    return _places(frame.positions(np.where(seen[..., None], body.reconstruction.position, np.nan)))
+    valid = body.reconstruction.outcome == PointOutcome.VALID
+    return _places(frame.positions(np.where(valid[..., None], body.reconstruction.position, np.nan)))
 
 
 def translations(
@@ -215,58 +217,58 @@ def translations(
 ) -> Translations | None:
     """Translations of a body along the axis; arguments as of
     `dic.bodies.axial_displacement.axial_displacement`, None if no point was ever seen by both cameras."""
-    both = body.reconstruction.outcome == PointOutcome.VALID
-    if not both.any():
+    valid = body.reconstruction.outcome == PointOutcome.VALID
+    if not valid.any():
         return None
     places, moves = stereo_translations(body, frame)
-    known = np.asarray(np.isfinite(places).all(axis=1))
-    rows, found, sigma, counts, common = [], [], [], [], 0.0
+    finite = np.asarray(np.isfinite(places).all(axis=1))
+    rows, fits, sigma, counts, common = [], [], [], [], 0.0
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
-    middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
+    middle = frame.in_rig(np.median(places[finite], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
-    across, lateral, place_sigma = lateral_places(t, moves, both.sum(axis=1), pixel)
+    across, lateral, place_sigma = lateral_places(t, moves, valid.sum(axis=1), pixel)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         sure = FREE * pixel
         if not np.isfinite(moves[k]).all():
             near, sure = np.array([across[k, 0], near[1], across[k, 1]]), LEAST_LATERAL * pixel
-        fit = _translation_in(body, rig, frame, k, places, known, near, sure, overlap)
+        fit = _translation_in(body, rig, frame, k, places, finite, near, sure, overlap)
         if fit is not None and static[k] and k not in twice and not common:
             off = np.hypot(place_sigma, lateral[k])
-            beside = near + np.array([off[0], 0.0, off[1]])
-            other = _translation_in(body, rig, frame, k, places, known, beside, sure, overlap)
-            common = 0.0 if other is None else abs(other[0] - fit[0])
+            displaced = near + np.array([off[0], 0.0, off[1]])
+            displaced_fit = _translation_in(body, rig, frame, k, places, finite, displaced, sure, overlap)
+            common = 0.0 if displaced_fit is None else abs(displaced_fit[0] - fit[0])
         if fit is not None:
             rows.append(k)
-            found.append(fit[0])
+            fits.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
-    fine = np.flatnonzero(consistent_frames(rows, found, counts, static, SEARCH_RANGE * pixel)).tolist()
-    rows, found = [rows[i] for i in fine], [found[i] for i in fine]
+    fine = np.flatnonzero(consistent_frames(rows, fits, counts, static, SEARCH_RANGE * pixel)).tolist()
+    rows, fits = [rows[i] for i in fine], [fits[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
         at = rows.index(body.material)
-        beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
-        sigma[at] = max(sigma[at], min(beside))
+        displaced = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
+        sigma[at] = max(sigma[at], min(displaced))
     by_edge = bool(rows) and not static[rows].any() and pictures is not None
     if by_edge and pictures is not None:
         for k, edge in registered_edges(
-            pictures, body, rig, frame, places[known], moves, rows, found, static
+            pictures, body, rig, frame, places[finite], moves, rows, fits, static
         ):
             rows.insert(0, k)
-            found.insert(0, edge.y)
+            fits.insert(0, edge.y)
             sigma.insert(0, edge.sigma if static[k] else of_moving(edge))
             counts.insert(0, 0)
             common = edge.common  # the last is the first frame's, at rest
     return Translations(
         frame=np.array(rows, dtype=np.int64),
-        y=np.array(found),
+        y=np.array(fits),
         sigma=sigma,
         n_points=counts,
         common=common,
         pixel=pixel,
-        places=places[known],
+        places=places[finite],
     )
 
 
@@ -362,13 +364,13 @@ def axial_displacement(
     known. Returns: None if no point was ever seen by both cameras, or the place at rest, which displacements
     count from, is not known: the body is seen in no static frame, and its rim in too few.
     """
-    seen = translations(body, rig, frame, t, static, subset=subset, pictures=pictures)
+    motion = translations(body, rig, frame, t, static, subset=subset, pictures=pictures)
     rim = None if pictures is None or geometry is None else rim_of(body, rig, frame, pictures, geometry)
-    return from_rest(seen, rim, rig, frame, t, static, geometry)
+    return from_rest(motion, rim, rig, frame, t, static, geometry)
 
 
 def from_rest(
-    seen: Translations | None,
+    motion: Translations | None,
     rim: Rim | None,
     rig: StereoRig,
     frame: SpecimenFrame,
@@ -378,42 +380,44 @@ def from_rest(
 ) -> AxialDisplacement | None:
     """Displacement from the place at rest, of what `translations` and `rim_of` gave; the other arguments and
     the result as of `axial_displacement`."""
-    if seen is None:
+    if motion is None:
         return None
-    index, y, sigma, counts = seen.frame, seen.y, seen.sigma, seen.n_points
+    index, y, sigma, counts = motion.frame, motion.y, motion.sigma, motion.n_points
     at_rest = static[index]
     from_rim = not at_rest.any()
     disagreement = None
     if at_rest.any():
-        rest = float(np.mean(y[at_rest]))
-        face = 0.0 if geometry is None else _widest_face(rig, frame, seen.places, geometry) / seen.pixel
+        rest_y = float(np.mean(y[at_rest]))
+        face = 0.0 if geometry is None else _widest_face(rig, frame, motion.places, geometry) / motion.pixel
         rest_sigma = float(
             np.hypot(
-                np.hypot(_of_mean(np.array(sigma)[at_rest]), seen.common), common_sigma(face) * seen.pixel
+                np.hypot(_of_mean(np.array(sigma)[at_rest]), motion.common), common_sigma(face) * motion.pixel
             )
         )
         if rim is not None and geometry is not None:
             by_end = geometry.length - rim.y
             sigma_by_end = float(np.hypot(rim.sigma, geometry.length_sigma))
-            disagreement = (rest - by_end, float(np.hypot(sigma_by_end, rest_sigma)))
-            rest, rest_sigma = combine_rest((rest, rest_sigma), (by_end, sigma_by_end))
+            disagreement = (rest_y - by_end, float(np.hypot(sigma_by_end, rest_sigma)))
+            rest_y, rest_sigma = combine_rest((rest_y, rest_sigma), (by_end, sigma_by_end))
         if int(at_rest.sum()) < FEWEST_AT_REST:
             index, y, sigma, counts = include_static_frames(
-                np.flatnonzero(static), rest, index, y, sigma, counts
+                np.flatnonzero(static), rest_y, index, y, sigma, counts
             )
     else:
-        if rim is None or geometry is None or not geometry.known:
+        if rim is None or geometry is None or not geometry.length_is_certain:
             return None
         # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
-        rest = geometry.length - rim.y
+        rest_y = geometry.length - rim.y
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
-        if not replace(geometry, length_sigma=rest_sigma).known:
+        if not replace(geometry, length_sigma=rest_sigma).length_is_certain:
             return None
-        index, y, sigma, counts = include_static_frames(np.flatnonzero(static), rest, index, y, sigma, counts)
+        index, y, sigma, counts = include_static_frames(
+            np.flatnonzero(static), rest_y, index, y, sigma, counts
+        )
     return AxialDisplacement(
         t=t[index],
         frame=index,
-        displacement=rest - y,
+        displacement=rest_y - y,
         sigma=np.array(sigma) * OWN_SHARE**0.5,
         n_points=np.array(counts, dtype=np.int64),
         rest_sigma=rest_sigma,
@@ -423,7 +427,7 @@ def from_rest(
 
 
 def include_static_frames(
-    static: IntArray, rest: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
+    static: IntArray, rest_y: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
 ) -> tuple[IntArray, FloatArray, list[float], list[int]]:
     """The displacements with the static frames that do not show the body: there it rests."""
     still = np.setdiff1d(static, index)
@@ -432,7 +436,7 @@ def include_static_frames(
     n = np.concatenate([np.zeros(still.size, dtype=np.int64), counts])[order]
     return (
         np.concatenate([still, index])[order],
-        np.concatenate([np.full(still.size, rest), y])[order],
+        np.concatenate([np.full(still.size, rest_y), y])[order],
         spread.tolist(),
         n.tolist(),
     )
@@ -453,19 +457,19 @@ def _widest_face(rig: StereoRig, frame: SpecimenFrame, places: FloatArray, geome
     )
 
 
-def combine_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tuple[float, float]:
+def combine_rest(by_frames: tuple[float, float], by_end: tuple[float, float]) -> tuple[float, float]:
     """Place at rest and its standard deviation, from what was seen of the body and from the specimen's end.
 
     By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
     what was seen counts.
 
-    ``seen``, ``by_end``: place and standard deviation [m].
+    ``by_frames``, ``by_end``: place and standard deviation [m].
     """
-    apart = seen[0] - by_end[0]
-    if abs(apart) > MOST_APART * float(np.hypot(seen[1], by_end[1])):
-        return seen
-    w = np.array([seen[1], by_end[1]]) ** -2.0
-    return float((w[0] * seen[0] + w[1] * by_end[0]) / w.sum()), float(w.sum() ** -0.5)
+    apart = by_frames[0] - by_end[0]
+    if abs(apart) > MOST_APART * float(np.hypot(by_frames[1], by_end[1])):
+        return by_frames
+    w = np.array([by_frames[1], by_end[1]]) ** -2.0
+    return float((w[0] * by_frames[0] + w[1] * by_end[0]) / w.sum()), float(w.sum() ** -0.5)
 
 
 def _of_mean(sigma: FloatArray) -> float:

@@ -143,9 +143,9 @@ def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Pos
         valid = observations.valid.copy()
         valid[np.ix_(frames, points)] &= far <= limit
         observations = replace(observations, valid=valid & (valid.sum(axis=0) >= 2))
-        again = _chain(observations)
-        if not (np.array_equal(again[0], frames) and np.array_equal(again[1], points)):
-            frames, points, R, p, X = again
+        chain = _chain(observations)
+        if not (np.array_equal(chain[0], frames) and np.array_equal(chain[1], points)):
+            frames, points, R, p, X = chain
     dof = int(now.components.sum()) - 3 * len(points) - 6 * len(frames) + 6
     chi2 = float(np.sum(squared[now.valid])) / dof if dof > 0 else 1.0
     return Poses(frames, R, p, covariance(), now.valid.sum(axis=1), chi2)
@@ -159,23 +159,23 @@ def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, 
     full = observations.valid & ~observations.single
     R, p = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
     X = np.zeros((n_points, 3))
-    solved, known = np.zeros(n_frames, dtype=bool), np.zeros(n_points, dtype=bool)
+    solved, located = np.zeros(n_frames, dtype=bool), np.zeros(n_points, dtype=bool)
     barred = np.zeros(n_frames, dtype=bool)
     while True:
-        common = full & known if solved.any() else full
+        common = full & located if solved.any() else full
         count = np.where(solved | barred, 0, common.sum(axis=1))
         k = int(np.argmax(count))
         if count[k] < FEWEST_POINTS:
             break
-        who = common[k]
-        if not _determined(observations.x[k, who], weights[k, who]):
+        visible = common[k]
+        if not _determined(observations.x[k, visible], weights[k, visible]):
             barred[k] = True
             continue
         if solved.any():
-            R[k], p[k] = _kabsch(X[who], observations.x[k, who], weight[k, who])
-        new = full[k] & ~known
+            R[k], p[k] = _kabsch(X[visible], observations.x[k, visible], weight[k, visible])
+        new = full[k] & ~located
         X[new] = (observations.x[k, new] - p[k]) @ R[k]
-        solved[k], known = True, known | new
+        solved[k], located = True, located | new
         if new.any():
             barred[:] = False  # more points may determine what was open
     if not solved.any():
@@ -185,14 +185,14 @@ def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, 
         )
     with_both = np.flatnonzero(solved)
     for k in np.flatnonzero(~solved).tolist():  # what one camera sees: from the nearest pose
-        who = observations.valid[k] & known
-        if who.sum() >= FEWEST_POINTS:
+        visible = observations.valid[k] & located
+        if visible.sum() >= FEWEST_POINTS:
             near = with_both[np.argmin(np.abs(with_both - k))]
-            R[k], p[k] = R[near], np.mean(observations.x[k, who] - X[who] @ R[near].T, axis=0)
+            R[k], p[k] = R[near], np.mean(observations.x[k, visible] - X[visible] @ R[near].T, axis=0)
             solved[k] = True
-    centre = X[known].mean(axis=0)
+    centre = X[located].mean(axis=0)
     p = p + np.einsum("kab,b->ka", R, centre)
-    frames, points = np.flatnonzero(solved), np.flatnonzero(known)
+    frames, points = np.flatnonzero(solved), np.flatnonzero(located)
     return frames, points, R[frames], p[frames], X[points] - centre
 
 
@@ -235,10 +235,10 @@ def _step(
     np.negative(S, out=S)
     S.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)] += A
     right = pose - B @ np.einsum("iab,ib->ia", D, point).ravel()
-    for spread, what in ((prior.rotation_change, "rotation"), (prior.lateral_change, "translation")):
+    for spread, coordinate in ((prior.rotation_change, "rotation"), (prior.lateral_change, "translation")):
         if spread is not None:
-            scaled = spread / unit[0 if what == "rotation" else 3]
-            _add_prior(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, what, scaled, unit)
+            scaled = spread / unit[0 if coordinate == "rotation" else 3]
+            _add_prior(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, coordinate, scaled, unit)
     # The body's own frame is open: its six motions get a value of their own.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
@@ -246,7 +246,7 @@ def _step(
     S += N @ N.T
     factor = cho_factor(S, overwrite_a=True, check_finite=False)
     change = cho_solve(factor, right).reshape(n, 6)
-    moved = np.einsum("iab,ib->ia", D, point - (change.ravel() @ B).reshape(m, 3)) * sigma
+    correction = np.einsum("iab,ib->ia", D, point - (change.ravel() @ B).reshape(m, 3)) * sigma
 
     def covariance() -> FloatArray:
         inverse = cho_solve(factor, np.eye(6 * n), overwrite_b=True, check_finite=False)
@@ -255,7 +255,7 @@ def _step(
     return (
         Rotation.from_rotvec(change[:, :3] * unit[0]).as_matrix() @ R,
         p + change[:, 3:] * sigma,
-        X + moved,
+        X + correction,
         float(np.abs(change).max()),
         covariance,
     )
@@ -267,19 +267,19 @@ def _add_prior(
     R: FloatArray,
     p: FloatArray,
     frames: IntArray,
-    what: str,
+    coordinate: str,
     scaled: float,
     unit: FloatArray,
 ) -> None:
     """Add the prior of small changes between neighbouring frames; `scaled` in `unit`s."""
-    at = slice(0, 3) if what == "rotation" else slice(3, 6)
-    across = np.eye(3) if what == "rotation" else np.diag([1.0, 0.0, 1.0])
+    at = slice(0, 3) if coordinate == "rotation" else slice(3, 6)
+    across = np.eye(3) if coordinate == "rotation" else np.diag([1.0, 0.0, 1.0])
     if len(R) < 2:
         return
     a, b = np.arange(len(R) - 1), np.arange(1, len(R))
     w = across / (scaled**2 * np.diff(frames))[:, None, None]
     r = p[1:] - p[:-1]
-    if what == "rotation":
+    if coordinate == "rotation":
         r = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
     pull = (w @ (r / unit[at])[..., None])[..., 0]
     S[a, at, a, at] += w
@@ -387,9 +387,9 @@ class BodyMotion:
         return self.displacement @ unit, between
 
     def _sigma(self) -> FloatArray:
-        found = np.full((len(self.outcome), 6), np.nan)
-        found[self.frames] = np.sqrt(np.einsum("kaka->ka", self.covariance))
-        return found
+        sigma = np.full((len(self.outcome), 6), np.nan)
+        sigma[self.frames] = np.sqrt(np.einsum("kaka->ka", self.covariance))
+        return sigma
 
 
 def body_motion(
@@ -397,7 +397,7 @@ def body_motion(
     frame: SpecimenFrame,
     *,
     at: ArrayLike,
-    rest: Sequence[int],
+    rest_frames: Sequence[int],
     overlaps: Sequence[ArrayLike] | None = None,
     shared: float = 0.5,
     rig: StereoRig | None = None,
@@ -410,8 +410,8 @@ def body_motion(
 
     ``reconstructions``: points of the body, all in the same frames; one for each material picture that points
     were chosen in, if there are several. ``frame``: the test frame. ``at``: the body's point whose
-    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest``: frames in which the body
-    rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
+    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest_frames``: frames in which the
+    body rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
     variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
     [n_frames, n_points]. ``shared``: share of a point's variance that is the same in all frames, being the
     noise of its material picture: it moves the point on the body, not the body [-]. ``rig``, ``tracks``: the
@@ -426,7 +426,7 @@ def body_motion(
     connected with the others, shapes that do not fit, options out of range.
     """
     point = np.asarray(at, dtype=np.float64)
-    _check(reconstructions, point, rest, shared, (rotation_change, lateral_change), reject, overlaps)
+    _check(reconstructions, point, rest_frames, shared, (rotation_change, lateral_change), reject, overlaps)
     valid = np.concatenate([r.outcome == PointOutcome.VALID for r in reconstructions], axis=1)
     place = np.concatenate([frame.positions(r.position) for r in reconstructions], axis=1)
     noise = np.concatenate([frame.covariances(r.covariance) for r in reconstructions], axis=1)
@@ -441,33 +441,36 @@ def body_motion(
     information[valid] = np.linalg.inv((1.0 - shared) * noise[valid])
     single = np.zeros(valid.shape, dtype=bool)
     if rig is not None and tracks is not None:
-        both = np.split(valid, np.cumsum([r.outcome.shape[1] for r in reconstructions])[:-1], axis=1)
+        valid_by_body = np.split(valid, np.cumsum([r.outcome.shape[1] for r in reconstructions])[:-1], axis=1)
         for k, camera in enumerate(rig.cameras):
-            alone = np.concatenate(
-                [(pair[k].outcome == PointOutcome.VALID) & ~v for pair, v in zip(tracks, both, strict=True)],
+            mono = np.concatenate(
+                [
+                    (pair[k].outcome == PointOutcome.VALID) & ~v
+                    for pair, v in zip(tracks, valid_by_body, strict=True)
+                ],
                 axis=1,
             )
-            alone &= valid.any(axis=0) & ~single  # its depth must be known from some frame
+            mono &= valid.any(axis=0) & ~single  # its depth must be known from some frame
             pixels = np.concatenate([apply(pair[k].points, pair[k].warp) for pair in tracks], axis=1)
             spread = np.concatenate([pair[k].covariance for pair in tracks], axis=1)
-            at_ray, known = _ray_observations(
-                camera, frame, pixels[alone], (1.0 - shared) * spread[alone], _nearest(place, valid)[alone]
+            at_ray, ray_weight = _ray_observations(
+                camera, frame, pixels[mono], (1.0 - shared) * spread[mono], _nearest(place, valid)[mono]
             )
-            place[alone], information[alone], single = at_ray, known, single | alone
-    seen = valid | single
-    seen &= seen.sum(axis=0) >= 2  # a point seen once says nothing about motion
-    found = adjust(
-        Observations(place, information, seen, single, factor),
+            place[mono], information[mono], single = at_ray, ray_weight, single | mono
+    visible = valid | single
+    visible &= visible.sum(axis=0) >= 2  # a point seen once says nothing about motion
+    poses = adjust(
+        Observations(place, information, visible, single, factor),
         MotionPrior(rotation_change, lateral_change),
         reject,
     )
-    return _from_rest(found, point, rest, len(valid))
+    return _from_rest(poses, point, rest_frames, len(valid))
 
 
 def _check(
     reconstructions: Sequence[Reconstruction],
     at: FloatArray,
-    rest: Sequence[int],
+    rest_frames: Sequence[int],
     shared: float,
     prior: tuple[float | None, float | None],
     reject: float,
@@ -481,8 +484,8 @@ def _check(
     if overlaps is not None and len(overlaps) != len(reconstructions):
         raise ValueError(f"{len(overlaps)} overlaps for {len(reconstructions)} reconstructions")
     n = frames.pop()
-    if not len(rest) or min(rest) < 0 or max(rest) >= n:
-        raise ValueError(f"rest must name frames in 0..{n - 1}, got {list(rest)}")
+    if not len(rest_frames) or min(rest_frames) < 0 or max(rest_frames) >= n:
+        raise ValueError(f"rest_frames must name frames in 0..{n - 1}, got {list(rest_frames)}")
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError(f"at must be a point [m] of 3 finite components, got {at}")
     if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in prior):
@@ -502,14 +505,14 @@ def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
     return np.take_along_axis(place, nearest[..., None], axis=0)
 
 
-def _from_rest(poses: Poses, at: FloatArray, rest: Sequence[int], n_frames: int) -> BodyMotion:
+def _from_rest(poses: Poses, at: FloatArray, rest_frames: Sequence[int], n_frames: int) -> BodyMotion:
     """Poses as motions of `at` from rest; what is common to all frames is fixed by the mean at rest."""
     k, R = poses.frames, poses.R
-    still = np.isin(k, list(rest))
+    still = np.isin(k, list(rest_frames))
     if not still.any():
         raise ValueError(
-            f"none of the rest frames {list(rest)} is connected with the others by common points; name other "
-            "frames, or choose points that are in view there"
+            f"none of the rest frames {list(rest_frames)} is connected with the others by common points; "
+            "name other frames, or choose points that are in view there"
         )
     mean = Rotation.from_matrix(R[still]).mean().as_matrix()
     body = mean.T @ (at - poses.p[still].mean(axis=0))

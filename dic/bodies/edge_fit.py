@@ -44,7 +44,7 @@ def _paint_slopes(lag: FloatArray, length: float, shape: float) -> tuple[FloatAr
 class _Side:
     """The paint of one body as the pixels see it."""
 
-    seen: FloatArray
+    response: FloatArray
     """What each place of paint gives each pixel, shape [n_u, n_v]."""
     by_blur: FloatArray
     """Its slope over the logarithm of the blur, shape [n_u, n_v]."""
@@ -88,12 +88,12 @@ class _Share:
     @classmethod
     def of(cls, side: _Side, of: _Paint) -> "_Share":
         """What a body's paint gives the pixels."""
-        near, sized = side.seen @ of.covariance, of.size**2 * side.seen
+        near, sized = side.response @ of.covariance, of.size**2 * side.response
         return cls(
-            covariance=near @ side.seen.T,
+            covariance=near @ side.response.T,
             by_blur=_symmetric_sum(near @ side.by_blur.T),
-            by_length=sized @ of.by_length @ side.seen.T,
-            by_shape=sized @ of.by_shape @ side.seen.T,
+            by_length=sized @ of.by_length @ side.response.T,
+            by_shape=sized @ of.by_shape @ side.response.T,
             by_end=None if side.end is None else _symmetric_sum(np.outer(near[:, side.end[0]], side.end[1])),
         )
 
@@ -119,9 +119,9 @@ def of_bands(
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """`with_slopes` of several bands in turn: what is alike for all of them, above all the body before the
     edge, is worked out once."""
-    edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
+    edge, (blur, first, second_grey, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
-    paint_beyond = _Paint.of(v.size, second, other, shape)
+    paint_beyond = _Paint.of(v.size, second, second_grey, shape)
     body = _Share.of(_side(u, v, edge, blur, below=True), _Paint.of(v.size, contrast, first, shape))
     for width in widths:
         band = float(width[0] + (p[8] * width[1] if free else 0.0))
@@ -163,7 +163,7 @@ def _side(u: FloatArray, v: FloatArray, end: float, blur: float, *, below: bool)
     within = 0 <= cell < v.size
     at_end = density[:, cell + 1 if below else cell] / blur if within else None
     return _Side(
-        seen=np.diff(ndtr(z), axis=1),
+        response=np.diff(ndtr(z), axis=1),
         by_blur=-np.diff(z * density, axis=1),
         end=None if at_end is None else (cell, at_end if below else -at_end),
     )
@@ -314,9 +314,9 @@ def fit_edge(
         for k, (C, slopes) in enumerate(of_bands(p, u, width, free)):
             L = np.linalg.cholesky(C)
             inverse = np.linalg.inv(C)
-            left = inverse @ whole[k]
-            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(left))
-            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - left @ inverse, slopes)
+            quotient = inverse @ whole[k]
+            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(quotient))
+            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - quotient @ inverse, slopes)
         return float(total), slope
 
     logs = [np.log(limits) for limits in (BLUR, LENGTH, LENGTH, CONTRAST, CONTRAST, NOISE, SHAPE)]
@@ -374,8 +374,8 @@ def _groups(widths: FloatArray) -> IntArray:
     low, high = float(typical.min()), float(typical.max())
     if high - low < ALIKE:
         return np.zeros(typical.size, dtype=np.int64)
-    found = np.minimum(((typical - low) / (high - low) * BANDS).astype(np.int64), BANDS - 1)
-    return np.asarray(np.unique(found, return_inverse=True)[1])
+    groups = np.minimum(((typical - low) / (high - low) * BANDS).astype(np.int64), BANDS - 1)
+    return np.asarray(np.unique(groups, return_inverse=True)[1])
 
 
 def _blocks(n_columns: int) -> IntArray:

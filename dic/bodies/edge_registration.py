@@ -71,8 +71,8 @@ class VisiblePixels:
     def slope(self, frame: SpecimenFrame, step: float) -> FloatArray:
         """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]: a difference
         quotient over `step` [m]."""
-        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, step, 0.0]))
-        return (self.view.grey(beside) - self.reference) / step
+        displaced = self.view.camera.project(frame.in_rig(self.X - [0.0, step, 0.0]))
+        return (self.view.grey(displaced) - self.reference) / step
 
 
 def _zncc_of(parts: list[VisiblePixels]) -> float:
@@ -84,14 +84,14 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
     return zncc(grey, reference)
 
 
-def least_zncc(known: Sequence[float]) -> float:
+def least_zncc(values: Sequence[float]) -> float:
     """Least ZNCC at which a strip is taken for the body.
 
-    ``known``: those of frames in which its translation is known.
+    ``values``: those of frames in which its translation is known.
     """
-    if not known:
+    if not values:
         return LEAST_ZNCC
-    return max(LEAST_ZNCC, 1.0 - max(UNLIKE, TIMES * (1.0 - float(np.median(known)))))
+    return max(LEAST_ZNCC, 1.0 - max(UNLIKE, TIMES * (1.0 - float(np.median(values)))))
 
 
 def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
@@ -167,11 +167,11 @@ def _visible_pixels(
     rows, columns = inner.shape
     within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
     within[within] = inner[at[within, 1], at[within, 0]]
-    seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
-    held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
-    visible = np.flatnonzero(within)[held]
+    pixels = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
+    inside = np.all((pixels >= 3.0) & (pixels <= np.array([columns, rows]) - 4.0), axis=1)
+    visible = np.flatnonzero(within)[inside]
     x, y = view.x[visible].T
-    return VisiblePixels(view, X[visible], picture[y, x], view.grey(seen[held]), view.row[visible])
+    return VisiblePixels(view, X[visible], picture[y, x], view.grey(pixels[inside]), view.row[visible])
 
 
 LARGEST_EDGE = 0.1
@@ -187,7 +187,7 @@ MOST_STEPS, CONVERGED = 10, 2e-4
 """Gauss-Newton steps at most, and the step at which they end [px]."""
 LARGEST_CORRECTION = 0.54
 """Largest distance of the result from the best of the translations tried [px]."""
-BESIDE = 0.02
+SLOPE_STEP = 0.02
 """Step of the difference quotient of grey values [px]."""
 
 
@@ -237,29 +237,31 @@ class EdgeRegistration:
         self.pixel = 1.0 / float(np.linalg.norm(along))
         """Length along the axis that a pixel shows [m]."""
         self._views = [
-            _edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
+            _edge_view(*camera_and_pixels, frame, radius, along)
+            for camera_and_pixels in zip(rig.cameras, material, strict=True)
         ]
         self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
         self._least = LEAST_ZNCC
 
     def fit_row_offsets(
-        self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
+        self, matched_frames: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
         """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
         no strip that looks much less like the body than these frames.
 
-        ``known``: pairs of pictures, shape [rows, columns] each, with the body's translation in them [m],
-        shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`];
-        0 where unknown. Returns: its standard deviation, from the scatter of the frames [m], same shape.
+        ``matched_frames``: pairs of pictures, shape [rows, columns] each, with the body's translation in
+        them [m], shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape
+        [2, `EDGE_ROWS`]; 0 where unknown. Returns: its standard deviation, from the scatter of the frames
+        [m], same shape.
         """
-        seen = [self._row_offsets(pictures, move) for pictures, move in known]
-        self._least = least_zncc([zncc for _, zncc in seen if zncc > 0.0])
-        found = np.stack([offsets for offsets, _ in seen])  # frame, camera, row
-        count = np.isfinite(found).sum(axis=0)
+        frames = [self._row_offsets(pictures, move) for pictures, move in matched_frames]
+        self._least = least_zncc([zncc for _, zncc in frames if zncc > 0.0])
+        offset = np.stack([offsets for offsets, _ in frames])  # frame, camera, row
+        count = np.isfinite(offset).sum(axis=0)
         enough = count >= FEWEST_FRAMES
-        values = np.where(np.isfinite(found), found, 0.0)
+        values = np.where(np.isfinite(offset), offset, 0.0)
         mean = values.sum(axis=0) / np.maximum(count, 1)
-        square = np.where(np.isfinite(found), (found - mean) ** 2, 0.0).sum(axis=0)
+        square = np.where(np.isfinite(offset), (offset - mean) ** 2, 0.0).sum(axis=0)
         self._offset = np.where(enough, mean, 0.0)
         self._offset_sigma = np.where(enough, np.sqrt(square / np.maximum(count * (count - 1), 1)), 0.0)
         return self._offset, self._offset_sigma
@@ -295,22 +297,24 @@ class EdgeRegistration:
             clear=is_clear,
         )
 
-    def end_error(self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]) -> float | None:
+    def end_error(
+        self, matched_frames: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
+    ) -> float | None:
         """Error with which the row at the region's end shows the body where its translation is known [m].
 
-        ``known``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view
-        there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show
-        it, or it is more than `LARGEST_EDGE`.
+        ``matched_frames``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is
+        in view there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames
+        show it, or it is more than `LARGEST_EDGE`.
         """
         end = self._masks[0] & ~self._masks[1]
         steps = []
-        for pictures, move in known:
+        for pictures, move in matched_frames:
             parts = self._visible(pictures, move, float(move[1]), end)
             if sum(len(part.grey) for part in parts) < FEWEST:
                 continue
             grey = np.concatenate([part.grey for part in parts])
             reference = np.concatenate([part.reference for part in parts])
-            slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+            slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
             steps.append(fitted(grey, reference, slope)[0])
         error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
         return error if error <= LARGEST_EDGE * self.pixel else None
@@ -345,7 +349,7 @@ class EdgeRegistration:
                 np.zeros(EDGE_ROWS),
             )
             parts.append(visible)
-            slope = visible.slope(self._frame, BESIDE * self.pixel)
+            slope = visible.slope(self._frame, SLOPE_STEP * self.pixel)
             for k in range(EDGE_ROWS):
                 of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
@@ -374,14 +378,14 @@ class EdgeRegistration:
             return -1.0, 0.0, np.inf, 0.0, n
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
-        slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+        slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
         step, variance = fitted(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)
-        known = np.concatenate(
+        correlations = np.concatenate(
             [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
         # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
-        return zncc, step, variance, float(weight @ known), n
+        return zncc, step, variance, float(weight @ correlations), n
 
 
 SEARCH_RANGE = 0.9
@@ -404,7 +408,7 @@ def registered_edges(
     places: FloatArray,
     moves: FloatArray,
     rows: list[int],
-    found: list[float],
+    positions: list[float],
     static: BoolArray,
 ) -> list[tuple[int, RegisteredEdge]]:
     """The frames before the first of `rows`, latest first, with the registration of the edge strip."""
@@ -415,12 +419,12 @@ def registered_edges(
         return []
     chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
     registration = EdgeRegistration(chosen, body.mask, rig, frame, places, moves[m])
-    registration.fit_row_offsets(_in_view(pictures, moves, rows, found))
+    registration.fit_row_offsets(_in_view(pictures, moves, rows, positions))
     result: list[tuple[int, RegisteredEdge]] = []
     recent: list[tuple[tuple[FloatArray, FloatArray], FloatArray]] = []
     end_error: float | None = None
     # The first points to come into view are few: the motion is that of the first ten frames together.
-    at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
+    at, y = np.array(rows[:10], dtype=np.float64), np.array(positions[:10])
     speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
     start = float(np.median(y - speed * (at - first)))
     past = [(first, start), (first + 1, start + speed)]
@@ -429,9 +433,9 @@ def registered_edges(
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:
             continue  # its frame has an outcome that says so (`dic.images.frame_health`)
-        (last, there), (before, earlier) = past
-        speed = 0.0 if static[k] else (there - earlier) / (last - before)
-        expected = there + speed * (k - last)
+        (last, latest), (before, earlier) = past
+        speed = 0.0 if static[k] else (latest - earlier) / (last - before)
+        expected = latest + speed * (k - last)
         settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
         around = SEARCH_STEP if settled else SEARCH_RANGE * (last - k)
         tried = np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP) * registration.pixel
@@ -451,7 +455,7 @@ def registered_edges(
 
 
 def consistent_frames(
-    rows: list[int], found: list[float], counts: list[int], static: BoolArray, distance: float
+    rows: list[int], positions: list[float], counts: list[int], static: BoolArray, distance: float
 ) -> list[bool]:
     """Frames that agree with the path of those after them.
 
@@ -464,19 +468,19 @@ def consistent_frames(
     if not rows:
         return fine
     best = int(np.argmax(counts))
-    kept = [best]
+    consistent = [best]
     for i in range(best - 1, -1, -1):
-        after = kept[-6:]
+        after = consistent[-6:]
         if len(after) >= 3:
-            at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
+            at, y = np.array([rows[k] for k in after]), np.array([positions[k] for k in after])
             speed = float(np.median(np.diff(y) / np.diff(at)))
             if static[rows[i]]:
-                fine[i] = at_rest_before(found[i] - y[-1], speed * (rows[i] - at[-1]), distance)
+                fine[i] = at_rest_before(positions[i] - y[-1], speed * (rows[i] - at[-1]), distance)
             else:
-                off = found[i] - float(np.median(y + speed * (rows[i] - at)))
+                off = positions[i] - float(np.median(y + speed * (rows[i] - at)))
                 fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
         if fine[i]:
-            kept.append(i)
+            consistent.append(i)
     return fine
 
 
@@ -487,11 +491,11 @@ def at_rest_before(change: float, most: float, distance: float) -> bool:
 
 
 def _in_view(
-    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
+    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], positions: list[float]
 ) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
     """Pictures of frames whose points give the translation, with it; about `MOST_OFFSET_FRAMES` of them."""
-    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
-    for k, y in seen[:: max(len(seen) // MOST_OFFSET_FRAMES, 1)]:
+    finite = [(k, y) for k, y in zip(rows, positions, strict=True) if np.isfinite(moves[k]).all()]
+    for k, y in finite[:: max(len(finite) // MOST_OFFSET_FRAMES, 1)]:
         try:
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:

@@ -77,12 +77,12 @@ def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
             f"the picture, at least {LEAST_TRAVEL:g} px are needed"
         )
     last, contrast = _consistent_edge(pictures[first:], travel[first:], noise, LARGEST_SPAN * rows)
-    known = travel <= last - STRIP - 1.0  # further back the strip holds specimen too
-    known[:first] = False
-    found, where = [n - 1], [last]
+    certain = travel <= last - STRIP - 1.0  # further back the strip holds specimen too
+    certain[:first] = False
+    frames, edges = [n - 1], [last]
     shift, speed = 0.0, 0.0
     for k in range(n - 2, -1, -1):
-        guess = float(travel[k]) if known[k] else shift + speed
+        guess = float(travel[k]) if certain[k] else shift + speed
         in_view = min(int(np.floor(last - guess)) - 1, MOST_ROWS)  # rows of the flyer, clear of its edge
         if in_view < FEWEST_ROWS:
             break
@@ -90,9 +90,9 @@ def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
         if fit is None or abs(fit - guess) > 1.5:
             break
         speed, shift = fit - shift, fit
-        found.append(k)
-        where.append(last - shift)
-    return FollowedEdge(np.array(found), np.array(where), contrast)
+        frames.append(k)
+        edges.append(last - shift)
+    return FollowedEdge(np.array(frames), np.array(edges), contrast)
 
 
 def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
@@ -102,10 +102,10 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
     farthest = max(6, rows // 16)
     travel = np.zeros(n)
     for k in range(n - 2, -1, -1):
-        here, next_one = pictures[k, :STRIP], pictures[k + 1]
+        border, next_one = pictures[k, :STRIP], pictures[k + 1]
         score = np.array(
             [
-                zncc(here[max(-s, 0) :].ravel(), next_one[max(s, 0) : STRIP + s].ravel())
+                zncc(border[max(-s, 0) :].ravel(), next_one[max(s, 0) : STRIP + s].ravel())
                 for s in range(-1, farthest)
             ]
         )
@@ -166,13 +166,13 @@ def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
     rows = pictures.shape[1]
     total = np.zeros(pictures.shape[1:])
     square, count = np.zeros_like(total), np.zeros(rows)
-    for picture, moved in zip(pictures, travel, strict=True):
-        at = np.arange(rows) - moved
-        seen = at >= 0.0
-        values = _rows_at(picture, at[seen])
-        total[seen] += values
-        square[seen] += values**2
-        count[seen] += 1.0
+    for picture, offset in zip(pictures, travel, strict=True):
+        at = np.arange(rows) - offset
+        inside = at >= 0.0
+        values = _rows_at(picture, at[inside])
+        total[inside] += values
+        square[inside] += values**2
+        count[inside] += 1.0
     few = count < FEWEST_FRAMES
     n = np.maximum(count, 2.0)[:, None]
     variance = np.maximum(square - total**2 / n, 0.0) / (n - 1.0)
@@ -212,18 +212,18 @@ def rigid_limit(rows: FloatArray, noise: float) -> float:
 def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[float, float]:
     """Row of the edge in the last picture, and how clear it is."""
     spread = _row_variation(pictures, travel)
-    known = np.flatnonzero(np.isfinite(spread))
-    if known.size < 2 * FEWEST_ROWS:
+    finite = np.flatnonzero(np.isfinite(spread))
+    if finite.size < 2 * FEWEST_ROWS:
         raise ValueError(f"{len(pictures)} frames show too little of it")
-    level = float(np.median(spread[known[:STRIP]]))
-    most = rigid_limit(pictures[-1, known[:STRIP]], noise)
+    level = float(np.median(spread[finite[:STRIP]]))
+    most = rigid_limit(pictures[-1, finite[:STRIP]], noise)
     if level > most:
         raise ValueError(
             f"the rows at the border vary by {level / noise:.1f} of the noise, at most {most / noise:.1f} is "
             "rigid"
         )
-    departs = known[spread[known] > DEPARTS * level]
-    if not departs.size or departs[0] < known[0] + FEWEST_ROWS:
+    departs = finite[spread[finite] > DEPARTS * level]
+    if not departs.size or departs[0] < finite[0] + FEWEST_ROWS:
         raise ValueError("no rows at the border move rigidly, or all that is seen does")
     first = int(departs[0])
     high = float(spread[first : first + WIDTH + 1].max())
@@ -254,8 +254,8 @@ def row_correlation(picture: FloatArray) -> FloatArray:
     f = picture - gaussian_filter1d(picture, EVEN, axis=1)
     above, below = f[:-2], f[2:]
     scale = np.sqrt(np.sum(above**2, axis=1) * np.sum(below**2, axis=1))
-    found = np.sum(above * below, axis=1) / np.where(scale > 0.0, scale, 1.0)
-    return np.pad(found, 1, constant_values=1.0)
+    correlation = np.sum(above * below, axis=1) / np.where(scale > 0.0, scale, 1.0)
+    return np.pad(correlation, 1, constant_values=1.0)
 
 
 def rotate_rows(picture: FloatArray, toward: str) -> FloatArray:
@@ -267,8 +267,8 @@ def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
     """The row before the one clear edge among rows."""
     k = int(np.argmin(pairs))
     median = float(np.median(likeness))
-    others = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
-    second = float(others.min(initial=1.0))
+    distant = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
+    second = float(distant.min(initial=1.0))
     if pairs[k] > CLEAR_CORRELATION * median or pairs[k] > second - APART:
         raise ValueError(
             f"no clear edge is seen {where}: rows that span it correlate by {pairs[k]:.2f}, others by "
@@ -282,7 +282,7 @@ def follow_by_correlation(
 ) -> tuple[int, FloatArray, int]:
     """Track the flyer's edge by the path of least correlation from row `start` of the first frame; it never
     comes to row `farthest`. Returns the last frame, its picture, and the row before the edge."""
-    cost, back, kept = None, [], []
+    cost, back, usable = None, [], []
     picture = np.empty(0)
     for k in frames:
         try:
@@ -290,35 +290,35 @@ def follow_by_correlation(
         except PictureError:
             continue
         likeness = row_correlation(picture[:, inner])
-        here = 0.5 * (likeness[:-1] + likeness[1:])
-        here[farthest:] = np.inf
+        row_cost = 0.5 * (likeness[:-1] + likeness[1:])
+        row_cost[farthest:] = np.inf
         if cost is None:
-            cost = np.full(here.size, np.inf)
-            cost[start] = here[start]
+            cost = np.full(row_cost.size, np.inf)
+            cost[start] = row_cost[start]
         else:
             steps = np.stack([_shifted(cost, step) for step in range(-1, FASTEST + 1)])
             back.append(np.argmin(steps, axis=0) - 1)
-            cost = here + steps.min(axis=0)
-        kept.append((k, here, float(np.median(likeness[:farthest]))))
+            cost = row_cost + steps.min(axis=0)
+        usable.append((k, row_cost, float(np.median(likeness[:farthest]))))
     assert cost is not None  # a usable static frame was there
     row = int(np.argmin(cost))
-    last, here, median = kept[-1]
-    if here[row] > CLEAR_CORRELATION * median:
+    last, row_cost, median = usable[-1]
+    if row_cost[row] > CLEAR_CORRELATION * median:
         raise ValueError(
             f"the flyer's edge is lost on the way to frame {last}: rows that span it correlate by "
-            f"{here[row]:.2f}, others by {median:.2f}; declare flyer, in a frame that shows much of it"
+            f"{row_cost[row]:.2f}, others by {median:.2f}; declare flyer, in a frame that shows much of it"
         )
     return last, picture, row
 
 
 def _shifted(cost: FloatArray, step: int) -> FloatArray:
     """The cost of having been `step` rows further up."""
-    moved = np.full(cost.size, np.inf)
+    result = np.full(cost.size, np.inf)
     if step >= 0:
-        moved[step:] = cost[: cost.size - step]
+        result[step:] = cost[: cost.size - step]
     else:
-        moved[:step] = cost[-step:]
-    return moved
+        result[:step] = cost[-step:]
+    return result
 
 
 BLOCKS = 8

@@ -105,49 +105,49 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
     than `Correlation.least_pixels` of its area, if that: nothing would be left for what the other camera does
     not see.
     """
-    held = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
+    share = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
     x, y = np.round(points).astype(int).T
-    return min(settings.least_pixels, STRIP * float(held[y, x].max()))
+    return min(settings.least_pixels, STRIP * float(share[y, x].max()))
 
 
 def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:
     """Follow a body's points in one camera; in camera 1 those that were matched."""
     first, points, match = camera == 0, body.points, body.match
-    known = np.ones(len(points), dtype=bool) if first else match.valid
-    if not known.any():
+    matched = np.ones(len(points), dtype=bool) if first else match.valid
+    if not matched.any():
         return _all_points(dict(vars(_empty_track(points, match, body.health[camera]))), points, match)
-    start, covariance = (None, None) if first else (match.warp[known], match.covariance[known])
+    start, covariance = (None, None) if first else (match.warp[matched], match.covariance[matched])
     if body.rigid:
-        found = track_rigid(
-            body.pictures[camera], points[known], body.tracking.correlation, noise=body.noise[camera],
+        result = track_rigid(
+            body.pictures[camera], points[matched], body.tracking.correlation, noise=body.noise[camera],
             mask=body.mask, start=start, start_covariance=covariance, first=body.material,
             frame_outcome=body.health[camera], device=body.device, progress=progress,
         )  # fmt: skip
     else:
-        found = track(
-            body.pictures[camera], points[known], body.tracking, noise=body.noise[camera],
+        result = track(
+            body.pictures[camera], points[matched], body.tracking, noise=body.noise[camera],
             mask=body.mask, start=start, start_covariance=covariance, first=body.material,
             frame_outcome=body.health[camera], device=body.device, progress=progress,
         )  # fmt: skip
-    variances = np.einsum("...ii->...i", found.covariance)
+    variances = np.einsum("...ii->...i", result.covariance)
     variances += EXACT
     if first:
-        return found
-    fields = dict(vars(found))
-    del found  # so that each array can go as soon as it was spread out
+        return result
+    fields = dict(vars(result))
+    del result  # so that each array can go as soon as it was spread out
     return _all_points(fields, points, match)
 
 
-def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
+def material_frame(health: tuple[IntArray, IntArray], preferred: int) -> int:
     """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
 
-    ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``wanted``: the frame
-    in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
+    ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``preferred``: the
+    frame in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
     """
     usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
     if not usable.size:
         raise ValueError("no frame has a usable picture of both cameras")
-    return int(usable[np.argmin(np.abs(usable - wanted))])
+    return int(usable[np.argmin(np.abs(usable - preferred))])
 
 
 def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Track:
@@ -165,16 +165,16 @@ def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Tr
 
 def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
     """A track of the matched points with rows for the others, which keep the outcome of their match."""
-    known, n_frames, n = match.valid, len(fields["warp"]), len(points)
+    valid, n_frames, n = match.valid, len(fields["warp"]), len(points)
     for name in ("warp", "covariance", "zncc", "excess", "reference"):
-        if fields[name] is None or known.all():
+        if fields[name] is None or valid.all():
             continue
         narrow = fields.pop(name)
         wide = np.full((n_frames, n, *narrow.shape[2:]), -1 if name == "reference" else np.nan)
-        wide[:, known] = narrow
+        wide[:, valid] = narrow
         fields[name] = wide
     outcome = np.array(np.broadcast_to(match.outcome, (n_frames, n)))
-    outcome[:, known] = fields["outcome"]
+    outcome[:, valid] = fields["outcome"]
     if fields["frame_outcome"] is not None:
         outcome[fields["frame_outcome"] != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
     return Track(**{**fields, "points": points, "outcome": outcome})
@@ -258,26 +258,26 @@ def follow_bodies(
     ``stereo``: how they were matched between the cameras. ``progress``: told of the frames done; of those of
     camera 1 when all are.
     """
-    told = progress or (lambda stage, done, total: None)
+    report = progress or (lambda stage, done, total: None)
 
     def seen_by(camera: int) -> list[Track]:
         return [
-            track_body(body, camera, partial(told, f"{body.name}, camera 0") if camera == 0 else None)
+            track_body(body, camera, partial(report, f"{body.name}, camera 0") if camera == 0 else None)
             for body in bodies
         ]
 
     small = sum(body.size for body in bodies) <= MOST_SENT
     forked = small and all(body.device == "cpu" for body in bodies)
-    with background(partial(seen_by, 1), fork=None if forked else False) as later:
-        tracks = list(zip(seen_by(0), later(), strict=True))
+    with background(partial(seen_by, 1), fork=None if forked else False) as tracks_1:
+        tracks = list(zip(seen_by(0), tracks_1(), strict=True))
     for body in bodies:
-        told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
-    common = [_common_of(body, stereo, found) for body, found in zip(bodies, tracks, strict=True)]
+        report(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
+    common = [_common_of(body, stereo, pair) for body, pair in zip(bodies, tracks, strict=True)]
     works = [
-        partial(reconstruct, rig, *found, common=shared) for found, shared in zip(tracks, common, strict=True)
+        partial(reconstruct, rig, *pair, common=shared) for pair, shared in zip(tracks, common, strict=True)
     ]
-    made = run_parallel(works) if small else [work() for work in works]
-    return [_tracked(*of) for of in zip(bodies, tracks, made, common, strict=True)]
+    reconstructions = run_parallel(works) if small else [work() for work in works]
+    return [_tracked(*of) for of in zip(bodies, tracks, reconstructions, common, strict=True)]
 
 
 def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Track]) -> FloatArray | None:
@@ -289,7 +289,7 @@ def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Trac
 
 
 def _tracked(
-    body: MatchedBody, tracks: tuple[Track, Track], made: Reconstruction, common: FloatArray | None
+    body: MatchedBody, tracks: tuple[Track, Track], reconstruction: Reconstruction, common: FloatArray | None
 ) -> TrackedBody:
     """The body with its points in space."""
     return TrackedBody(
@@ -299,7 +299,7 @@ def _tracked(
         material=body.material,
         stereo=body.match,
         tracks=tracks,
-        reconstruction=made,
+        reconstruction=reconstruction,
         common=common,
     )
 
@@ -315,8 +315,8 @@ def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> Float
     valid = match.valid
     common = np.zeros((len(valid), 2, 2))
     if root is not None:
-        known = valid & np.isfinite(root).all(axis=(1, 2))
-        common[known] = root[known]
+        finite = valid & np.isfinite(root).all(axis=(1, 2))
+        common[finite] = root[finite]
     else:
         share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
         common[valid] = in_material(share * match.covariance[valid], match.warp[valid])

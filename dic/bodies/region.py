@@ -104,8 +104,8 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     x = _centred(columns.min(), columns.max(), step)
     y = _centred(rows.min(), rows.max(), step)
     i, j = np.meshgrid(np.arange(x.size), np.arange(y.size))
-    kept = fit[y[j], x[i]].ravel()
-    cell = np.column_stack([i.ravel(), j.ravel()])[kept]
+    selected = fit[y[j], x[i]].ravel()
+    cell = np.column_stack([i.ravel(), j.ravel()])[selected]
     return np.column_stack([x[cell[:, 0]], y[cell[:, 1]]]).astype(np.float64), cell.astype(np.int64)
 
 
@@ -155,17 +155,19 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
-    rest = np.flatnonzero(static & usable)
+    rest_frames = np.flatnonzero(static & usable)
     moving = np.flatnonzero(~static & usable)
-    if not rest.size or not moving.size:
+    if not rest_frames.size or not moving.size:
         raise ValueError("regions need a usable static picture and one of the motion")
-    mean = rotate_rows(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
+    mean = rotate_rows(
+        np.mean([pictures.frame(k).astype(np.float64) for k in rest_frames.tolist()], axis=0), toward
+    )
     third = len(mean) // 3
     inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
     bottom, edge = _lower_end(mean[:, inner])
-    stack, frames = _stack(pictures, [int(rest[-1]), *moving.tolist()], toward, inner)
+    stack, frames = _stack(pictures, [int(rest_frames[-1]), *moving.tolist()], toward, inner)
     try:
-        followed = follow_edge(stack, _noise(pictures, rest.tolist(), toward, inner))
+        followed = follow_edge(stack, _noise(pictures, rest_frames.tolist(), toward, inner))
     except ValueError as error:
         top, (last, picture, border), why = (
             *_by_row_correlation(pictures, frames, toward, inner, mean, bottom, error),
@@ -193,7 +195,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
         return tuple(_back(p, shape, toward) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
     return FoundRegions(
-        specimen=Region(corners(columns, (top, bottom)), int(rest[0])),
+        specimen=Region(corners(columns, (top, bottom)), int(rest_frames[0])),
         flyer=Region(corners(wide, (0, border - 1)), last),
         edge=_back((0.5 * (columns[0] + columns[1]), edge), shape, toward),
         why=why,
@@ -201,17 +203,17 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
 
 
 def _stack(
-    pictures: Pictures, wanted: Sequence[int], toward: str, inner: slice
+    pictures: Pictures, indices: Sequence[int], toward: str, inner: slice
 ) -> tuple[FloatArray, list[int]]:
     """The pictures that can be read, without the uneven light, and their frames."""
-    kept, frames = [], []
-    for k in wanted:
+    rotated, frames = [], []
+    for k in indices:
         try:
-            kept.append(_even(rotate_rows(pictures.frame(k).astype(np.float64), toward)[:, inner]))
+            rotated.append(_even(rotate_rows(pictures.frame(k).astype(np.float64), toward)[:, inner]))
         except PictureError:
             continue
         frames.append(k)
-    return np.array(kept), frames
+    return np.array(rotated), frames
 
 
 def _even(picture: FloatArray) -> FloatArray:
@@ -220,11 +222,11 @@ def _even(picture: FloatArray) -> FloatArray:
     return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
 
 
-def _noise(pictures: Pictures, rest: Sequence[int], toward: str, inner: slice) -> float:
+def _noise(pictures: Pictures, rest_frames: Sequence[int], toward: str, inner: slice) -> float:
     """Standard deviation of the pictures at rest."""
-    if len(rest) < 2:
+    if len(rest_frames) < 2:
         raise ValueError("a single static picture tells no noise")
-    still = _stack(pictures, rest[-MOST_STATIC_FRAMES:], toward, inner)[0]
+    still = _stack(pictures, rest_frames[-MOST_STATIC_FRAMES:], toward, inner)[0]
     return float(np.sqrt(still.var(axis=0, ddof=1).mean()))
 
 
@@ -256,14 +258,14 @@ def _by_row_correlation(
     pairs = 0.5 * (likeness[:-1] + likeness[1:])
     try:
         top = clear_edge(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
-        found = follow_by_correlation(pictures, frames, toward, inner, top - 2, bottom - 2)
+        path = follow_by_correlation(pictures, frames, toward, inner, top - 2, bottom - 2)
     except ValueError as error:
         raise ValueError(f"{problem}; and {error}") from error
-    if found[2] < 3:
+    if path[2] < 3:
         raise ValueError(
             "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
         )
-    return top, found
+    return top, path
 
 
 def _lower_end(mean: FloatArray) -> tuple[int, float]:
@@ -374,7 +376,7 @@ def _at_shift(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArra
     """Correlation of the region's pixels with a picture in which they moved; -1 if too few are in view."""
     rows, columns = picture.shape
     u, v = x + move[0], y + move[1]
-    seen = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
-    if seen.sum() < FEWEST:
+    inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+    if inside.sum() < FEWEST:
         return -1.0
-    return zncc(declared[y[seen], x[seen]], picture[v[seen], u[seen]])
+    return zncc(declared[y[inside], x[inside]], picture[v[inside], u[inside]])

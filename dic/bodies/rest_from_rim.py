@@ -69,7 +69,7 @@ class RestGeometry:
     """Its radius [m]."""
 
     @property
-    def known(self) -> bool:
+    def length_is_certain(self) -> bool:
         """True if the upper end is known well enough to stand for the flyer's place at rest."""
         return self.length_sigma <= LARGEST_SHARE * self.length
 
@@ -91,25 +91,25 @@ def find_rim(
     3]; NaN where not known. ``geometry``: the specimen, for the band between it and the rim. Returns: None if
     neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
-    known = np.asarray(np.isfinite(places).all(axis=1))
-    if known.sum() < 3:
+    finite = np.asarray(np.isfinite(places).all(axis=1))
+    if finite.sum() < 3:
         return None
-    radius = float(np.median(np.hypot(places[known, 0], places[known, 2])))
-    start = _end_of_region(body, places, known)
+    radius = float(np.median(np.hypot(places[finite, 0], places[finite, 2])))
+    start = _end_of_region(body, places, finite)
     frames = np.flatnonzero(np.isfinite(moves).all(axis=1))
     frames = frames[:: max(-(-frames.size // MOST_FRAMES), 1)]
-    found, sigmas = [], []
+    ends, sigmas = [], []
     for camera, series in zip(rig.cameras, pictures, strict=True):
         one = _rim_of(camera, series, frame, radius, start, frames, moves, geometry)
         if one is not None:
-            found.append(one[0])
+            ends.append(one[0])
             sigmas.append(one[1])
-    if not found:
+    if not ends:
         return None
-    return combine_rims(found, sigmas)
+    return combine_rims(ends, sigmas)
 
 
-def combine_rims(found: list[float], sigmas: list[float]) -> Rim:
+def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
     """The rim from one camera or both.
 
     Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
@@ -117,20 +117,20 @@ def combine_rims(found: list[float], sigmas: list[float]) -> Rim:
     the standard deviation, so that the place of either lies one from the mean. By more than a length allows
     (`RestGeometry.known`), nothing counts from it.
     """
-    apart = abs(found[0] - found[-1])
+    apart = abs(ends[0] - ends[-1])
     return Rim(
-        y=float(np.mean(found)),
+        y=float(np.mean(ends)),
         sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas))), 0.5 * apart)),
-        cameras=len(found),
+        cameras=len(ends),
     )
 
 
-def _end_of_region(body: TrackedBody, places: FloatArray, known: BoolArray) -> float:
+def _end_of_region(body: TrackedBody, places: FloatArray, finite: BoolArray) -> float:
     """y on the body where its region ends toward the specimen [m]: the points' y continued to that pixel."""
-    along = body.points[known] - body.points[known].mean(axis=0)
-    slope, *_ = np.linalg.lstsq(np.column_stack([along, np.ones(len(along))]), places[known, 1], rcond=None)
+    along = body.points[finite] - body.points[finite].mean(axis=0)
+    slope, *_ = np.linalg.lstsq(np.column_stack([along, np.ones(len(along))]), places[finite, 1], rcond=None)
     axis = int(np.argmax(np.abs(slope[:2])))
-    line = Polynomial.fit(body.points[known, axis], places[known, 1], 1)
+    line = Polynomial.fit(body.points[finite, axis], places[finite, 1], 1)
     rows = np.flatnonzero(body.mask.any(axis=axis))  # axis 0 is x: columns of the mask
     ends = line(np.array([rows[0], rows[-1]], dtype=np.float64))
     return float(ends.min())
@@ -152,7 +152,7 @@ def _rim_of(
     half = SHARE * geometry.radius
     x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-WITHIN, BEYOND + 1.0)
-    strips, shown = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    strips, usable = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
     if len(strips) < FEWEST_FRAMES:
         return None
     spread = np.sqrt(strips.var(axis=0).mean(axis=1))
@@ -161,14 +161,14 @@ def _rim_of(
     if not above.size or above[0] < 2 or float(np.median(spread[: above[0] - 1])) * CLEAR > high:
         return None
     centre = frame.positions(camera.centre)
-    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in usable])
     nearest = float(bands[:, 1].min())  # where the specimen's side comes first
     start -= (u[first_varying(spread, int(above[0]), high)] - nearest) / scale
     u = np.arange(-HALF, HALF + 1.0)
-    strips, shown = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    strips, usable = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
     if len(strips) < FEWEST_FRAMES:
         return None
-    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in usable])
     reach = REACH + 0.5 * float(bands[:, 0].max() - bands[:, 1].min())
     fit = fit_edge(strips, u, np.stack([bands[:, 1], bands[:, 0] - bands[:, 1]]), reach=reach, sure=True)
     if fit is None:
@@ -199,7 +199,7 @@ def _stabilised_strip(
     if columns.sum() < FEWEST_COLUMNS:
         return np.empty((0, y.size, 0)), []
     places = places[:, columns]
-    kept, shown = [], []
+    strips, usable = [], []
     for k in frames.tolist():
         if not in_view(camera, pictures.shape, frame, places + moves[k]).all():
             continue
@@ -207,13 +207,13 @@ def _stabilised_strip(
             picture = pictures.frame(k).astype(np.float64)
         except PictureError:
             continue
-        kept.append(sampled(camera, picture, frame, places + moves[k]))
-        shown.append(k)
-    stack = np.array(kept)
+        strips.append(sampled(camera, picture, frame, places + moves[k]))
+        usable.append(k)
+    stack = np.array(strips)
     if len(stack):
         level = stack[:, :HALF].mean(axis=(1, 2), keepdims=True)  # light that flickers
         stack = stack * (level.mean() / np.where(level > 0.0, level, 1.0))
-    return stack, shown
+    return stack, usable
 
 
 def face_width(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:

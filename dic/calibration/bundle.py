@@ -56,9 +56,9 @@ def exponential(r: FloatArray) -> FloatArray:
 def crossed(v: FloatArray, rows: FloatArray) -> FloatArray:
     """v x w of each v and each w of its rows, shape [n, m, 3]: `numpy.cross` with a third of its time."""
     (x, y, z), (a, b, c) = v.T[:, :, None], np.moveaxis(rows, 2, 0)
-    found = np.empty(rows.shape)
-    found[..., 0], found[..., 1], found[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
-    return found
+    product = np.empty(rows.shape)
+    product[..., 0], product[..., 1], product[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    return product
 
 
 def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
@@ -140,10 +140,10 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
     r2 = x * x + y * y
 
     shared = np.zeros((n, 2, SHARED_PARAMETERS))
-    own = shared[:, :, _camera_columns(view.camera)]
-    own[:, 0, 0], own[:, 1, 1] = plane[:, 0], plane[:, 1]
-    own[:, 0, 2] = own[:, 1, 3] = 1.0
-    own[:, 0, 4] = plane[:, 1]
+    by_camera = shared[:, :, _camera_columns(view.camera)]
+    by_camera[:, 0, 0], by_camera[:, 1, 1] = plane[:, 0], plane[:, 1]
+    by_camera[:, 0, 2] = by_camera[:, 1, 3] = 1.0
+    by_camera[:, 0, 4] = plane[:, 1]
     lens = (
         (x * r2, y * r2),
         (x * r2**2, y * r2**2),
@@ -152,8 +152,8 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
         (x * r2**3, y * r2**3),
     )
     for k, (across, down) in enumerate(lens, start=5):
-        own[:, 0, k] = camera.fx * across + camera.skew * down
-        own[:, 1, k] = camera.fy * down
+        by_camera[:, 0, k] = camera.fx * across + camera.skew * down
+        by_camera[:, 1, k] = camera.fy * down
 
     z = inside[:, 2]
     perspective = np.zeros((n, 2, 3))
@@ -244,7 +244,7 @@ def _step_rig(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> 
     """The state after a step."""
     cameras = []
     for k, camera in enumerate(rig.cameras):
-        own = shared[k * CAMERA_PARAMETERS : (k + 1) * CAMERA_PARAMETERS]
+        change = shared[k * CAMERA_PARAMETERS : (k + 1) * CAMERA_PARAMETERS]
         R, t = camera.rotation, camera.translation
         if k == 1:
             turn = shared[2 * CAMERA_PARAMETERS : 2 * CAMERA_PARAMETERS + 3]
@@ -252,12 +252,12 @@ def _step_rig(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> 
         cameras.append(
             replace(
                 camera,
-                fx=camera.fx + own[0],
-                fy=camera.fy + own[1],
-                cx=camera.cx + own[2],
-                cy=camera.cy + own[3],
-                skew=camera.skew + own[4],
-                distortion=tuple(np.add(camera.distortion, own[5:]).tolist()),
+                fx=camera.fx + change[0],
+                fy=camera.fy + change[1],
+                cx=camera.cx + change[2],
+                cy=camera.cy + change[3],
+                skew=camera.skew + change[4],
+                distortion=tuple(np.add(camera.distortion, change[5:]).tolist()),
                 rotation=R,
                 translation=t,
             )
@@ -357,8 +357,8 @@ def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
     if len(pairs) < 2 or not columns.shape[1] or fit.unit == 0.0:
         return 1.0
     S, pulls = np.zeros((columns.shape[1],) * 2), []
-    for pair, own in pairs.items():
-        cameras = _by_camera(own)
+    for pair, views_of_pair in pairs.items():
+        cameras = _by_camera(views_of_pair)
         U, b, parts = _normal_equations(fit.rig, cameras, columns, _weighted(fit.rig, cameras)[0])
         V, W, c = parts[pair]
         back = np.linalg.solve(V, np.column_stack([W.T, c]))
@@ -381,15 +381,15 @@ def _normal_equations(
     m = columns.shape[1]
     U, b = np.zeros((m, m)), np.zeros(m)
     pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
-    for (own, view), r in zip(cameras, off, strict=True):
-        shared, pose = derivatives(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
+    for (group, view), r in zip(cameras, off, strict=True):
+        shared, pose = derivatives(rig.cameras[view.camera], view, *poses_of(group, rig.poses))
         weight = np.repeat(1.0 / view.sigma, 2)[:, None]
         A = weight * (shared.reshape(-1, SHARED_PARAMETERS) @ columns)
         P = weight * pose.reshape(-1, 6)
         U += A.T @ A
         b += A.T @ r
         last = 0
-        for one in own:
+        for one in group:
             first, last = last, last + 2 * len(one.ids)
             A_own, P_own, r_own = A[first:last], P[first:last], r[first:last]
             V, W, c = pairs.get(one.pair, (0.0, 0.0, 0.0))
@@ -452,8 +452,8 @@ def _covariances(normal: Normal, columns: FloatArray) -> tuple[FloatArray, dict[
 def _weighted(rig: Rig, cameras: list[OneCamera]) -> tuple[list[FloatArray], float]:
     """Residuals of each camera over their sigma, x and y in turn, and the sum of their squares."""
     off, total = [], 0.0
-    for own, view in cameras:
-        expected = project_points(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
+    for group, view in cameras:
+        expected = project_points(rig.cameras[view.camera], view, *poses_of(group, rig.poses))
         off.append(((view.pixels - expected) / view.sigma[:, None]).reshape(-1))
         total += float(np.sum(np.where(np.isfinite(off[-1]), off[-1], FAR) ** 2))
     return off, total

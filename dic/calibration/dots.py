@@ -76,8 +76,8 @@ def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise:
     spread = (part.inner_x - shift[0][:, None]) ** 2 + (part.inner_y - shift[1][:, None]) ** 2
     variance = np.sum(np.where(part.inner, spread * (noise / around) ** 2, 0.0), axis=1)
     sigma = np.maximum(np.sqrt(0.5 * variance) / mass, 1e-4)
-    found = np.stack([x0[rows], y0[rows], sigma, mass, _quantile(w, part.inner, 0.9)], axis=1)
-    result[rows[fine]] = found[fine]
+    centroids = np.stack([x0[rows], y0[rows], sigma, mass, _quantile(w, part.inner, 0.9)], axis=1)
+    result[rows[fine]] = centroids[fine]
     return result
 
 
@@ -111,15 +111,15 @@ class _Window:
 
         flat, shift = image.reshape(-1), down * columns + along
 
-        def taken(index: IntArray, there: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            place = np.where(there, (y * columns + x)[:, None] + shift[index], 0)
+        def pixels_of(index: IntArray, inside: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            place = np.where(inside, (y * columns + x)[:, None] + shift[index], 0)
             return along[index] + (x - x0)[:, None], down[index] + (y - y0)[:, None], flat[place]
 
         index, self.inner = _pixel_lists(wide)
-        self.inner_x, self.inner_y, self.inner_grey = taken(index, self.inner)
+        self.inner_x, self.inner_y, self.inner_grey = pixels_of(index, self.inner)
         every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
         index, self.ring = _pixel_lists(ring, every)
-        self.ring_x, self.ring_y, self.ring_grey = taken(index, self.ring)
+        self.ring_x, self.ring_y, self.ring_grey = pixels_of(index, self.ring)
 
 
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
@@ -133,43 +133,43 @@ def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArr
     column = flat - mask.shape[1] * row
     place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
     if every is not None and np.any(every > 1):
-        kept = place % every[row] == 0
-        row, column, place = row[kept], column[kept], place[kept] // every[row[kept]]
+        selected = place % every[row] == 0
+        row, column, place = row[selected], column[selected], place[selected] // every[row[selected]]
         count = np.bincount(row, minlength=n)
     index = np.zeros((n, max(int(count.max(initial=0)), 1)), dtype=np.int64)
     index[row, place] = column
     return index, np.arange(index.shape[1]) < count[:, None]
 
 
-def _quantile(values: FloatArray, there: BoolArray, share: float) -> FloatArray:
+def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
     """Quantile of each row's values that are there, between neighbours linear, shape [n]; NaN of none."""
-    ordered = np.sort(np.where(there, values, np.inf), axis=1)
-    count = there.sum(axis=1)
+    ordered = np.sort(np.where(used, values, np.inf), axis=1)
+    count = used.sum(axis=1)
     place = share * np.maximum(count - 1, 0)
     low = np.floor(place).astype(int)
     high = np.minimum(low + 1, np.maximum(count - 1, 0))
     rows = np.arange(len(values))
     a, b = ordered[rows, low], ordered[rows, high]
-    found = a + (place - low) * np.where(count > 0, b - a, 0.0)
-    return np.where(count > 0, found, np.nan)
+    quantile = a + (place - low) * np.where(count > 0, b - a, 0.0)
+    return np.where(count > 0, quantile, np.nan)
 
 
 def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
     """Brightness a + b x + c y around the dots without the pixels that belong to something else, shape
     [n, 3], and where there are enough of them."""
     basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
-    kept, fine = part.ring, np.ones(len(basis), dtype=bool)
+    used, fine = part.ring, np.ones(len(basis), dtype=bool)
     for _ in range(3):
-        fine = fine & (kept.sum(axis=1) >= 12)
-        weighted = basis * (kept & fine[:, None])[:, None]
+        fine = fine & (used.sum(axis=1) >= 12)
+        weighted = basis * (used & fine[:, None])[:, None]
         normal = weighted @ np.swapaxes(basis, 1, 2)
         normal[~fine] = np.eye(3)
         normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line fix no plane
         solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
         off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
-        middle = np.where(fine, _quantile(off, kept, 0.5), 0.0)
+        middle = np.where(fine, _quantile(off, used, 0.5), 0.0)
         limit = 4.0 * MAD * middle + 1e-9 * np.abs(solution[:, 0, 0])
-        kept = part.ring & (off <= limit[:, None])
+        used = part.ring & (off <= limit[:, None])
     return solution[..., 0], fine
 
 
@@ -203,13 +203,13 @@ def _fit_discs(
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
     place, so the noise of the surface around it, which a centroid takes in, does not enter.
     """
-    found, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
+    centres, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
     w = int(np.ceil(reach))
     step = max(1, EDGE_PIXELS_AT_ONCE // (2 * w + 1) ** 2)
     for first in range(0, len(centre), step):
         rows = slice(first, first + step)
-        found[rows], sigma[rows] = _fit_block(image, centre[rows], shape[rows], w, noise)
-    return found, sigma
+        centres[rows], sigma[rows] = _fit_block(image, centre[rows], shape[rows], w, noise)
+    return centres, sigma
 
 
 def _fit_block(
@@ -254,8 +254,8 @@ def _fit_block(
         )
         off = np.hypot(*(p[:, :2] - start).T)
         fine = inside & (off < 0.5) & (np.abs(last).max(axis=1) < 0.01) & np.isfinite(sigma)
-    found = p[:, :2] + np.stack([column, row], axis=1)
-    return np.where(fine[:, None], found, np.nan), np.where(fine, sigma, np.nan)
+    centres = p[:, :2] + np.stack([column, row], axis=1)
+    return np.where(fine[:, None], centres, np.nan), np.where(fine, sigma, np.nan)
 
 
 def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -275,13 +275,13 @@ def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
     x = delta / s
     bell = np.exp(-0.5 * x**2)
     S = _upper(x, bell)
-    light, left = B + Bx * dx + By * dy, 1.0 - D * S
+    light, loss = B + Bx * dx + By * dy, 1.0 - D * S
     edge = light * D * bell / (ROOT * s)  # by δ
     J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
     J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
     J[:, 5] = -edge * delta / s
-    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
-    return light * left
+    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = loss, dx * loss, dy * loss, -light * S
+    return light * loss
 
 
 def _upper(x: Single, bell: Single) -> Single:
@@ -351,9 +351,9 @@ def noise_level(picture: NDArray[np.generic]) -> float:
     part = np.concatenate([response[1:-1, 1:-1].ravel() for response in responses])
     for size in (9, 5, 3):  # as far from dots and corners as leaves enough pixels
         away = [cv2.erode(b, np.ones((size, size)), borderType=cv2.BORDER_REPLICATE) > 0 for b in bright]
-        kept = [r[1:-1, 1:-1][a[1:-1, 1:-1]] for r, a in zip(responses, away, strict=True)]
-        if sum(map(len, kept)) > 1000:
-            part = np.concatenate(kept)
+        samples = [r[1:-1, 1:-1][a[1:-1, 1:-1]] for r, a in zip(responses, away, strict=True)]
+        if sum(map(len, samples)) > 1000:
+            part = np.concatenate(samples)
             break
     return max(MAD * float(np.median(part)) / 6.0, 1.0 / np.sqrt(12.0))
 
@@ -371,8 +371,8 @@ def refined(picture: NDArray[np.generic], corners: FloatArray, reach: int) -> Fl
     image = grey(picture).astype(np.float32)
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
     start = np.array(corners, dtype=np.float32, order="C").reshape(-1, 1, 2)
-    found = cv2.cornerSubPix(image, start, (reach, reach), (-1, -1), stop)
-    return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+    refined_corners = cv2.cornerSubPix(image, start, (reach, reach), (-1, -1), stop)
+    return np.asarray(refined_corners, dtype=np.float64).reshape(-1, 2)
 
 
 def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float) -> FloatArray:
@@ -462,7 +462,7 @@ def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArr
     ends = np.searchsorted(ordered, ALIKE * ordered, side="right")
     smallest = ordered[np.argmax(total[ends] - total[:-1])]
     best = (radius >= smallest) & (radius <= ALIKE * smallest)
-    alike = [outline for outline, kept in zip(outlines, best, strict=True) if kept]
+    alike = [outline for outline, selected in zip(outlines, best, strict=True) if selected]
     return alike, float(radius[best].sum())
 
 
@@ -481,7 +481,7 @@ def _outlines(
     rows, columns = eight.shape
     # thousands of specks in every picture: few of them are worth a call of Python
     lengths = np.fromiter(map(len, contours), dtype=np.int64, count=len(contours))
-    numbers, found = [], []
+    numbers, outlines = [], []
     area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
     for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
         contour = contours[k]
@@ -495,8 +495,8 @@ def _outlines(
             continue
         centre, diameters, angle = ellipse_of(contour)
         numbers.append(k)
-        found.append((*centre, *diameters, angle, area))
-    ellipses, areas = np.split(np.reshape(found, (-1, 6)), [5], axis=1)
+        outlines.append((*centre, *diameters, angle, area))
+    ellipses, areas = np.split(np.reshape(outlines, (-1, 6)), [5], axis=1)
     ellipses[:, 2:4] += 1.0
     narrow, wide = np.sort(ellipses[:, 2:4], axis=1).T
     filled = areas[:, 0] / (0.25 * np.pi * narrow * wide)
@@ -537,13 +537,13 @@ def _locate_dots(
     radius = 0.5 * np.sqrt(ellipses[:, 2] * ellipses[:, 3])
     hollow = np.array([hole for _, hole in outlines])[good]
     depth = values[:, 4]
-    kept = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
-    centre, sigma = values[kept, :2], values[kept, 2]
+    dark = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
+    centre, sigma = values[dark, :2], values[dark, 2]
     if round_dots:
-        small = np.flatnonzero(~hollow[kept] & (radius[kept] <= LARGEST))
-        outline = ellipses[kept][small]
+        small = np.flatnonzero(~hollow[dark] & (radius[dark] <= LARGEST))
+        outline = ellipses[dark][small]
         centre[small], sigma[small] = _fit_dots(image, centre[small], sigma[small], outline, noise)
-    return Dots(centre, sigma, values[kept, 3], radius[kept], hollow[kept])
+    return Dots(centre, sigma, values[dark, 3], radius[dark], hollow[dark])
 
 
 def _fit_dots(
@@ -558,6 +558,6 @@ def _fit_dots(
         [along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c], axis=1
     )
     reach = 0.5 * float(ellipses[:, 2:4].max()) * WINDOW + MARGIN
-    found, noise_of_it = _fit_discs(image, centre, shape, reach, noise)
+    fitted, noise_of_it = _fit_discs(image, centre, shape, reach, noise)
     better = noise_of_it < sigma  # not where the fit failed: NaN
-    return np.where(better[:, None], found, centre), np.where(better, noise_of_it, sigma)
+    return np.where(better[:, None], fitted, centre), np.where(better, noise_of_it, sigma)

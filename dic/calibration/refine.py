@@ -95,7 +95,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
     if not np.all(sigma > 0.0):
         raise ValueError("every sigma must be positive")
     aims = [  # the pose is all that changes: what a lens does to a pixel is undone once
-        Rays.of(camera, seen) for camera, seen in zip(rig.cameras, (pixels0, pixels1), strict=True)
+        Rays.of(camera, pixels) for camera, pixels in zip(rig.cameras, (pixels0, pixels1), strict=True)
     ]
 
     def signed(x: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
@@ -111,8 +111,8 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
             robust = np.sign(d) * np.sqrt(2.0 * (np.sqrt(1.0 + d * d) - 1.0))
             return np.concatenate([robust, prior @ x])
 
-        found = least_squares(residuals, np.zeros(5), x_scale=1e-4, method="lm")
-        return found.x, np.linalg.inv(found.jac.T @ found.jac)
+        solution = least_squares(residuals, np.zeros(5), x_scale=1e-4, method="lm")
+        return solution.x, np.linalg.inv(solution.jac.T @ solution.jac)
 
     def distances(x: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
         return np.abs(signed(x, rows))
@@ -122,7 +122,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
     now = float(np.median(np.abs(signed(np.zeros(5), every))))
     prior = prior_root(rig, now / SHARE / (0.5 * (first.fx + second.fx)))
     parts = [every[k::2] for k in (0, 1)]
-    held = [(distances(np.zeros(5), b), distances(fitted(a)[0], b)) for a, b in (parts, parts[::-1])]
+    cross_checked = [(distances(np.zeros(5), b), distances(fitted(a)[0], b)) for a, b in (parts, parts[::-1])]
     x, covariance = fitted(every)
     return Refinement(
         rig=turn_rig(rig, x),
@@ -131,8 +131,8 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
         covariance=covariance,
         before=float(np.median(distances(np.zeros(5), every))),
         after=float(np.median(distances(x, every))),
-        held_out_before=float(np.median(np.concatenate([one[0] for one in held]))),
-        held_out_after=float(np.median(np.concatenate([one[1] for one in held]))),
+        held_out_before=float(np.median(np.concatenate([one[0] for one in cross_checked]))),
+        held_out_after=float(np.median(np.concatenate([one[1] for one in cross_checked]))),
         n_points=n,
     )
 
@@ -194,9 +194,9 @@ def refine_from_pictures(
         device=device,
     )
     valid = match.valid
-    seen = (points[rows][valid], points[rows][valid] + match.warp[valid, :2])
-    sigma = epipolar_sigma(rig, *seen, np.zeros((2, 2)), match.covariance[valid])
-    return refine(rig, *seen, sigma)
+    pixels = (points[rows][valid], points[rows][valid] + match.warp[valid, :2])
+    sigma = epipolar_sigma(rig, *pixels, np.zeros((2, 2)), match.covariance[valid])
+    return refine(rig, *pixels, sigma)
 
 
 MOST_FIRST = 4
@@ -220,24 +220,24 @@ def find_order(
     detection take what is left. None if no order fits `LEAST_SHARE` of them.
     """
     views = all_views(detections, targets)  # type: ignore[arg-type]
-    own: list[dict[int, View]] = [
+    by_camera: list[dict[int, View]] = [
         {k: v[0] for (k, c), v in views.items() if c == camera} for camera in (0, 1)
     ]
-    if min(len(own[0]), len(own[1])) < 3:
+    if min(len(by_camera[0]), len(by_camera[1])) < 3:
         return None
-    cameras = [focal_start(sensors[c], [view for _, view in sorted(own[c].items())]) for c in (0, 1)]
-    poses = [{k: resection(cameras[c], view) for k, view in own[c].items()} for c in (0, 1)]
+    cameras = [focal_start(sensors[c], [view for _, view in sorted(by_camera[c].items())]) for c in (0, 1)]
+    poses = [{k: resection(cameras[c], view) for k, view in by_camera[c].items()} for c in (0, 1)]
     first, second = ([k for k in sorted(p) if p[k]] for p in poses)
     if not first or not second:
         return None
-    centres = np.array([own[1][j].pixels.mean(axis=0) for j in second])
+    centres = np.array([by_camera[1][j].pixels.mean(axis=0) for j in second])
     limit = NEAR * max(sensors[1])
     best: tuple[int, float, FloatArray, FloatArray] | None = None
     for i in first[:MOST_FIRST]:
         for j in second:
             for p in poses[0][i]:
                 for q in poses[1][j]:
-                    places = _places(relative(p, q), cameras[1], poses[0], own[0], first)
+                    places = _places(relative(p, q), cameras[1], poses[0], by_camera[0], first)
                     away = np.linalg.norm(places[:, None] - centres, axis=2)
                     rows, columns = linear_sum_assignment(np.minimum(away, limit))
                     near = away[rows, columns] < limit
@@ -247,8 +247,8 @@ def find_order(
     if best is None or best[0] < LEAST_SHARE * min(len(first), len(second)):
         return None
     order = {first[r]: second[c] for r, c in zip(best[2], best[3], strict=True)}
-    left = [j for j in range(len(detections[1])) if j not in order.values()]
-    return [order[k] if k in order else left.pop(0) for k in range(len(detections[0]))]
+    unpaired = [j for j in range(len(detections[1])) if j not in order.values()]
+    return [order[k] if k in order else unpaired.pop(0) for k in range(len(detections[0]))]
 
 
 def _places(
@@ -256,9 +256,9 @@ def _places(
     camera: Camera,
     poses: Mapping[int, list[Pose]],
     views: Mapping[int, View],
-    wanted: Sequence[int],
+    indices: Sequence[int],
 ) -> FloatArray:
     """Where camera 1 would see the middle of the target in camera 0's pictures [px], shape [n, 2]."""
-    middles = np.array([poses[k][0][0] @ views[k].points.mean(axis=0) + poses[k][0][1] for k in wanted])
-    moved, camera = in_camera_1((np.eye(3), np.zeros(3)), rel), replace(camera, rotation=np.eye(3))
-    return np.asarray(camera.project(middles @ moved[0].T + moved[1]))
+    middles = np.array([poses[k][0][0] @ views[k].points.mean(axis=0) + poses[k][0][1] for k in indices])
+    relative_pose, camera = in_camera_1((np.eye(3), np.zeros(3)), rel), replace(camera, rotation=np.eye(3))
+    return np.asarray(camera.project(middles @ relative_pose[0].T + relative_pose[1]))

@@ -64,11 +64,11 @@ def _resect_all(camera: Camera, view: View) -> list[tuple[float, Pose]]:
     shift = points.mean(axis=0) * [1.0, 1.0, 0.0] + [0.0, 0.0, points[0, 2] if flat else 0.0]
     method = cv2.SOLVEPNP_IPPE if flat else cv2.SOLVEPNP_SQPNP
     try:
-        found, turns, shifts, _ = cv2.solvePnPGeneric(points - shift, pixels, np.eye(3), None, flags=method)
+        count, turns, shifts, _ = cv2.solvePnPGeneric(points - shift, pixels, np.eye(3), None, flags=method)
     except cv2.error:  # points on a line
         return []
     poses: list[Pose] = []
-    for turn, translation in zip(turns[:found], shifts[:found], strict=True):
+    for turn, translation in zip(turns[:count], shifts[:count], strict=True):
         R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
         t = translation.ravel() - R @ shift
         if np.all(np.isfinite(R)) and np.all(np.isfinite(t)) and t[2] + (R @ shift)[2] > 0.0:
@@ -135,10 +135,10 @@ def start(
     """
     cameras = []
     for camera in (0, 1):
-        own = [views[0] for (_, k), views in sorted(views.items(), key=lambda i: i[0]) if k == camera]
-        if not own:
+        first_views = [views[0] for (_, k), views in sorted(views.items(), key=lambda i: i[0]) if k == camera]
+        if not first_views:
             raise Undetermined(f"camera {camera} has no picture in which the target was recognised")
-        cameras.append(focal_start(sensors[camera], own))
+        cameras.append(focal_start(sensors[camera], first_views))
     pairs = sorted({pair for pair, _ in views})
     joint = [pair for pair in pairs if (pair, 0) in views and (pair, 1) in views]
     if not joint:
@@ -147,7 +147,7 @@ def start(
     rel = _relative(cameras[0], cameras[1], joint, poses, views)
     rig_cameras = (cameras[0], replace(cameras[1], rotation=rel[0], translation=rel[1]))
     chosen: dict[tuple[int, int], View] = {}
-    found: dict[int, Pose] = {}
+    poses_of_pairs: dict[int, Pose] = {}
     for pair in pairs:
         options = poses[pair]
         if (pair, 0) not in views:  # seen by camera 1 alone: its pose, carried back
@@ -159,7 +159,7 @@ def start(
             chosen[pair, 0] = views[pair, 0][0]
         numberings = views.get((pair, 1), ())
         if not numberings:
-            found[pair] = options[0]
+            poses_of_pairs[pair] = options[0]
             continue
         scores = [
             (misfit(cameras[1], view, in_camera_1(p, rel)), k, j)
@@ -167,8 +167,8 @@ def start(
             for j, p in enumerate(options)
         ]
         _, k, j = min(scores)
-        chosen[pair, 1], found[pair] = numberings[k], options[j]
-    return Rig(rig_cameras, found), chosen
+        chosen[pair, 1], poses_of_pairs[pair] = numberings[k], options[j]
+    return Rig(rig_cameras, poses_of_pairs), chosen
 
 
 def _relative(
@@ -240,19 +240,19 @@ def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray,
         """Sum of squares and number of residuals of a part; None if the rest is too little."""
         out = set(joint[k::folds])
         try:
-            kept = [s for s in views if s.pair not in out]
-            without = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
+            remaining = [s for s in views if s.pair not in out]
+            without = adjust(fit.rig, remaining, columns, tolerance=ENOUGH, damping=HARDLY)
         except ValueError:
             return None
         squares, count = 0.0, 0
         for pair in out:
-            again = _fit_pose(without.rig, pairs[pair], tolerance=ENOUGH)
-            off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
+            refit = _fit_pose(without.rig, pairs[pair], tolerance=ENOUGH)
+            off = np.concatenate([residuals(refit.rig, s) for s in pairs[pair]])
             squares, count = squares + float(np.sum(off**2)), count + len(off)
         return squares, count
 
     parts = run_parallel([partial(part, k) for k in range(min(folds, len(joint)))])
-    sums = [found for found in parts if found is not None]
+    sums = [residual_sum for residual_sum in parts if residual_sum is not None]
     if len(sums) < len(parts):
         return float("nan")
     return float(np.sqrt(sum(squares for squares, _ in sums) / sum(count for _, count in sums)))
@@ -274,8 +274,8 @@ def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, Flo
         R, t = rig.poses[view.pair]
         shift = project_points(camera, view, R, t) - project_points(camera, view, R, t, patches=False)
         pixels.append((view.pixels - shift)[rows])
-    found = triangulate(StereoRig(rig.cameras), pixels[0], pixels[1], np.eye(2), np.eye(2)).position
-    return found, first.points[rows0]
+    positions = triangulate(StereoRig(rig.cameras), pixels[0], pixels[1], np.eye(2), np.eye(2)).position
+    return positions, first.points[rows0]
 
 
 def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
@@ -285,13 +285,13 @@ def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
     triangulated ones, which weights each distance with its length.
     """
     ratios, squares, count = [], 0.0, 0
-    for both in _group_by_pair(views).values():
-        if len(both) != 2:
+    for pair_views in _group_by_pair(views).values():
+        if len(pair_views) != 2:
             continue
-        found, true = triangulate_target(rig, both)
-        if len(found) < 4:
+        measured, true = triangulate_target(rig, pair_views)
+        if len(measured) < 4:
             continue
-        a, b = true - true.mean(axis=0), found - found.mean(axis=0)
+        a, b = true - true.mean(axis=0), measured - measured.mean(axis=0)
         u, _, v = np.linalg.svd(b.T @ a)
         R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
         turned = a @ R.T
@@ -307,27 +307,27 @@ def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
     """Parameters that the pictures do not determine, and what to do about it."""
     assert rig.covariance is not None
     sigma = dict(zip(rig.parameter_names, np.sqrt(np.diag(rig.covariance)), strict=True))
-    said = []
+    warnings = []
     for k, camera in enumerate(rig.cameras):
-        own = dict(
+        values = dict(
             zip(("skew", "k1", "k2", "p1", "p2", "k3"), (camera.skew, *camera.distortion), strict=True)
         )
-        said += [
-            f"camera {k}: {name} = {own[name]:.3g} ± {sigma[f'{name}{k}']:.2g} is not determined "
+        warnings += [
+            f"camera {k}: {name} = {values[name]:.3g} ± {sigma[f'{name}{k}']:.2g} is not determined "
             "(its sigma exceeds its value): leave it out"
-            for name in own
-            if name in free and sigma[f"{name}{k}"] > abs(own[name])
+            for name in values
+            if name in free and sigma[f"{name}{k}"] > abs(values[name])
         ]
         if camera.sensor is None:
             continue
         size = dict(zip(("cx", "cy"), camera.sensor, strict=True))
-        said += [
+        warnings += [
             f"camera {k}: {name} is known to ± {sigma[f'{name}{k}']:.1f} px only; a stronger tilt and roll "
             "of the target would settle it (a long lens trades it for the pose, as the covariance says)"
             for name in size
             if name in free and sigma[f"{name}{k}"] > 0.02 * size[name]
         ]
-    return tuple(said)
+    return tuple(warnings)
 
 
 Z_PAIR, TIMES = 6.0, 2.0
@@ -346,7 +346,7 @@ LEAST_PAIRS = 4
 class Verdicts:
     """Pairs and points kept and left out."""
 
-    kept: list[View]
+    good: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
     """(pair, camera) -> which points of the view were used."""
@@ -379,14 +379,14 @@ def _solve_without_bad(
             break
         bad = now
     used = _points(fit, pairs, bad, reject)
-    kept = [only(s, used[s.pair, s.camera]) for p, views in pairs.items() if p not in bad for s in views]
-    fit = adjust(fit.rig, kept, columns[1], damping=HARDLY)
+    good = [only(s, used[s.pair, s.camera]) for p, views in pairs.items() if p not in bad for s in views]
+    fit = adjust(fit.rig, good, columns[1], damping=HARDLY)
     poses = dict(fit.rig.poses)
     for pair in bad:
         poses[pair] = _fit_pose(fit.rig, pairs[pair]).rig.poses[pair]
     return Fit(
         Rig(fit.rig.cameras, poses), fit.covariance, fit.chi2, fit.freedom, fit.pose_covariance
-    ), Verdicts(kept, used, bad)
+    ), Verdicts(good, used, bad)
 
 
 def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray) -> Fit:
@@ -551,13 +551,13 @@ def calibrate(
     columns = free_columns(free, square_pixels=square_pixels, relative=True)
     fit, verdicts = _solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
 
-    kept = verdicts.kept
-    together = clustering(fit, kept, columns)
-    found = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
-    off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in kept])
-    ratio, ratio_sigma, shape = distances(fit.rig, kept) if predict else 3 * (float("nan"),)
+    good = verdicts.good
+    together = clustering(fit, good, columns)
+    calibrated = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
+    off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in good])
+    ratio, ratio_sigma, shape = distances(fit.rig, good) if predict else 3 * (float("nan"),)
     return Calibration(
-        rig=found,
+        rig=calibrated,
         free=tuple(name for name in PARAMETERS if name in free),
         pairs=tuple(
             _pair(k, name, (views0[k], views1[k]), chosen, fit, verdicts) for k, name in enumerate(names)
@@ -567,13 +567,13 @@ def calibrate(
         freedom=fit.freedom,
         checks=Checks(
             fit_rms=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
-            held_out_rms=cross_validation_error(fit, kept, columns, folds if predict else 0),
+            held_out_rms=cross_validation_error(fit, good, columns, folds if predict else 0),
             folds=folds if predict else 0,
             distance_ratio=ratio,
             distance_sigma=ratio_sigma,
             distance_rms=shape,
         ),
-        advice=advice(found, free),
+        advice=advice(calibrated, free),
     )
 
 
@@ -600,8 +600,8 @@ def _pair(
     ]
     unusable = any(isinstance(view, PictureError) for view in views)
     if k not in fit.rig.poses:
-        said = "; ".join(missing) or "no pose of the target explains what is seen"
-        return Pair(name, PairOutcome.NOT_FOUND, said, (None, None), None, None, unusable)
+        cause = "; ".join(missing) or "no pose of the target explains what is seen"
+        return Pair(name, PairOutcome.NOT_FOUND, cause, (None, None), None, None, unusable)
     parts: list[PairView | None] = []
     for camera in (0, 1):
         view = chosen.get((k, camera))

@@ -43,7 +43,9 @@ be used."""
 
 
 @contextmanager
-def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
+def detect_in_background(
+    series: Sequence[Pictures], targets: Sequence[Target]
+) -> Iterator[Callable[..., Views]]:
     """Look for a target in all pictures of several cameras (`dic.processes.background_pool`).
 
     ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. Yields: joins in
@@ -67,10 +69,10 @@ def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> It
     with background_pool([partial(one, job) for job in jobs]) as joined:
 
         def views(progress: Callable[[int, int], None] | None = None) -> Views:
-            found: Views = tuple([] for _ in series)
+            by_camera: Views = tuple([] for _ in series)
             for (camera, _), view in zip(jobs, joined(progress), strict=True):
-                found[camera].append(view)
-            return found
+                by_camera[camera].append(view)
+            return by_camera
 
         yield views
 
@@ -228,8 +230,8 @@ def all_views(
     """
     geometries = {id(target): target.geometry() for target in targets}
     views: dict[tuple[int, int], list[View]] = {}
-    for camera, own in enumerate(detections):
-        for pair, view in enumerate(own):
+    for camera, pair_views in enumerate(detections):
+        for pair, view in enumerate(pair_views):
             if not isinstance(view, Detection):
                 continue
             g = geometries[id(targets[pair])]

@@ -86,8 +86,8 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     for format_ in FORMATS:
         if format_.sniff(source.text):
             return format_.read(source, length_unit)
-    known = ", ".join(format_.about for format_ in FORMATS)
-    raise CameraFileError(path, "is no camera file known here", cure=f"known are: {known}")
+    formats = ", ".join(format_.about for format_ in FORMATS)
+    raise CameraFileError(path, "is no camera file known here", cure=f"known are: {formats}")
 
 
 def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: float = 1e-3) -> None:
@@ -110,7 +110,7 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     CameraFileError
         An unknown format, or one that cannot hold this rig.
     """
-    by_name = {known.name: known for known in FORMATS}
+    by_name = {file_format.name: file_format for file_format in FORMATS}
     if format not in by_name:
         raise CameraFileError(path, f"format {format!r} is unknown", cure=f"use one of {', '.join(by_name)}")
     if not 0.0 < length_unit <= 1.0:

@@ -38,12 +38,13 @@ class DiceXml:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         system = parse(source)
-        lists = {child.attributes.get("name", ""): child for child in system.named("ParameterList")}
-        found = sorted(name for name in lists if name.startswith("CAMERA"))
-        if found != ["CAMERA 0", "CAMERA 1"]:
+        lists = {child.attributes.get("name", ""): child for child in system.with_tag("ParameterList")}
+        cameras = sorted(name for name in lists if name.startswith("CAMERA"))
+        if cameras != ["CAMERA 0", "CAMERA 1"]:
             raise CameraFileError(
                 source.path,
-                f"has {len(found)} cameras ({', '.join(found) or 'none'}), must have CAMERA 0 and CAMERA 1",
+                f"has {len(cameras)} cameras ({', '.join(cameras) or 'none'}), must have CAMERA 0 "
+                "and CAMERA 1",
                 line=system.line,
                 cure="write the calibration of one stereo pair",
             )
@@ -107,22 +108,22 @@ def _parameters(element: Element) -> dict[str, tuple[str, int]]:
     """Values and lines of a list's own parameters, by name."""
     return {
         child.attributes.get("name", ""): (child.attributes.get("value", "").strip(), child.line)
-        for child in element.named("Parameter")
+        for child in element.with_tag("Parameter")
     }
 
 
 def _camera(source: Source, element: Element, index: int, length_unit: float, *, from_vic3d: bool) -> Camera:
-    given = _parameters(element)
+    parameters = _parameters(element)
 
     def value(name: str, *, must: bool = False) -> float:
-        if name not in given and must:
+        if name not in parameters and must:
             raise CameraFileError(
                 source.path,
                 f"camera {index} has no {name}",
                 line=element.line,
                 cure="write the calibration again",
             )
-        word, line = given.get(name, ("0", element.line))
+        word, line = parameters.get(name, ("0", element.line))
         return source.number(word, f"camera {index}: {name}", line)
 
     for name in BEYOND:
@@ -130,11 +131,11 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
             raise CameraFileError(
                 source.path,
                 f"camera {index}: {name} = {value(name)}, but only k1, k2, k3, p1 and p2 are known here",
-                line=given[name][1],
+                line=parameters[name][1],
                 cure="calibrate with Brown's five coefficients",
             )
     k1, k2, p1, p2, k3 = (value(name) for name in ("K1", "K2", "P1", "P2", "K3"))
-    model, line = given.get("LENS_DISTORTION_MODEL", ("NO_LENS_DISTORTION", element.line))
+    model, line = parameters.get("LENS_DISTORTION_MODEL", ("NO_LENS_DISTORTION", element.line))
     if model in NONE:
         k1 = k2 = p1 = p2 = k3 = 0.0
     elif model not in BROWN and not (model in OTHER and (from_vic3d or not any((k1, k2, k3)))):
@@ -146,8 +147,8 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
             "OPENCV_LENS_DISTORTION whatever the file says",
         )
     sensor = None
-    if "IMAGE_HEIGHT_WIDTH" in given:
-        rows, columns = _braces(source, *given["IMAGE_HEIGHT_WIDTH"], "IMAGE_HEIGHT_WIDTH", 2)
+    if "IMAGE_HEIGHT_WIDTH" in parameters:
+        rows, columns = _braces(source, *parameters["IMAGE_HEIGHT_WIDTH"], "IMAGE_HEIGHT_WIDTH", 2)
         sensor = (columns, rows)
     return source.camera(
         index=index,
@@ -165,21 +166,23 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
 
 def _rotation(source: Source, element: Element, angles: list[float]) -> FloatArray:
     """The matrix of a camera's list, or that of its angles."""
-    found = [c for c in element.named("ParameterList") if c.attributes.get("name") == "rotation_3x3_matrix"]
-    if not found:
+    matrices = [
+        c for c in element.with_tag("ParameterList") if c.attributes.get("name") == "rotation_3x3_matrix"
+    ]
+    if not matrices:
         return rotation_of(*angles)
     if any(angles):
         raise CameraFileError(
-            source.path, "gives angles and a rotation matrix", line=found[0].line, cure="keep one of them"
+            source.path, "gives angles and a rotation matrix", line=matrices[0].line, cure="keep one of them"
         )
-    rows = _parameters(found[0])
+    rows = _parameters(matrices[0])
     matrix = []
     for i in range(3):
         if f"ROW {i}" not in rows:
             raise CameraFileError(
                 source.path,
                 f"the rotation has no ROW {i}",
-                line=found[0].line,
+                line=matrices[0].line,
                 cure="write the calibration again",
             )
         matrix.append(_braces(source, *rows[f"ROW {i}"], f"ROW {i}", 3))

@@ -101,14 +101,14 @@ class MatchID:
 
 def _entries(source: Source) -> dict[str, tuple[float, int, str]]:
     """Value, line and unit by name without blanks."""
-    known = {f"Cam{k}_{name}" for k in (0, 1) for name in NUMBERS} | set(POSE)
+    allowed = {f"Cam{k}_{name}" for k in (0, 1) for name in NUMBERS} | set(POSE)
     entries: dict[str, tuple[float, int, str]] = {}
     for line, text in enumerate(source.text.splitlines(), start=1):
         match = ENTRY.match(text) if len(text) <= LONGEST else None
         if match is None:
             continue
         name = match[1].replace(" ", "")
-        if name in {k.replace(" ", "") for k in known}:
+        if name in {k.replace(" ", "") for k in allowed}:
             if name in entries:
                 raise CameraFileError(source.path, f"gives {match[1]} twice", line=line, cure="keep one")
             entries[name] = (source.number(match[3], match[1], line), line, (match[2] or "").strip())

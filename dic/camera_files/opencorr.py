@@ -35,14 +35,14 @@ class OpenCorr:
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
-        given: dict[tuple[int, str], tuple[float, int]] = {}
+        entries: dict[tuple[int, str], tuple[float, int]] = {}
         line, place = 1, 0
         for match in ENTRY.finditer(source.text):
             line += source.text.count("\n", place, match.start(3))
             view, name, place = int(match[1]), match[3], match.start(3)
             word = re.sub(r"(?<=[\d.])f$", "", match[4].strip())
-            given[view, name] = (source.number(word, f"view {view}: {name}", line), line)
-        views = sorted({view for view, _ in given})
+            entries[view, name] = (source.number(word, f"view {view}: {name}", line), line)
+        views = sorted({view for view, _ in entries})
         if views != [1, 2]:
             raise CameraFileError(
                 source.path,
@@ -52,24 +52,24 @@ class OpenCorr:
         cameras = []
         for view in (1, 2):
             for name in (*INTRINSIC[:5], *POSE):
-                if (view, name) not in given:
+                if (view, name) not in entries:
                     raise CameraFileError(
                         source.path, f"view {view} has no {name}", cure="the file may be cut short"
                     )
-            values = {name: given.get((view, name), (0.0, None))[0] for name in (*INTRINSIC, *POSE)}
+            values = {name: entries.get((view, name), (0.0, None))[0] for name in (*INTRINSIC, *POSE)}
             for name in ("k4", "k5", "k6"):
                 if values[name] != 0.0:
                     raise CameraFileError(
                         source.path,
                         f"view {view}: {name} = {values[name]}, but only k1 k2 k3 p1 p2 are known here",
-                        line=given[view, name][1],
+                        line=entries[view, name][1],
                         cure="calibrate with Brown's five coefficients",
                     )
             turn = np.array([values["rx"], values["ry"], values["rz"]])
             cameras.append(
                 source.camera(
                     index=view - 1,
-                    line=given[view, "fx"][1],
+                    line=entries[view, "fx"][1],
                     matrix=(values["fx"], values["fy"], values["cx"], values["cy"], values["fs"]),
                     distortion=(values["k1"], values["k2"], values["p1"], values["p2"], values["k3"]),
                     rotation=np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64),

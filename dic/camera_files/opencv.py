@@ -202,10 +202,10 @@ def _depth(text: str) -> int:
     """Levels of brackets, tags and dashes of lists within each other; unclosed ones count on."""
     deepest = depth = 0
     for match in _LEVELS.finditer(text):
-        found = match[0]
-        if "-" in found:
-            deepest = max(deepest, found.count("-"))
+        token = match[0]
+        if "-" in token:
+            deepest = max(deepest, token.count("-"))
         else:
-            depth += -1 if found in "]}" or found.startswith("</") else 1
+            depth += -1 if token in "]}" or token.startswith("</") else 1
             deepest = max(deepest, depth)
     return deepest

@@ -27,10 +27,10 @@ class CameraFileError(ValueError):
     Its text names file, line (if there is one), what is wrong and the cure.
     """
 
-    def __init__(self, path: Path | str, what: str, *, line: int | None = None, cure: str = "") -> None:
+    def __init__(self, path: Path | str, fault: str, *, line: int | None = None, cure: str = "") -> None:
         where = f"{path}" if line is None else f"{path}, line {line}"
-        super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
-        self.path, self.line, self.what, self.cure = Path(path), line, what, cure
+        super().__init__(one_line(f"{where}: {fault}" + (f"; {cure}" if cure else "")))
+        self.path, self.line, self.what, self.cure = Path(path), line, fault, cure
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Source:
         """Line number of a character, from 1."""
         return self.text.count("\n", 0, position) + 1
 
-    def number(self, word: str, what: str, line: int | None) -> float:
+    def number(self, word: str, quantity: str, line: int | None) -> float:
         """A finite number.
 
         Raises CameraFileError if `word` is none.
@@ -80,7 +80,10 @@ class Source:
             value = math.nan
         if not math.isfinite(value):
             raise CameraFileError(
-                self.path, f"{what} is {word.strip()[:40]!r}", line=line, cure="it must be a finite number"
+                self.path,
+                f"{quantity} is {word.strip()[:40]!r}",
+                line=line,
+                cure="it must be a finite number",
             )
         return value
 
@@ -172,7 +175,7 @@ class Element:
     children: list["Element"] = field(default_factory=list)
     """In the file's order."""
 
-    def named(self, name: str) -> list["Element"]:
+    def with_tag(self, name: str) -> list["Element"]:
         """Children with this tag."""
         return [child for child in self.children if child.name == name]
 

@@ -52,21 +52,21 @@ class Vic3D:
                 cure="save the project again",
             )
         calibration = parse(source, start=start, end=end + len("</calibration>"))
-        found = calibration.named("camera")
-        names = [camera.attributes.get("id", "?") for camera in found]
+        cameras = calibration.with_tag("camera")
+        names = [camera.attributes.get("id", "?") for camera in cameras]
         if sorted(names) != ["0", "1"]:
             cure = "export a two-camera project"
             if names in (["0"], ["1"]):
                 cure = "the project is of one camera, or cut short: save the stereo project again"
             raise CameraFileError(
                 source.path,
-                f"has {len(found)} cameras ({', '.join(names) or 'none'}), must have 0 and 1",
+                f"has {len(cameras)} cameras ({', '.join(names) or 'none'}), must have 0 and 1",
                 line=calibration.line,
                 cure=cure,
             )
         size = SIZE.search(source.text)
         sensor = (int(size[1]), int(size[2])) if size else None
-        first, second = sorted(found, key=lambda camera: camera.attributes["id"])
+        first, second = sorted(cameras, key=lambda camera: camera.attributes["id"])
         return StereoRig(
             (
                 _camera(source, first, 0, length_unit, sensor),
@@ -105,15 +105,15 @@ def _camera(
     source: Source, element: Element, index: int, length_unit: float, sensor: tuple[int, int] | None
 ) -> Camera:
     values = _values(source, element, f"camera {index}", NUMBERS)
-    found = element.named("orientation")
-    if len(found) != 1:
+    orientations = element.with_tag("orientation")
+    if len(orientations) != 1:
         raise CameraFileError(
             source.path,
-            f"camera {index} has {len(found)} orientations, must have one",
+            f"camera {index} has {len(orientations)} orientations, must have one",
             line=element.line,
             cure="save the project after its stereo calibration",
         )
-    pose = _values(source, found[0], f"camera {index}'s orientation", ORIENTATION)
+    pose = _values(source, orientations[0], f"camera {index}'s orientation", ORIENTATION)
     return source.camera(
         index=index,
         line=element.line,
@@ -125,17 +125,17 @@ def _camera(
     )
 
 
-def _values(source: Source, element: Element, what: str, names: tuple[str, ...]) -> dict[str, float]:
+def _values(source: Source, element: Element, quantity: str, names: tuple[str, ...]) -> dict[str, float]:
     """The numbers in an element's text, by name."""
     words = element.text.split()
     if len(words) != len(names):
         raise CameraFileError(
             source.path,
-            f"{what} has {len(words)} numbers, must have {len(names)}: {' '.join(names)}",
+            f"{quantity} has {len(words)} numbers, must have {len(names)}: {' '.join(names)}",
             line=element.line,
             cure="save the project again",
         )
     return {
-        name: source.number(word, f"{what}: {name}", element.line)
+        name: source.number(word, f"{quantity}: {name}", element.line)
         for name, word in zip(names, words, strict=True)
     }

@@ -58,16 +58,16 @@ class Clock:
         """Do the work of a stage; what it raises, it raises, and has no time."""
         return self.of(stage, timed(work))
 
-    def of(self, stage: str, done: tuple[Result, float]) -> Result:
+    def of(self, stage: str, timed_result: tuple[Result, float]) -> Result:
         """Result of a stage that `timed` did."""
-        result, self.seconds[stage] = done
+        result, self.seconds[stage] = timed_result
         return result
 
 
-def timed(work: Callable[..., Result], *given: Any) -> tuple[Result, float]:
+def timed(work: Callable[..., Result], *arguments: Any) -> tuple[Result, float]:
     """Result of work, and its wall time [s]."""
     started = perf_counter()
-    return work(*given), perf_counter() - started
+    return work(*arguments), perf_counter() - started
 
 
 VERSION = 20
@@ -136,13 +136,13 @@ def measure(
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
-        body, *others = clock("tracking", lambda: follow(inputs, matched, progress))
-        tracked_flyer = others[0] if others else None
+        body, *flyers = clock("tracking", lambda: follow(inputs, matched, progress))
+        tracked_flyer = flyers[0] if flyers else None
         rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
     except ChainError as error:
-        said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
-        raise ChainError("; ".join(said)) from error
-    placement, rest = rest_state.placement, rest_state.rest
+        causes = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
+        raise ChainError("; ".join(causes)) from error
+    placement, rest_frames = rest_state.placement, rest_state.frames
     works: list[Callable[[], Any]] = [
         partial(timed, translations_of, inputs, tracked_flyer, placement),
         partial(rim_in, inputs, tracked_flyer, placement),
@@ -150,14 +150,14 @@ def measure(
     ]
     with background_pool(works) as joined:
         gated = timed(gate_epipolar, inputs, body, rest_state)
-        moved, rim, checked = joined()
+        displacement, rim, checked = joined()
     in_time, body = clock.of("synchronisation of the cameras", checked), clock.of("gates", gated)
     before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)
     narrower = None
     if flyer is not None and past > 0.0:
         narrower = clock("flyer again", partial(follow_before_rim, inputs, flyer, before, progress))
     if narrower is None:
-        travel = clock.of("flyer's displacement", moved)
+        travel = clock.of("flyer's displacement", displacement)
     else:
         tracked_flyer, rim = narrower, rim_in(inputs, narrower, placement)
         travel = clock("flyer's displacement", partial(translations_of, inputs, tracked_flyer, placement))
@@ -167,14 +167,14 @@ def measure(
         body = gate_ends(inputs, body, rest_state, axial)
         body = gate_residual(body)  # one by one: each holds the places of all points anew
         body = gate_surface(body, rest_state)
-        surface, left_out = surface_of(inputs, body, placement, rest)
+        surface, left_out = surface_of(inputs, body, placement, rest_frames)
         another_frame = remarks.of_material(body, specimen)
         del body  # its tracks are as large as all that follows
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
-        speckle = clock("speckles", lambda: speckle_settings_facts(inputs, surface, rest))
+        speckle = clock("speckles", lambda: speckle_settings_facts(inputs, surface, rest_frames))
         motion, unposed = clock.of("flyer's poses", motion_later())
-    found = {finding.fault: finding for finding in (*in_time, *findings)}
+    by_fault = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
         frames=inputs.health,
@@ -187,7 +187,7 @@ def measure(
         placement=placement,
         noise=noise_floor(surface.surface, static),
         remarks=(
-            *remarks.of_findings(found.values()),
+            *remarks.of_findings(by_fault.values()),
             *remarks.of_edge(rest_state.edges),
             *remarks.of_flyer(flyer is not None, axial),
             *remarks.of_rim(past, narrower is not None),

@@ -51,16 +51,16 @@ def before_rim(
     """Pixels of a region that show the flyer's side clear of its rim, if some of it lie past the rim."""
     row, column = np.nonzero(mask)
     pixels = np.stack([column, row], axis=1).astype(np.float64)
-    moved = np.array([move[0], 0.0, move[2]])
-    y = rays_on_body(camera, pixels, frame, radius, moved)[:, 1] - move[1]
+    lateral = np.array([move[0], 0.0, move[2]])
+    y = rays_on_body(camera, pixels, frame, radius, lateral)[:, 1] - move[1]
     place = frame.in_rig(np.array([0.0, rim, radius]) + move)
     scale = float(np.linalg.norm(pixels_per_length(camera, place, frame.rotation[1])))
     past = float(np.max((rim - y) * scale, initial=0.0, where=np.isfinite(y)))
     if past <= 0.0:
         return mask, 0.0
-    kept = mask.copy()
-    kept[row, column] = (y - rim) * scale >= CLEAR  # a ray that misses the flyer has no y, and is left out
-    return kept, past
+    clear = mask.copy()
+    clear[row, column] = (y - rim) * scale >= CLEAR  # a ray that misses the flyer has no y, and is left out
+    return clear, past
 
 
 LATERAL_SHARE = 0.05
@@ -94,27 +94,27 @@ def flyer_poses(
     """The rigid motion of the flyer, where its points tell it."""
     body = subsample(body, MOST_POINTS)
     r = body.reconstruction
-    seen = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
-    kept = np.zeros(len(static), dtype=bool)
-    kept[:: -(-len(static) // MOST_FRAMES)] = True
-    outcome = np.where(kept[:, None], r.outcome, int(PointOutcome.NO_PICTURE))
-    both = (outcome == PointOutcome.VALID).sum(axis=1)
-    kept &= both >= max(WIDE * both.max(initial=0), 3)
-    outcome = np.where(kept[:, None], outcome, int(PointOutcome.NO_PICTURE))
-    tracks = (_keep_frames(body.tracks[0], kept), _keep_frames(body.tracks[1], kept))
-    rest = np.flatnonzero(static & kept)
-    if not rest.size:
-        rest = np.flatnonzero(kept)[:ZERO_FRAMES]
+    visible = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
+    selected = np.zeros(len(static), dtype=bool)
+    selected[:: -(-len(static) // MOST_FRAMES)] = True
+    outcome = np.where(selected[:, None], r.outcome, int(PointOutcome.NO_PICTURE))
+    count = (outcome == PointOutcome.VALID).sum(axis=1)
+    selected &= count >= max(WIDE * count.max(initial=0), 3)
+    outcome = np.where(selected[:, None], outcome, int(PointOutcome.NO_PICTURE))
+    tracks = (_keep_frames(body.tracks[0], selected), _keep_frames(body.tracks[1], selected))
+    rest_frames = np.flatnonzero(static & selected)
+    if not rest_frames.size:
+        rest_frames = np.flatnonzero(selected)[:ZERO_FRAMES]
     step = float(np.median(np.abs(np.diff(axial.displacement[~static[axial.frame]])), axis=0))
     radius = float(np.nanmedian(np.hypot(*frame.positions(r.position)[..., [0, 2]].reshape(-1, 2).T)))
     try:
-        middle = _middle(frame.positions(r.position[rest]), length)
+        middle = _middle(frame.positions(r.position[rest_frames]), length)
         motion = body_motion(
             [replace(r, outcome=outcome)],
             frame,
             at=middle,
-            rest=rest.tolist(),
-            overlaps=[overlap_factor(body.points, subset, seen)],
+            rest_frames=rest_frames.tolist(),
+            overlaps=[overlap_factor(body.points, subset, visible)],
             rig=rig,
             tracks=[tracks],
             rotation_change=LATERAL_SHARE * step / radius,
@@ -136,15 +136,15 @@ def subsample(body: TrackedBody, most: int) -> TrackedBody:
     n = len(body.points)
     if n <= most:
         return body
-    kept, r = slice(None, None, -(-n // most)), body.reconstruction
+    selected, r = slice(None, None, -(-n // most)), body.reconstruction
     first, second = (
         replace(
             track,
-            points=track.points[kept],
-            excess=None if track.excess is None else track.excess[:, kept],
-            root=None if track.root is None else track.root[kept],
+            points=track.points[selected],
+            excess=None if track.excess is None else track.excess[:, selected],
+            root=None if track.root is None else track.root[selected],
             **{
-                name: getattr(track, name)[:, kept]
+                name: getattr(track, name)[:, selected]
                 for name in ("warp", "covariance", "zncc", "outcome", "reference")
             },
         )
@@ -152,31 +152,34 @@ def subsample(body: TrackedBody, most: int) -> TrackedBody:
     )
     return replace(
         body,
-        points=body.points[kept],
-        cell=body.cell[kept],
+        points=body.points[selected],
+        cell=body.cell[selected],
         tracks=(first, second),
         reconstruction=replace(
             r,
-            pixels=(r.pixels[0][:, kept], r.pixels[1][:, kept]),
-            **{name: getattr(r, name)[:, kept] for name in ("position", "covariance", "epipolar", "outcome")},
+            pixels=(r.pixels[0][:, selected], r.pixels[1][:, selected]),
+            **{
+                name: getattr(r, name)[:, selected]
+                for name in ("position", "covariance", "epipolar", "outcome")
+            },
         ),
-        common=None if body.common is None else body.common[:, kept],
+        common=None if body.common is None else body.common[:, selected],
     )
 
 
-def _keep_frames(track: Track, kept: BoolArray) -> Track:
+def _keep_frames(track: Track, selected: BoolArray) -> Track:
     """The track without the frames that are not kept."""
-    return replace(track, outcome=np.where(kept[:, None], track.outcome, int(PointOutcome.NO_PICTURE)))
+    return replace(track, outcome=np.where(selected[:, None], track.outcome, int(PointOutcome.NO_PICTURE)))
 
 
 def _middle(places: FloatArray, length: float | None) -> FloatArray:
     """The point of the body whose displacement is wanted [m], shape [3]."""
     if length is not None:
         return np.array([0.0, length, 0.0])
-    known = places[np.isfinite(places).all(axis=-1)]
-    if not len(known):
+    finite = places[np.isfinite(places).all(axis=-1)]
+    if not len(finite):
         raise ValueError("no point of it was seen by both cameras at rest or later")
-    return np.array([0.0, float(known[:, 1].mean()), 0.0])
+    return np.array([0.0, float(finite[:, 1].mean()), 0.0])
 
 
 def match_specimen(inputs: Inputs, region: Region) -> MatchedBody:
@@ -285,10 +288,10 @@ def clear_of_rim(
     if flyer is None or rim is None:
         return np.empty((0, 0), dtype=bool), 0.0
     places, moves = stereo_translations(flyer, placement.frame)
-    known, move = np.isfinite(places).all(axis=1), moves[flyer.material]
+    finite, move = np.isfinite(places).all(axis=1), moves[flyer.material]
     if not np.isfinite(move).all():
         return flyer.mask, 0.0
-    radius = float(np.median(np.hypot(places[known, 0], places[known, 2])))
+    radius = float(np.median(np.hypot(places[finite, 0], places[finite, 2])))
     return before_rim(flyer.mask, inputs.rig.cameras[0], placement.frame, radius, move, rim.y)
 
 
@@ -308,17 +311,17 @@ def displacement_of(
     flyer: TrackedBody | None,
     placement: Placement,
     rim: Rim | None,
-    seen: Translations | None,
+    motion: Translations | None,
 ) -> AxialDisplacement | None:
     """Axial displacement of the flyer, if there is one.
 
     ``inputs``, ``flyer``, ``placement``: the pictures, the flyer followed, and the specimen at rest. ``rim``,
-    ``seen``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
+    ``motion``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
     """
     if flyer is None:
         return None
     geometry = _rest_geometry(inputs, placement)
-    return from_rest(seen, rim, inputs.rig, placement.frame, inputs.t, inputs.static, geometry)
+    return from_rest(motion, rim, inputs.rig, placement.frame, inputs.t, inputs.static, geometry)
 
 
 def poses_of(

@@ -155,13 +155,13 @@ def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> 
     started = perf_counter()
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
 
-    def other() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
-        return _inspect_one(1, series[1], static), dict(series[1].held)
+    def second_camera() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
+        return _inspect_one(1, series[1], static), dict(series[1].in_memory)
 
     if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
-        with background(other) as later:
+        with background(second_camera) as joined:
             health0, grey0 = _inspect_one(0, series[0], static)
-            (health1, grey1), read = later()
+            (health1, grey1), read = joined()
         series[1].hold(read)
     else:
         (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static) for k in (0, 1))
@@ -181,8 +181,8 @@ def inspect_images(
 
     Raises ChainError as `inspect_pictures`.
     """
-    found = inspect_pictures(pictures, static) if inspection is None else inspection
-    return Inputs(found.pictures, rig, settings, t, static, found.health, found.grey)
+    inspected = inspect_pictures(pictures, static) if inspection is None else inspection
+    return Inputs(inspected.pictures, rig, settings, t, static, inspected.health, inspected.grey)
 
 
 def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
@@ -192,14 +192,14 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
             f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
         )
     outcome = frame_health(series).outcome
-    rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
-    if rest.size < 2:
+    rest_frames = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
+    if rest_frames.size < 2:
         raise ChainError(
-            f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those "
+            f"camera {camera} has {rest_frames.size} usable static pictures, needs 2 or more: export those "
             "before the test too, or look at their exposure"
         )
     try:
-        return outcome, grey_noise(series, rest.tolist())
+        return outcome, grey_noise(series, rest_frames.tolist())
     except (PictureError, ValueError) as error:
         raise ChainError(f"camera {camera}: {error}") from error
 

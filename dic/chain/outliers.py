@@ -65,10 +65,10 @@ def past_the_ends(
             along, scale = axis_in_picture(camera, frame, position[valid])
             hidden = 0.0 if platen is None else platen * _steepest(camera, frame, side, end)
             for part in parts:
-                known = valid[part] & np.isfinite(end[part, None])
+                defined = valid[part] & np.isfinite(end[part, None])
                 with np.errstate(invalid="ignore"):  # no point
                     before = side * (end[part, None] - position[part, :, 1])
-                    near = known & (before < 2.0 * subset / (SLACK * scale) + hidden)
+                    near = defined & (before < 2.0 * subset / (SLACK * scale) + hidden)
                 k, rows = np.nonzero(near)
                 k += part.start
                 room = visible_room(
@@ -142,8 +142,8 @@ def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
     inside = np.ones(len(body.points), dtype=bool)
     for k in range(1, half + 1):
         x, y = np.round(body.points + k * step).astype(int).T
-        here = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-        inside &= here
+        in_picture = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+        inside &= in_picture
         inside[inside] = body.mask[y[inside], x[inside]]
         reach[inside] = k + 0.5
     return reach
@@ -171,8 +171,8 @@ def spacing(position: FloatArray, cell: IntArray) -> float:
     in the grid, shape [n_points, 2].
     """
     near, offset = _neighbours(cell)
-    beside = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
-    apart = np.linalg.norm(position[near] - position[:, None], axis=-1)[beside]
+    adjacent = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
+    apart = np.linalg.norm(position[near] - position[:, None], axis=-1)[adjacent]
     apart = apart[np.isfinite(apart)]
     return float(np.median(apart)) if apart.size else float("nan")
 
@@ -196,21 +196,21 @@ def off_surface(
     def of(frames: range) -> BoolArray:
         off = np.zeros((len(frames), len(cell)), dtype=bool)
         for k, frame in enumerate(frames):
-            kept = valid[frame].copy()
+            remaining = valid[frame].copy()
             for _ in range(ROUNDS):
-                score = _scores(position[frame], sigma[frame], kept, near, terms, bending)
+                score = _scores(position[frame], sigma[frame], remaining, near, terms, bending)
                 around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
-                worst = kept & (score > 1.0) & (score >= around)
+                worst = remaining & (score > 1.0) & (score >= around)
                 if not worst.any():
                     break
-                kept &= ~worst
-            off[k] = valid[frame] & ~kept
+                remaining &= ~worst
+            off[k] = valid[frame] & ~remaining
         return off
 
     processes, off = parts(), np.zeros(valid.shape, dtype=bool)
     works = [partial(of, range(part, len(position), processes)) for part in range(processes)]
-    for part, found in enumerate(run_parallel(works, processes=processes)):
-        off[part::processes] = found
+    for part, outliers in enumerate(run_parallel(works, processes=processes)):
+        off[part::processes] = outliers
     return off
 
 
@@ -234,16 +234,16 @@ def _terms(offset: FloatArray) -> FloatArray:
 def _scores(
     position: FloatArray,
     sigma: FloatArray,
-    kept: BoolArray,
+    remaining: BoolArray,
     near: IntArray,
     terms: FloatArray,
     bending: float,
 ) -> FloatArray:
     """Distance from the surface through the neighbours over what is allowed, shape [n_points]."""
-    used = (near >= 0) & kept[near] & kept[:, None]
+    used = (near >= 0) & remaining[near] & remaining[:, None]
     count = used.sum(axis=1)
     score = np.zeros(len(position))
-    score[kept & (count < FEWEST_CONFIRMING)] = 2.0
+    score[remaining & (count < FEWEST_CONFIRMING)] = 2.0
     for order, chosen in (
         (6, np.flatnonzero(count >= BENT)),
         (3, np.flatnonzero((count >= FEWEST) & (count < BENT))),
@@ -288,7 +288,7 @@ def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolA
     shape = tuple((cell.max(axis=0) - low + 1).tolist())
     at = tuple((cell - low).T)
     around = np.ones((2 * TOUCH_REACH + 1, 2 * TOUCH_REACH + 1), dtype=bool)
-    found = np.zeros(valid.shape, dtype=bool)
+    unlike = np.zeros(valid.shape, dtype=bool)
     for frame in range(len(valid)):
         judged = valid[frame] & np.isfinite(excess[frame])
         if not judged.any():
@@ -300,8 +300,8 @@ def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolA
         seeds, touched = np.zeros((2, *shape), dtype=bool)
         seeds[at], touched[at] = level > SEED, level > TOUCHED
         patch = ndimage.binary_propagation(seeds, structure=around, mask=touched)
-        found[frame] = patch[at] & judged
-    return found
+        unlike[frame] = patch[at] & judged
+    return unlike
 
 
 LEAST_GATE = 0.1
@@ -328,14 +328,16 @@ def gate_residual(body: TrackedBody) -> TrackedBody:
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Apply the epipolar gate that the specimen's static frames give."""
-    r, rest = body.reconstruction, rest_state.rest
-    at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
+    r, rest_frames = body.reconstruction, rest_state.frames
+    at_rest = r.epipolar[rest_frames][r.outcome[rest_frames] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
     if gate <= GATE:  # what is left was let through by that one
         narrow_gates(r, gate=gate, gate_sigmas=OWN_SIGMAS)
         return body
-    found = reconstruct(inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
-    return replace(body, reconstruction=found)
+    reconstruction = reconstruct(
+        inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
+    )
+    return replace(body, reconstruction=reconstruction)
 
 
 def gate_ends(
@@ -367,7 +369,7 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     r, placement = body.reconstruction, rest_state.placement
     variance = placement.frame.variances(r.covariance)
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.
-    at_rest = placement.frame.positions(static_mean(r, rest_state.rest)[0])
+    at_rest = placement.frame.positions(static_mean(r, rest_state.frames)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
     distance = spacing(at_rest, body.cell)

@@ -65,19 +65,19 @@ def of_edge(cameras: int) -> list[Remark]:
     ]
 
 
-def of_flyer(wanted: bool, axial: AxialDisplacement | None) -> list[Remark]:
+def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
     """Remark on a flyer whose place at rest is not known, or is not seen."""
-    if wanted and axial is not None and axial.from_rim:
-        known = 1e6 * axial.rest_sigma
+    if required and axial is not None and axial.from_rim:
+        sigma = 1e6 * axial.rest_sigma
         return [
             Remark(
                 name="rest from the flyer's rim",
                 text="no static frame shows enough of the flyer; its place at rest follows from the "
-                f"specimen's declared length and the rim of its face in later frames, to {known:.1f} µm",
+                f"specimen's declared length and the rim of its face in later frames, to {sigma:.1f} µm",
                 cure="nothing to do; a few rows of the flyer in view at rest tell it to a micrometre",
             )
         ]
-    if not wanted or axial is not None:
+    if not required or axial is not None:
         return []
     return [
         Remark(
@@ -140,7 +140,7 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
 
 def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
     """Remarks on pictures that could not be used, camera by camera and kind by kind."""
-    found = []
+    findings = []
     for camera, outcome in enumerate(health):
         for kind in FrameOutcome:
             frames = np.flatnonzero(outcome == kind)
@@ -149,14 +149,14 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
             listed = ", ".join(str(frame) for frame in frames[:10]) + (
                 " and more" if frames.size > 10 else ""
             )
-            found.append(
+            findings.append(
                 Remark(
                     name=f"{_words(kind.name)} pictures",
                     text=f"camera {camera}, frame {listed} (counted from 0): {kind.cause}",
                     cure=kind.cure,
                 )
             )
-    return found
+    return findings
 
 
 def of_material(body: TrackedBody, region: Region) -> list[Remark]:
@@ -250,7 +250,7 @@ def uneven_steps(axial: AxialDisplacement) -> IntArray:
     dt = np.diff(axial.t)
     speed = np.diff(axial.displacement) / dt
     noise = np.hypot(axial.sigma[1:], axial.sigma[:-1]) / dt
-    found = []
+    uneven = []
     for k in range(AROUND, speed.size - AROUND):
         before = float(np.median(speed[k - AROUND : k]))
         after = float(np.median(speed[k + 1 : k + 1 + AROUND]))
@@ -258,8 +258,8 @@ def uneven_steps(axial: AxialDisplacement) -> IntArray:
         if abs(after - before) > STEADY * abs(usual):
             continue  # starting, or at rest
         if abs(speed[k] - usual) > max(STEP_SHARE * abs(usual), SIGMAS * float(noise[k])):
-            found.append(int(axial.frame[k + 1]))
-    return np.array(found, dtype=np.int64)
+            uneven.append(int(axial.frame[k + 1]))
+    return np.array(uneven, dtype=np.int64)
 
 
 def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
@@ -270,10 +270,10 @@ def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
     surface = specimen.surface
     late = axial.displacement > 0.5 * float(axial.displacement.max(initial=0.0))
     shares = []
-    for frame, moved in zip(axial.frame[late].tolist(), axial.displacement[late].tolist(), strict=True):
+    for frame, travel in zip(axial.frame[late].tolist(), axial.displacement[late].tolist(), strict=True):
         fine = surface.outcome[frame] == PointOutcome.VALID
-        if fine.sum() >= FEWEST_POINTS and moved > 0.0:
-            shares.append(float(np.percentile(-surface.u[frame, fine, 1], FASTEST)) / moved)
+        if fine.sum() >= FEWEST_POINTS and travel > 0.0:
+            shares.append(float(np.percentile(-surface.u[frame, fine, 1], FASTEST)) / travel)
     return float(np.median(shares)) if shares else None
 
 
@@ -310,10 +310,10 @@ def speckles(
     than three points, not on one line, or no contrast between them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
-    seen = pixels[np.isfinite(pixels).all(axis=1)]
-    if len(seen) < 3 or np.linalg.matrix_rank(seen - seen[0]) < 2:
-        raise ValueError(f"{len(seen)} points span no area whose speckles could be judged")
-    corners = seen[ConvexHull(seen).vertices]
+    finite = pixels[np.isfinite(pixels).all(axis=1)]
+    if len(finite) < 3 or np.linalg.matrix_rank(finite - finite[0]) < 2:
+        raise ValueError(f"{len(finite)} points span no area whose speckles could be judged")
+    corners = finite[ConvexHull(finite).vertices]
     total = np.zeros(pictures.shape)
     for frame in chosen:
         total += pictures.frame(frame)
@@ -327,7 +327,7 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
     grey/px."""
     judged = ~np.any(np.isnan(quality.floor), axis=2)
     worst = quality.floor[judged].max(axis=1)
-    needed = np.zeros(0) if quality.needed is None else quality.needed[judged]
+    subsets = np.zeros(0) if quality.needed is None else quality.needed[judged]
     return {
         "size": list(quality.size),
         "size_by_edges": quality.size_by_edges,
@@ -338,7 +338,7 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
         "wanted": quality.wanted,
         "too_small": float(quality.too_small[judged].mean()) if worst.size else None,
         # the subset that nearly all places would do with; none if some would do with none that was tried
-        "needed": int(np.percentile(needed, 95)) if needed.size and np.mean(needed > 0) > 0.95 else None,
+        "needed": int(np.percentile(subsets, 95)) if subsets.size and np.mean(subsets > 0) > 0.95 else None,
     }
 
 
@@ -349,17 +349,19 @@ def speckles_of(
 
     ``result``: what the pictures gave; its table says why a camera's speckles cannot be judged.
     """
-    found: list[Speckles | None] = []
-    rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
+    by_camera: list[Speckles | None] = []
+    rest_frames = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
     inputs = result.facts.get("speckle") or [{"problem": "not asked for"}] * len(pictures)
     for series, pixels, fact in zip(pictures, result.specimen.pixels, inputs, strict=True):
         if "problem" in fact:
-            found.append(None)
+            by_camera.append(None)
             continue
-        noise = grey_noise(series, rest)
+        noise = grey_noise(series, rest_frames)
         subset = result.facts["settings"]["subset"]
-        found.append(speckles(series, rest, noise, pixels[rest[0]], subset=subset, wanted=fact["wanted"]))
-    return found[0], found[1]
+        by_camera.append(
+            speckles(series, rest_frames, noise, pixels[rest_frames[0]], subset=subset, wanted=fact["wanted"])
+        )
+    return by_camera[0], by_camera[1]
 
 
 def facts_of(inputs: Inputs) -> dict[str, Any]:
@@ -391,14 +393,16 @@ def facts_of(inputs: Inputs) -> dict[str, Any]:
     }
 
 
-def speckle_settings_facts(inputs: Inputs, specimen: Body, rest: list[int]) -> list[dict[str, Any]]:
+def speckle_settings_facts(inputs: Inputs, specimen: Body, rest_frames: list[int]) -> list[dict[str, Any]]:
     """The speckle report of both cameras; where there can be none, why."""
-    found: list[dict[str, Any]] = []
+    settings_facts: list[dict[str, Any]] = []
     for series, noise, pixels in zip(inputs.pictures, inputs.grey, specimen.pixels, strict=True):
         try:
-            judged = speckles(series, rest, noise, pixels[rest[0]], subset=inputs.settings.subset)
+            judged = speckles(
+                series, rest_frames, noise, pixels[rest_frames[0]], subset=inputs.settings.subset
+            )
         except (PictureError, ValueError) as error:
-            found.append({"problem": str(error)})
+            settings_facts.append({"problem": str(error)})
         else:
-            found.append(_quality_facts(judged.quality))
-    return found
+            settings_facts.append(_quality_facts(judged.quality))
+    return settings_facts

@@ -68,7 +68,7 @@ def refined_end(
     if not _sees_end(rig.cameras[0], frame, 0.0):
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
-    y, sigma, found = 0.0, np.inf, 0
+    y, sigma, count = 0.0, np.inf, 0
     for _ in range(2):  # about the declared place, then about what was found
         looked = run_parallel(
             [
@@ -76,15 +76,15 @@ def refined_end(
                 for camera, picture in zip(rig.cameras, pictures, strict=True)
             ]
         )
-        seen = [one for one in looked if one is not None]
-        found = len(seen)
-        if not found:
+        measured = [one for one in looked if one is not None]
+        count = len(measured)
+        if not count:
             break
-        y, sigma = weighted_mean(*np.array([one[:2] for one in seen]).T)
-    if not found:
+        y, sigma = weighted_mean(*np.array([one[:2] for one in measured]).T)
+    if not count:
         scale = _scale(rig.cameras[0], frame, 0.0, cylinder.radius)
         y, sigma = 0.0, float(np.hypot(DECLARED / scale, abs(_slope(rig.cameras[0], frame, 0.0)) * rim_sigma))
-    return frame.in_rig(np.array([[0.0, y, cylinder.radius]]))[0], sigma, found
+    return frame.in_rig(np.array([[0.0, y, cylinder.radius]]))[0], sigma, count
 
 
 def weighted_mean(values: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
@@ -130,12 +130,12 @@ def end_in_camera(
     x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-HALF, HALF + 1.0)
     widest = 1.3 * scale * max(slope, 0.0) * (rim - specimen) + 0.3
-    found = []
+    fits = []
     for phase in PHASES:
         at = y + phase / scale
         places = strip_places(x, at - u / scale, radius)
-        seen = in_view(camera, picture.shape, frame, places)
-        rows, columns = seen.any(axis=1), seen[seen.any(axis=1)].all(axis=0)
+        visible = in_view(camera, picture.shape, frame, places)
+        rows, columns = visible.any(axis=1), visible[visible.any(axis=1)].all(axis=0)
         if u[rows].max(initial=-HALF) < LEAST_BEYOND or u[rows].min(initial=HALF) > -HALF:
             continue
         if columns.sum() < FEWEST_COLUMNS:
@@ -143,22 +143,22 @@ def end_in_camera(
         strip = sampled(camera, picture, frame, places[np.ix_(rows, columns)])
         fit = fit_edge(strip[None], u[rows], np.array([[0.0], [widest]]), reach=REACH)
         if fit is not None:
-            found.append((phase - fit.place, fit.sigma, fit.gap))
-    if not found:
+            fits.append((phase - fit.place, fit.sigma, fit.gap))
+    if not fits:
         return None
-    place, off = of_phases(np.array(found))
+    place, off = of_phases(np.array(fits))
     return y + place / scale, float(np.hypot(off / scale, min(slope, 0.0) * rim_sigma))
 
 
-def of_phases(found: FloatArray) -> tuple[float, float]:
+def of_phases(fits: FloatArray) -> tuple[float, float]:
     """Place of an edge and its standard deviation [px], from fits to strips that differ in where their rows
     lie between those of the picture.
 
     To the fits' own standard deviation comes what the model leaves out: `MODEL`, half of what the fits differ
     by, and a gap in the paint before the edge, anywhere in which the body may end (a uniform distribution).
     """
-    place, sigma, gap = found.mean(axis=0)
-    apart = 0.5 * float(np.ptp(found[:, 0]))
+    place, sigma, gap = fits.mean(axis=0)
+    apart = 0.5 * float(np.ptp(fits[:, 0]))
     open_gap = max(float(gap) - LEAST_GAP, 0.0) / 12.0**0.5
     return float(place), float(np.sqrt(sigma**2 + MODEL**2 + apart**2 + open_gap**2))
 
@@ -176,7 +176,7 @@ class RestState:
 
     placement: Placement
     """The test frame, and the cylinder it was taken from."""
-    rest: list[int]
+    frames: list[int]
     """Static frames in which both cameras saw the specimen."""
     edges: int
     """Cameras in which its end was found."""
@@ -191,18 +191,21 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
     ChainError if no point was found by both cameras at rest, or the points lie on no cylinder.
     """
     rig, settings = inputs.rig, inputs.settings
-    rest = _rest_frames(inputs, body)
-    position, covariance = static_mean(body.reconstruction, rest)
-    known = np.isfinite(position).all(axis=1)
+    rest_frames = _rest_frames(inputs, body)
+    position, covariance = static_mean(body.reconstruction, rest_frames)
+    finite = np.isfinite(position).all(axis=1)
     try:
-        overlap = overlap_factor(body.points[known], settings.subset)
-        free = fit_cylinder(position[known], covariance[known], overlap=overlap)
+        overlap = overlap_factor(body.points[finite], settings.subset)
+        free = fit_cylinder(position[finite], covariance[finite], overlap=overlap)
         cylinder = free
         if settings.radius is not None:
             cylinder = fit_cylinder(
-                position[known], covariance[known], overlap=overlap, radius=settings.radius
+                position[finite], covariance[finite], overlap=overlap, radius=settings.radius
             )
-        means = (_mean_picture(inputs.pictures[0], rest), _mean_picture(inputs.pictures[1], rest))
+        means = (
+            _mean_picture(inputs.pictures[0], rest_frames),
+            _mean_picture(inputs.pictures[1], rest_frames),
+        )
         platen = _platen(flyer, cylinder)
         zero, zero_sigma, edges = refined_end(
             means, rig, cylinder, settings.zero, settings.direction, platen=platen
@@ -218,7 +221,7 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
         chi2_per_dof=cylinder.chi2_per_dof,
         n_points=int(cylinder.used.sum()),
     )
-    return RestState(placement=placement, rest=rest, edges=edges, platen=platen)
+    return RestState(placement=placement, frames=rest_frames, edges=edges, platen=platen)
 
 
 def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:
@@ -235,16 +238,16 @@ def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:
 
 def _rest_frames(inputs: Inputs, body: TrackedBody) -> list[int]:
     """Static frames in which both cameras saw the body."""
-    seen = np.any(body.reconstruction.outcome == PointOutcome.VALID, axis=1)
-    rest: list[int] = np.flatnonzero(inputs.static & seen).tolist()
-    if not rest:
+    visible = np.any(body.reconstruction.outcome == PointOutcome.VALID, axis=1)
+    frames: list[int] = np.flatnonzero(inputs.static & visible).tolist()
+    if not frames:
         failed = [f"{gate.name} {count}" for gate, count in body.stereo.count().items() if count]
         raise ChainError(
             f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the "
             f"match between the cameras failed by {', '.join(failed)}: check the calibration, the crop "
             "offsets and which camera is which"
         )
-    return rest
+    return frames
 
 
 def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
@@ -262,20 +265,22 @@ def surface_of(
     """The points of a body that have a place in the reference frames; of those that have none, the outcomes
     in the material picture."""
     r = body.reconstruction
-    kept = referenced(r, reference)
-    surface = to_surface(r, placement.frame, inputs.t, reference=reference, points=kept)
-    sigma = [np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks]
+    selected = referenced(r, reference)
+    surface = to_surface(r, placement.frame, inputs.t, reference=reference, points=selected)
+    sigma = [
+        np.sqrt(0.5 * np.trace(track.covariance[:, selected], axis1=2, axis2=3)) for track in body.tracks
+    ]
     return (
         Body(
             surface=surface,
-            pixels=(r.pixels[0][:, kept], r.pixels[1][:, kept]),
+            pixels=(r.pixels[0][:, selected], r.pixels[1][:, selected]),
             match_sigma=(sigma[0], sigma[1]),
-            zncc=(body.tracks[0].zncc[:, kept], body.tracks[1].zncc[:, kept]),
-            epipolar=r.epipolar[:, kept],
-            points=body.points[kept],
-            cell=body.cell[kept],
+            zncc=(body.tracks[0].zncc[:, selected], body.tracks[1].zncc[:, selected]),
+            epipolar=r.epipolar[:, selected],
+            points=body.points[selected],
+            cell=body.cell[selected],
         ),
-        r.outcome[body.material, ~kept],
+        r.outcome[body.material, ~selected],
     )
 
 
@@ -299,8 +304,8 @@ def outline_of(specimen: Body, settings: ChainSettings) -> tuple[CentrePoints, i
     if settings.largest_sigma is None:
         return line, 0
     fine = line.sigma <= settings.largest_sigma
-    kept = {name: getattr(line, name)[fine] for name in ("t", "frame", "y", "Z", "sigma")}
-    return replace(line, **kept), int(np.sum(~fine))
+    selected = {name: getattr(line, name)[fine] for name in ("t", "frame", "y", "Z", "sigma")}
+    return replace(line, **selected), int(np.sum(~fine))
 
 
 def strains_of(specimen: Body, settings: ChainSettings) -> SurfaceStrain:

@@ -106,12 +106,12 @@ def _warps(name: str, warps: ArrayLike, n: int) -> FloatArray:
 def _pictures(name: str, index: ArrayLike, n: int, available: int) -> NDArray[np.int32]:
     if isinstance(index, int) and 0 <= index < available:
         return np.full(n, index, dtype=np.int32)
-    found = np.asarray(index)
-    if not np.issubdtype(found.dtype, np.integer) or found.shape not in ((), (n,)):
-        raise ValueError(f"{name} must be a whole number or {n} of them, got {found.dtype} {found.shape}")
-    if n and not (found.min() >= 0 and found.max() < available):
-        raise ValueError(f"{name} must be from 0 to {available - 1}, got {found.min()} to {found.max()}")
-    return np.ascontiguousarray(np.broadcast_to(found, n), dtype=np.int32)
+    indices = np.asarray(index)
+    if not np.issubdtype(indices.dtype, np.integer) or indices.shape not in ((), (n,)):
+        raise ValueError(f"{name} must be a whole number or {n} of them, got {indices.dtype} {indices.shape}")
+    if n and not (indices.min() >= 0 and indices.max() < available):
+        raise ValueError(f"{name} must be from 0 to {available - 1}, got {indices.min()} to {indices.max()}")
+    return np.ascontiguousarray(np.broadcast_to(indices, n), dtype=np.int32)
 
 
 def _places(
@@ -129,12 +129,12 @@ def _places(
 
 
 def _mask(mask: ArrayLike) -> NDArray[np.uint8]:
-    found = np.asarray(mask)
-    if found.dtype != np.bool_ or found.ndim != 2:
+    values = np.asarray(mask)
+    if values.dtype != np.bool_ or values.ndim != 2:
         raise ValueError(
-            f"mask must be true or false with shape [rows, columns], got {found.dtype} {found.shape}"
+            f"mask must be true or false with shape [rows, columns], got {values.dtype} {values.shape}"
         )
-    return np.ascontiguousarray(found).view(np.uint8)
+    return np.ascontiguousarray(values).view(np.uint8)
 
 
 __all__ = ["Correlation", "Match", "Noise", "PictureStack", "Shape", "Templates", "correlate"]

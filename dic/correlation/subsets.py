@@ -271,11 +271,11 @@ class PictureStack:
         if waiting:
             planes.append(device_pictures.coefficients(waiting, prefilter, device))
         single = isinstance(noise, (int, float, Noise))
-        given = [noise] * n_pictures if single else list(noise)  # type: ignore[arg-type]
-        if len(given) != n_pictures:
-            raise ValueError(f"noise must be one value or {n_pictures}, one a picture; got {len(given)}")
+        levels = [noise] * n_pictures if single else list(noise)  # type: ignore[arg-type]
+        if len(levels) != n_pictures:
+            raise ValueError(f"noise must be one value or {n_pictures}, one a picture; got {len(levels)}")
         coefficients = tuple(planes)
-        greys = tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given)  # type: ignore[arg-type]
+        greys = tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in levels)  # type: ignore[arg-type]
         return cls(
             n_pictures=n_pictures,
             shape=shape,
@@ -384,9 +384,9 @@ def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE
     pairs = tree.query_pairs(subset, p=np.inf, output_type="ndarray")
     value = _alike(grid[pairs[:, 0]] - grid[pairs[:, 1]], subset, shape)
     some = value != 0.0
-    one, other, value = pairs[some, 0], pairs[some, 1], value[some]
-    own = np.arange(len(grid))
-    rows, columns = np.concatenate([own, one, other]), np.concatenate([own, other, one])
+    one, partner, value = pairs[some, 0], pairs[some, 1], value[some]
+    diagonal = np.arange(len(grid))
+    rows, columns = np.concatenate([diagonal, one, partner]), np.concatenate([diagonal, partner, one])
     values = np.concatenate([np.ones(len(grid)), value, value])
     return csr_array((values, (rows, columns)), shape=(len(grid), len(grid)))
 

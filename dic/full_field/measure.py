@@ -134,20 +134,20 @@ def extension(
     rows = np.flatnonzero(near[0] | near[1])
     grid, valid = points[rows], surface.valid[:, rows]
     rho = overlap_correlation(grid, grid, subset)
-    rest = np.zeros((rows.size, 3)) if reference_sigma is None else reference_sigma[rows]
+    start_sigma = np.zeros((rows.size, 3)) if reference_sigma is None else reference_sigma[rows]
     n_frames = surface.n_frames
     length, elongation, sigma = (np.full(n_frames, np.nan) for _ in range(3))
     strain, outcome = np.full(n_frames, np.nan), np.full(n_frames, int(StrainOutcome.TOO_FEW_NEIGHBOURS))
     for k in range(n_frames):
         weights = [
-            _weights(grid, valid[k] & own[rows], end, step)
-            for own, end in zip(near, extensometer.ends, strict=True)
+            _weights(grid, valid[k] & inside[rows], end, step)
+            for inside, end in zip(near, extensometer.ends, strict=True)
         ]
         if weights[0] is None or weights[1] is None:
             continue
         g = weights[1] - weights[0]
-        here = np.where(valid[k, :, None], surface.position[k, rows], 0.0)
-        between, before = g @ here, g @ surface.X[rows]
+        position = np.where(valid[k, :, None], surface.position[k, rows], 0.0)
+        between, before = g @ position, g @ surface.X[rows]
         length[k], initial = np.linalg.norm(between), np.linalg.norm(before)
         elongation[k] = length[k] - initial
         strain[k] = elongation[k] / initial
@@ -155,7 +155,8 @@ def extension(
         n, n0 = between / length[k], before / initial
         sigma[k] = np.sqrt(
             sum(
-                (n[c] ** 2) * _variance(g * noise[:, c], rho) + (n0[c] ** 2) * _variance(g * rest[:, c], rho)
+                (n[c] ** 2) * _variance(g * noise[:, c], rho)
+                + (n0[c] ** 2) * _variance(g * start_sigma[:, c], rho)
                 for c in range(3)
             )
         )
@@ -172,20 +173,20 @@ def extension(
 
 
 def extensions(
-    surface: SurfaceHistory, points: FloatArray, wanted: Sequence[Extensometer], **given: object
+    surface: SurfaceHistory, points: FloatArray, gauges: Sequence[Extensometer], **settings: object
 ) -> tuple[Extension, ...]:
     """`extension` of several extensometers.
 
     Raises ValueError if an end lies beside all points, so that no frame could give a length.
     """
-    for one in wanted:
+    for one in gauges:
         for end in one.ends:
-            if _near(points, end, one.window, float(given["step"])).sum() < FEWEST:  # type: ignore[arg-type]
+            if _near(points, end, one.window, float(settings["step"])).sum() < FEWEST:  # type: ignore[arg-type]
                 raise ValueError(
                     f"the end ({end[0]:g}, {end[1]:g}) px of the extensometer {one.name} has fewer than "
                     f"{FEWEST} points around it: place it on the region, or enlarge its window"
                 )
-    return tuple(extension(surface, points, one, **given) for one in wanted)  # type: ignore[arg-type]
+    return tuple(extension(surface, points, one, **settings) for one in gauges)  # type: ignore[arg-type]
 
 
 def _near(points: FloatArray, end: tuple[float, float], window: int, step: float) -> BoolArray:
@@ -219,16 +220,16 @@ def noise_at_rest(
     ``health``: `FrameOutcome` of its pictures, shape [n_frames]. ``static``: frames at the beginning in which
     nothing moves. ``mask``: pixels that count, shape [rows, columns]; None: all.
     """
-    rest = np.flatnonzero(health[:static] == FrameOutcome.VALID)
-    if rest.size < 2:
+    rest_frames = np.flatnonzero(health[:static] == FrameOutcome.VALID)
+    if rest_frames.size < 2:
         return None
     try:
-        grey = grey_noise(pictures, rest.tolist(), mask=mask)
+        grey = grey_noise(pictures, rest_frames.tolist(), mask=mask)
     except (PictureError, ValueError):
         return None
     line = grey.intercept > 0.0 and grey.slope > 0.0
-    found = Noise(floor=grey.intercept**0.5, gain=grey.slope) if line else Noise(floor=grey.sigma)
-    return found, grey.sigma
+    noise = Noise(floor=grey.intercept**0.5, gain=grey.slope) if line else Noise(floor=grey.sigma)
+    return noise, grey.sigma
 
 
 def noise_from_matches(
@@ -315,25 +316,25 @@ def measure_plane(
     time, timed = times_of(series, t)
     mask = full_mask(mask, series)
     points, cell = grid_points(mask, chosen.step, margin=chosen.margin)
-    known = known_noise(series, health, mask, chosen)
-    found = track(
+    rest_noise = known_noise(series, health, mask, chosen)
+    tracked = track(
         series,
         points,
         chosen.tracking,
-        noise=Noise(1.0) if known is None else known[0],
+        noise=Noise(1.0) if rest_noise is None else rest_noise[0],
         mask=mask,
         first=chosen.reference,
         frame_outcome=health,
         device=chosen.device,
         progress=None if progress is None else lambda done, total: progress("camera 0", done, total),
     )
-    if known is None:
-        sigma = _noise_in(found, series, chosen)
-        found = replace(found, covariance=found.covariance * sigma**2)
+    if rest_noise is None:
+        sigma = _noise_in(tracked, series, chosen)
+        tracked = replace(tracked, covariance=tracked.covariance * sigma**2)
     else:
-        sigma = known[1]
+        sigma = rest_noise[1]
     unit = 1.0 if scale is None else scale
-    surface = _plane(found, time, unit, chosen.reference)
+    surface = _plane(tracked, time, unit, chosen.reference)
     strain = strains_of(surface, points, chosen)
     return FullField(
         kind="plane",
@@ -344,12 +345,12 @@ def measure_plane(
         strain=strain,
         points=points,
         cell=cell,
-        pixels=places(found)[None],
-        zncc=np.where(np.isfinite(found.zncc), found.zncc, np.nan)[None],
-        epipolar=np.full(found.outcome.shape, np.nan),
+        pixels=places(tracked)[None],
+        zncc=np.where(np.isfinite(tracked.zncc), tracked.zncc, np.nan)[None],
+        epipolar=np.full(tracked.outcome.shape, np.nan),
         noise=np.array([sigma]),
         extensions=extensions(surface, points, extensometers, step=chosen.step, subset=chosen.subset),
-        facts={**(facts or {}), **facts_of(chosen, [series], known is not None)},
+        facts={**(facts or {}), **facts_of(chosen, [series], rest_noise is not None)},
     )
 
 
@@ -369,12 +370,12 @@ def full_mask(mask: BoolArray | None, series: Pictures) -> BoolArray:
 
 def times_of(series: Pictures, t: FloatArray | None) -> tuple[FloatArray, bool]:
     """Frame times, and whether a clock gave them; else the numbers of the frames."""
-    given = series.times if t is None else t
-    if given is None:
+    times = series.times if t is None else t
+    if times is None:
         return np.arange(series.n_frames, dtype=np.float64), False
-    if np.shape(given) != (series.n_frames,):
-        raise ValueError(f"t has shape {np.shape(given)}, there are {series.n_frames} pictures")
-    return np.asarray(given, dtype=np.float64), True
+    if np.shape(times) != (series.n_frames,):
+        raise ValueError(f"t has shape {np.shape(times)}, there are {series.n_frames} pictures")
+    return np.asarray(times, dtype=np.float64), True
 
 
 def usable_reference(health: Sequence[IntArray], settings: FullFieldSettings) -> None:
@@ -382,11 +383,11 @@ def usable_reference(health: Sequence[IntArray], settings: FullFieldSettings) ->
     for camera, outcome in enumerate(health):
         if settings.reference >= outcome.size:
             raise ValueError(f"reference is frame {settings.reference}, there are {outcome.size} frames")
-        found = FrameOutcome(int(outcome[settings.reference]))
-        if not found.ok:
+        frame_outcome = FrameOutcome(int(outcome[settings.reference]))
+        if not frame_outcome.ok:
             raise ValueError(
                 f"camera {camera}'s picture of the reference frame {settings.reference} cannot be used: "
-                f"{found.cause}; choose another reference"
+                f"{frame_outcome.cause}; choose another reference"
             )
 
 
@@ -399,9 +400,9 @@ def known_noise(
     return noise_at_rest(series, health, settings.static, mask)
 
 
-def _noise_in(found: Track, series: Pictures, settings: FullFieldSettings) -> float:
+def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> float:
     """Noise of the grey values from the first frame that the points were followed into [grey]."""
-    counts = (found.outcome == PointOutcome.VALID).sum(axis=1)
+    counts = (tracked.outcome == PointOutcome.VALID).sum(axis=1)
     counts[settings.reference] = 0  # a picture correlates with itself, noise and all
     frames = np.flatnonzero(counts >= max(1, counts.max() // 2))
     if not counts.any():
@@ -410,15 +411,15 @@ def _noise_in(found: Track, series: Pictures, settings: FullFieldSettings) -> fl
             "declare the noise of the grey values"
         )
     frame = int(frames[np.argmin(np.abs(frames - settings.reference))])
-    valid = found.outcome[frame] == PointOutcome.VALID
+    valid = tracked.outcome[frame] == PointOutcome.VALID
     picture = series.frame(settings.reference)
-    return noise_from_matches(picture, found.points[valid], found.zncc[frame, valid], settings.subset)
+    return noise_from_matches(picture, tracked.points[valid], tracked.zncc[frame, valid], settings.subset)
 
 
-def places(found: Track) -> FloatArray:
+def places(tracked: Track) -> FloatArray:
     """Places of a track's points [px], NaN where lost, shape [n_frames, n_points, 2]."""
-    valid = (found.outcome == PointOutcome.VALID)[..., None]
-    return np.where(valid, apply(found.points, found.warp), np.nan)
+    valid = (tracked.outcome == PointOutcome.VALID)[..., None]
+    return np.where(valid, apply(tracked.points, tracked.warp), np.nan)
 
 
 def strains_of(
@@ -435,17 +436,17 @@ def strains_of(
         order=settings.strain_order,
     )
     history = strains(surface, points, gauge, reference_sigma=reference_sigma)
-    found = history.green_lagrange
-    return SurfaceStrain(value=found.value, sigma=found.sigma, outcome=history.outcome, gauge=history.gauge)
+    strain = history.green_lagrange
+    return SurfaceStrain(value=strain.value, sigma=strain.sigma, outcome=history.outcome, gauge=history.gauge)
 
 
 def frame_outcomes(health: Sequence[IntArray], surface: SurfaceHistory) -> IntArray:
     """Outcome of each frame: that of its pictures, LOST where no point was found."""
     outcome = np.asarray(health[0])
-    for other in health[1:]:
-        outcome = np.where(outcome != FrameOutcome.VALID, outcome, other)
-    lost = (outcome == FrameOutcome.VALID) & ~surface.valid.any(axis=1)
-    return np.asarray(np.where(lost, int(FrameOutcome.LOST), outcome), dtype=np.int64)
+    for camera_outcome in health[1:]:
+        outcome = np.where(outcome != FrameOutcome.VALID, outcome, camera_outcome)
+    empty = (outcome == FrameOutcome.VALID) & ~surface.valid.any(axis=1)
+    return np.asarray(np.where(empty, int(FrameOutcome.LOST), outcome), dtype=np.int64)
 
 
 def facts_of(settings: FullFieldSettings, series: Sequence[Pictures], measured: bool) -> dict[str, Any]:
@@ -472,17 +473,21 @@ def facts_of(settings: FullFieldSettings, series: Sequence[Pictures], measured: 
     }
 
 
-def _plane(found: Track, t: FloatArray, unit: float, reference: int) -> SurfaceHistory:
+def _plane(tracked: Track, t: FloatArray, unit: float, reference: int) -> SurfaceHistory:
     """A track as a surface: the plane Z = 0."""
-    valid = found.outcome == PointOutcome.VALID
+    valid = tracked.outcome == PointOutcome.VALID
     u = np.zeros((*valid.shape, 3))
-    u[..., :2] = unit * found.warp[..., :2]
+    u[..., :2] = unit * tracked.warp[..., :2]
     sigma = np.full((*valid.shape, 3), unit * EXACT)
-    variance = np.einsum("...ii->...i", found.covariance)
+    variance = np.einsum("...ii->...i", tracked.covariance)
     sigma[..., :2] = unit * np.sqrt(np.where(valid[..., None], variance, np.nan) + EXACT**2)
-    X = np.column_stack([unit * found.points, np.zeros(len(found.points))])
-    gone = ~valid[..., None]
+    X = np.column_stack([unit * tracked.points, np.zeros(len(tracked.points))])
+    invalid = ~valid[..., None]
     u[reference, valid[reference]] = 0.0
     return SurfaceHistory(
-        t=t, X=X, u=np.where(gone, np.nan, u), sigma=np.where(gone, np.nan, sigma), outcome=found.outcome
+        t=t,
+        X=X,
+        u=np.where(invalid, np.nan, u),
+        sigma=np.where(invalid, np.nan, sigma),
+        outcome=tracked.outcome,
     )

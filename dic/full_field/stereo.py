@@ -77,7 +77,7 @@ def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
 
 NODES = 15
 """Places along each side of a subset that stand for its pixels."""
-LEAST_SEEN = 0.2
+LEAST_VISIBLE = 0.2
 """Share of them that must lie on the cylinder and in the mask."""
 
 
@@ -86,12 +86,12 @@ def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
     x, y = subset_nodes(2.0).T  # from -1 to 1: the result has no length in it
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
     T = np.stack(terms, axis=1)
-    known = np.asarray(np.isfinite(field).all(axis=2))
+    finite = np.asarray(np.isfinite(field).all(axis=2))
     middle = field[:, NODES**2 // 2]
-    fine = (known.mean(axis=1) >= LEAST_SEEN) & np.isfinite(middle).all(axis=1)
+    fine = (finite.mean(axis=1) >= LEAST_VISIBLE) & np.isfinite(middle).all(axis=1)
     bias = np.full(middle.shape, np.nan)
-    away = np.where(known[..., None], field - middle[:, None], 0.0)[fine]
-    used = known[fine].astype(np.float64)
+    away = np.where(finite[..., None], field - middle[:, None], 0.0)[fine]
+    used = finite[fine].astype(np.float64)
     normal = np.einsum("nk,ka,kb->nab", used, T, T, optimize=True)
     bias[fine] = np.linalg.solve(normal, np.einsum("ka,nkm->nam", T, away))[:, 0]
     return bias
@@ -134,14 +134,14 @@ def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
     Its points were matched beside them by `bias` in the material frame and follow the place found there: by
     ``F F₀⁻¹ bias`` beside it in another frame, F the deformation gradients of the track.
     """
-    known = np.where(np.isfinite(bias), bias, 0.0)
+    finite_bias = np.where(np.isfinite(bias), bias, 0.0)
     F = gradient(track.warp)
     with np.errstate(invalid="ignore"):  # of points that were lost
         start = np.where(np.isfinite(F[material]), F[material], np.eye(2))
         now = np.where(np.isfinite(F), F, np.eye(2))
-    moved = now @ (np.linalg.inv(start) @ known[..., None])
+    shift = now @ (np.linalg.inv(start) @ finite_bias[..., None])
     warp = track.warp.copy()
-    warp[..., :2] -= moved[..., 0]
+    warp[..., :2] -= shift[..., 0]
     return replace(track, warp=warp)
 
 
@@ -149,54 +149,60 @@ CORRECTIONS = 2
 """Times that the curvature's bias is taken off: the second starts from a cylinder that is nearly right."""
 
 
-def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest: Sequence[int]) -> TrackedBody:
+def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest_frames: Sequence[int]) -> TrackedBody:
     """The body with the epipolar gate that its reference frames give."""
-    epipolar = body.reconstruction.epipolar[list(rest)]
-    found = epipolar[np.isfinite(epipolar)]
-    if not found.size:
+    epipolar = body.reconstruction.epipolar[list(rest_frames)]
+    distances = epipolar[np.isfinite(epipolar)]
+    if not distances.size:
         raise ValueError(
             "no point was matched between the cameras: check which camera is which, the calibration, the "
             "crop offsets and the region"
         )
-    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(found))) / 0.6745)
-    again = reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
-    return replace(body, reconstruction=again)
+    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(distances))) / 0.6745)
+    gated = reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
+    return replace(body, reconstruction=gated)
 
 
-def _at_rest_of(r: Reconstruction, rest: Sequence[int]) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _at_rest_of(r: Reconstruction, rest_frames: Sequence[int]) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Mean places of the points at the reference, their covariances, and which points they are."""
-    known = referenced(r, rest)
-    X, C = static_mean(r, rest)
-    return X[known], C[known], known
+    used = referenced(r, rest_frames)
+    X, C = static_mean(r, rest_frames)
+    return X[used], C[used], used
 
 
 def _cylinder_of(
     r: Reconstruction,
-    rest: Sequence[int],
+    rest_frames: Sequence[int],
     settings: FullFieldSettings,
     points: FloatArray,
     radius: float | None = None,
 ) -> Cylinder:
     """The cylinder at the reference."""
-    X, C, known = _at_rest_of(r, rest)
-    return fit_cylinder(X, C, radius=radius, overlap=overlap_factor(points[known], settings.subset))
+    X, C, used = _at_rest_of(r, rest_frames)
+    return fit_cylinder(X, C, radius=radius, overlap=overlap_factor(points[used], settings.subset))
 
 
 def _remove_curvature_bias(
-    rig: StereoRig, body: TrackedBody, rest: Sequence[int], settings: FullFieldSettings, radius: float | None
+    rig: StereoRig,
+    body: TrackedBody,
+    rest_frames: Sequence[int],
+    settings: FullFieldSettings,
+    radius: float | None,
 ) -> tuple[TrackedBody, float, float]:
     """The body without the bias of its subsets' curvature, the bias's median size in camera 1 [px], and the
     radius before [m]."""
     first, track = body, body.tracks[1]
-    plain, size = _cylinder_of(first.reconstruction, rest, settings, body.points).radius, 0.0
+    plain, size = _cylinder_of(first.reconstruction, rest_frames, settings, body.points).radius, 0.0
     for _ in range(CORRECTIONS):
-        cylinder = _cylinder_of(body.reconstruction, rest, settings, body.points, radius)
+        cylinder = _cylinder_of(body.reconstruction, rest_frames, settings, body.points, radius)
         bias = match_bias(rig, cylinder, body.points, body.mask, settings.subset, settings.stereo_shape)
-        known = np.isfinite(bias).all(axis=1)
-        size = float(np.median(np.linalg.norm(bias[known], axis=1))) if known.any() else 0.0
+        finite = np.isfinite(bias).all(axis=1)
+        size = float(np.median(np.linalg.norm(bias[finite], axis=1))) if finite.any() else 0.0
         tracks = (body.tracks[0], without_bias(track, bias, body.material))
         body = _apply_epipolar_gate(
-            rig, replace(first, tracks=tracks, reconstruction=_reconstruct_body(rig, first, tracks)), rest
+            rig,
+            replace(first, tracks=tracks, reconstruction=_reconstruct_body(rig, first, tracks)),
+            rest_frames,
         )
     return body, size, plain
 
@@ -219,15 +225,15 @@ def cylinders(
     for k in range(n):
         valid = r.outcome[k] == PointOutcome.VALID
         try:
-            found = fit_cylinder(
+            cylinder = fit_cylinder(
                 frame.positions(r.position[k, valid]),
                 frame.covariances(r.covariance[k, valid]),
                 overlap=overlap_factor(points[valid], settings.subset),
             )
         except ValueError:
             continue  # too few points, or none of a cylinder: NaN and no points
-        radius[k], sigma[k], rms[k] = found.radius, found.sigma[4], found.rms
-        count[k] = int(found.used.sum())
+        radius[k], sigma[k], rms[k] = cylinder.radius, cylinder.sigma[4], cylinder.rms
+        count[k] = int(cylinder.used.sum())
     return FittedCylinder(radius, sigma, rms, count, correction, plain)
 
 
@@ -347,20 +353,22 @@ def _measured(
         progress=progress,
     )
     at_rest = settings.reference < settings.static
-    rest = list(range(settings.static)) if at_rest else [settings.reference]
-    body = _apply_epipolar_gate(rig, body, rest)
+    rest_frames = list(range(settings.static)) if at_rest else [settings.reference]
+    body = _apply_epipolar_gate(rig, body, rest_frames)
     correction, plain = 0.0, float("nan")
     if kind == "cylinder":
-        body, correction, plain = _remove_curvature_bias(rig, body, rest, settings, radius)
-        frame = _cylinder_frame(_cylinder_of(body.reconstruction, rest, settings, body.points, radius), rig)
+        body, correction, plain = _remove_curvature_bias(rig, body, rest_frames, settings, radius)
+        frame = _cylinder_frame(
+            _cylinder_of(body.reconstruction, rest_frames, settings, body.points, radius), rig
+        )
     else:
-        frame = plane_frame(_at_rest_of(body.reconstruction, rest)[0], rig)
+        frame = plane_frame(_at_rest_of(body.reconstruction, rest_frames)[0], rig)
     r = body.reconstruction
-    taken = referenced(r, rest)
-    surface = to_surface(r, frame, time, reference=rest, points=taken)
-    variance = np.einsum("...ii->...i", frame.covariances(static_mean(r, rest)[1][taken]))
+    used = referenced(r, rest_frames)
+    surface = to_surface(r, frame, time, reference=rest_frames, points=used)
+    variance = np.einsum("...ii->...i", frame.covariances(static_mean(r, rest_frames)[1][used]))
     reference_sigma = np.sqrt(variance)
-    points = body.points[taken]
+    points = body.points[used]
     cylinder = cylinders(r, frame, body.points, settings, correction, plain) if kind == "cylinder" else None
     return FullField(
         kind=kind,
@@ -370,10 +378,10 @@ def _measured(
         surface=surface,
         strain=strains_of(surface, points, settings, reference_sigma),
         points=points,
-        cell=body.cell[taken],
-        pixels=np.stack([r.pixels[0][:, taken], r.pixels[1][:, taken]]),
-        zncc=np.stack([body.tracks[0].zncc[:, taken], body.tracks[1].zncc[:, taken]]),
-        epipolar=r.epipolar[:, taken],
+        cell=body.cell[used],
+        pixels=np.stack([r.pixels[0][:, used], r.pixels[1][:, used]]),
+        zncc=np.stack([body.tracks[0].zncc[:, used], body.tracks[1].zncc[:, used]]),
+        epipolar=r.epipolar[:, used],
         noise=np.array(sigma),
         extensions=extensions(
             surface,
@@ -388,7 +396,7 @@ def _measured(
         facts={
             **(facts or {}),
             **facts_of(settings, series, measured),
-            "points_without_reference": int((~taken).sum()),
+            "points_without_reference": int((~used).sum()),
             "stereo_shape": settings.stereo_shape.name.lower(),
         },
     )
@@ -402,15 +410,15 @@ def _noise(
     settings: FullFieldSettings,
 ) -> tuple[tuple[Noise, Noise], list[float], bool]:
     """Noise of both cameras, its size [grey], and whether it was declared or measured at rest."""
-    known = [
-        known_noise(own, outcome, mask if camera == 0 else None, settings)
-        for camera, (own, outcome) in enumerate(zip(series, health, strict=True))
+    rest_noises = [
+        known_noise(pictures, outcome, mask if camera == 0 else None, settings)
+        for camera, (pictures, outcome) in enumerate(zip(series, health, strict=True))
     ]
-    if known[0] is not None and known[1] is not None:
-        return (known[0][0], known[1][0]), [known[0][1], known[1][1]], True
+    if rest_noises[0] is not None and rest_noises[1] is not None:
+        return (rest_noises[0][0], rest_noises[1][0]), [rest_noises[0][1], rest_noises[1][1]], True
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     points = points[np.unique(np.linspace(0, len(points) - 1, TRIED).astype(int))]
-    pair = [own.frame(settings.reference) for own in series]
+    pair = [pictures.frame(settings.reference) for pictures in series]
     rough = (Noise(0.01 * float(np.std(pair[0]))), Noise(0.01 * float(np.std(pair[1]))))
     match = match_stereo(
         pair[0], pair[1], points, rig, settings.stereo, noise=rough, mask=mask, device=settings.device

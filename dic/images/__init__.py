@@ -199,12 +199,12 @@ def _open_format(path: Path | str | Sequence[Path | str], pattern: str | None) -
             f'is no folder: pattern "{pattern}" has nothing to choose from',
             cure="leave pattern out, or name the folder",
         )
-    for known in FORMATS:
-        if known.sniff(path, start):
-            return known.read(path)
+    for picture_format in FORMATS:
+        if picture_format.sniff(path, start):
+            return picture_format.read(path)
     if path.suffix.lower() in numbered.SUFFIXES:
         return numbered.read_files([path])
-    names = ", ".join(known.name for known in FORMATS)
+    names = ", ".join(picture_format.name for picture_format in FORMATS)
     raise PictureError(path, f"is none of {names}, PNG, JPEG, BMP", cure="export it as TIFF")
 
 

@@ -19,18 +19,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--static", type=int, default=0, help="so many frames at the start show no motion")
     parser.add_argument("--subset", type=int, default=21, help="side of the subset [px]")
     parser.add_argument("--wanted", type=float, help="noise floor to be reached [px]")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        report(given)
+        report(options)
     except (PictureError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1
     return 0
 
 
-def report(given: argparse.Namespace) -> None:
+def report(options: argparse.Namespace) -> None:
     """Print what the header says, what the frames look like, and what the speckles promise."""
-    pictures = open_pictures(given.path, pattern=given.pattern, bits=given.bits)
+    pictures = open_pictures(options.path, pattern=options.pattern, bits=options.bits)
     rows, columns = pictures.shape
     clock = "no times" if pictures.times is None else f"{pictures.times[0]:.9g} to {pictures.times[-1]:.9g} s"
     print(
@@ -44,18 +44,18 @@ def report(given: argparse.Namespace) -> None:
     )
     for note in health.notes.values():
         print(f"  {note}")
-    static = [int(index) for index in good if index < given.static]
+    static = [int(index) for index in good if index < options.static]
     if len(static) < 2:
         print("noise and speckles: give --static N, at least 2 good frames without motion")
         return
     noise = grey_noise(pictures, static)
-    moved = np.abs(noise.motion).max()
+    motion = np.abs(noise.motion).max()
     print(
         f"noise {noise.sigma:.3g}: variance {noise.intercept:.4g} + {noise.slope:.3g} grey; "
-        f"flicker {noise.gain.std():.2%}, rigid motion up to {moved * 1e3:.2g} mpx over {len(static)} frames"
+        f"flicker {noise.gain.std():.2%}, rigid motion up to {motion * 1e3:.2g} mpx over {len(static)} frames"
     )
     mean = np.mean([pictures.frame(index) for index in static], axis=0)
-    quality = speckle_quality(mean, None, given.subset, noise, averaged=len(static), wanted=given.wanted)
+    quality = speckle_quality(mean, None, options.subset, noise, averaged=len(static), wanted=options.wanted)
     print(
         f"speckles {quality.size[0]:.2f} x {quality.size[1]:.2f} px by correlation, "
         f"{quality.size_by_edges:.2f} px by edges; {quality.coverage:.0%} dark; "
@@ -63,11 +63,11 @@ def report(given: argparse.Namespace) -> None:
     )
     print(f"floor of a subset of {quality.subset} px: {quality.median_floor * 1e3:.2f} mpx (median)")
     if quality.needed is not None:
-        asked = ~np.any(np.isnan(quality.floor), axis=2)
+        judged = ~np.any(np.isnan(quality.floor), axis=2)
         print(
-            f"{quality.too_small[asked].mean():.1%} of the points miss {given.wanted * 1e3:.4g} mpx; "
+            f"{quality.too_small[judged].mean():.1%} of the points miss {options.wanted * 1e3:.4g} mpx; "
             f"subsets of up to {int(np.max(quality.needed))} px reach it at "
-            f"{np.mean(quality.needed[asked] > 0):.1%}"
+            f"{np.mean(quality.needed[judged] > 0):.1%}"
         )
 
 

@@ -159,13 +159,13 @@ def read(path: Path) -> CinePictures:
     )
 
 
-def _piece(file: BinaryIO, path: Path, what: str, start: int, count: int) -> bytes:
+def _piece(file: BinaryIO, path: Path, part: str, start: int, count: int) -> bytes:
     """Part of the headers that must be there."""
     size = file.seek(0, 2)
     if not 0 <= count <= _LARGEST_HEADER or start + count > size:
         raise PictureError(
             path,
-            f"its {what} should lie at bytes {start} to {start + count} of {size}",
+            f"its {part} should lie at bytes {start} to {start + count} of {size}",
             cure="the file is cut off or damaged: copy or export it again",
         )
     file.seek(start)

@@ -74,16 +74,16 @@ def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
 
     try:
         with h5py.File(regular(path), "r") as file:
-            found = _pictures_in(file)
-            names = [dataset] if dataset is not None else sorted(found)
-            if len(names) != 1 or names[0].strip("/") not in found:
+            datasets = _pictures_in(file)
+            names = [dataset] if dataset is not None else sorted(datasets)
+            if len(names) != 1 or names[0].strip("/") not in datasets:
                 raise PictureError(
                     path,
-                    f"{len(found)} datasets [frames, rows, columns] of 8 or 16-bit whole numbers: "
-                    f"{', '.join(sorted(found)) or 'none'}",
+                    f"{len(datasets)} datasets [frames, rows, columns] of 8 or 16-bit whole numbers: "
+                    f"{', '.join(sorted(datasets)) or 'none'}",
                     cure='name one, pattern="group/name"',
                 )
-            return _opened(path, found[names[0].strip("/")])
+            return _opened(path, datasets[names[0].strip("/")])
     except PictureError:
         raise
     except Exception as error:  # see Hdf5Pictures.frame
@@ -94,16 +94,16 @@ def _pictures_in(file: "h5py.File") -> dict[str, "h5py.Dataset"]:
     """Datasets that can be pictures, by name; links to other files are not visited."""
     import h5py
 
-    found: dict[str, h5py.Dataset] = {}
+    datasets: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: object) -> None:
         if not isinstance(item, h5py.Dataset) or item.ndim != 3 or item.dtype not in (np.uint8, np.uint16):
             return
         if not item.is_virtual and not item.external:
-            found[name] = item
+            datasets[name] = item
 
     file.visititems(visit)
-    return found
+    return datasets
 
 
 def _opened(path: Path, dataset: "h5py.Dataset") -> Hdf5Pictures:

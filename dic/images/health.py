@@ -88,41 +88,43 @@ def frame_health(
     if used.shape != pictures.shape or not np.any(used[:, 1:] & used[:, :-1]):
         raise ValueError(f"mask must be of shape {pictures.shape} with neighbouring pixels, is {used.shape}")
 
-    seen = _scan(pictures, used)
-    readable = ~np.isnan(seen.mean)
-    ceiling = _ceiling(seen.total)
-    saturated = np.where(seen.top >= ceiling, seen.at_top, np.where(readable, 0.0, np.nan))
-    gain = seen.middle / np.maximum(_around(seen.middle), 1.0)
-    above = _brighter(seen.histograms, gain)
+    statistics = _scan(pictures, used)
+    readable = ~np.isnan(statistics.mean)
+    ceiling = _ceiling(statistics.total)
+    saturated = np.where(statistics.top >= ceiling, statistics.at_top, np.where(readable, 0.0, np.nan))
+    gain = statistics.middle / np.maximum(_around(statistics.middle), 1.0)
+    above = _brighter(statistics.histograms, gain)
     # a flash on a bright scene does not exceed its bright spots by much, but saturates
     usual = _around(saturated)
     flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
     outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
-    if seen.repeats.sum() <= MOST_REPEATS * pictures.n_frames:  # else the pictures have no noise to differ by
-        outcome[seen.repeats] = int(FrameOutcome.REPEATED)
-    typical = float(np.nanmedian(seen.contrast)) if readable.any() else 0.0
-    black = seen.correlation < _LEAST_CORRELATION
-    black |= seen.contrast < max(noise, least_contrast * typical)
+    if (
+        statistics.repeats.sum() <= MOST_REPEATS * pictures.n_frames
+    ):  # else the pictures have no noise to differ by
+        outcome[statistics.repeats] = int(FrameOutcome.REPEATED)
+    typical = float(np.nanmedian(statistics.contrast)) if readable.any() else 0.0
+    black = statistics.correlation < _LEAST_CORRELATION
+    black |= statistics.contrast < max(noise, least_contrast * typical)
     outcome[black & readable] = int(FrameOutcome.BLACK)
     outcome[saturated > most_saturated] = int(FrameOutcome.SATURATED)
     outcome[~readable] = int(FrameOutcome.UNREADABLE)
     flashed = (flash > flash_share) & (outcome == FrameOutcome.VALID)
-    notes = dict(seen.unreadable)
+    notes = dict(statistics.unreadable)
     for index in np.flatnonzero(readable & ((outcome != FrameOutcome.VALID) | flashed)).tolist():
         name = "flash" if flashed[index] else FrameOutcome(int(outcome[index])).name.lower()
         notes[index] = (
-            f"{pictures.path}, frame {index}: {name}: mean {seen.mean[index]:.4g}, "
-            f"contrast {seen.contrast[index]:.3g} (usual {typical:.3g}), neighbours correlate "
-            f"{seen.correlation[index]:.2f}, {saturated[index]:.1%} at {ceiling}, "
+            f"{pictures.path}, frame {index}: {name}: mean {statistics.mean[index]:.4g}, "
+            f"contrast {statistics.contrast[index]:.3g} (usual {typical:.3g}), neighbours correlate "
+            f"{statistics.correlation[index]:.2f}, {saturated[index]:.1%} at {ceiling}, "
             f"{flash[index]:.1%} in a flash"
         )
     return FrameHealth(
         outcome=outcome,
-        mean=seen.mean,
+        mean=statistics.mean,
         gain=gain,
-        contrast=seen.contrast,
-        correlation=seen.correlation,
+        contrast=statistics.contrast,
+        correlation=statistics.correlation,
         saturated=saturated,
         flash=flash,
         flashed=flashed,
@@ -207,11 +209,11 @@ def _shared(picture: NDArray[np.generic], used: NDArray[np.bool_]) -> tuple[floa
     if variance == 0.0:
         return 0.0, 0.0
     total, pairs = 0.0, 0
-    for a, b, both in (
+    for a, b, overlap in (
         (grey[:, 1:], grey[:, :-1], used[:, 1:] & used[:, :-1]),
         (grey[1:], grey[:-1], used[1:] & used[:-1]),
     ):
-        total, pairs = total + float(np.sum(a * b)), pairs + int(both.sum())
+        total, pairs = total + float(np.sum(a * b)), pairs + int(overlap.sum())
     common = total / pairs
     return float(np.sqrt(max(common, 0.0))), common / variance
 
@@ -221,10 +223,10 @@ def _around(values: FloatArray) -> FloatArray:
     half = AROUND // 2
     with_ends = np.pad(values, half, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(with_ends, AROUND)
-    found = np.full(len(values), np.nan)
+    medians = np.full(len(values), np.nan)
     some = ~np.all(np.isnan(windows), axis=1)
-    found[some] = np.nanmedian(windows[some], axis=1)
-    return found
+    medians[some] = np.nanmedian(windows[some], axis=1)
+    return medians
 
 
 def _share_from(counts: IntArray | None, level: float) -> float:

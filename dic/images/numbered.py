@@ -142,27 +142,27 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     PictureError if there is no such series or more than one, two files have one number, the numbers are no
     frame numbers, or no file can be decoded.
     """
-    named = _matching(path, pattern) if pattern is not None else _only_series(path)
-    found: dict[int, Path] = {}
-    for number, file in named:
-        if number in found:
+    candidates = _matching(path, pattern) if pattern is not None else _only_series(path)
+    by_number: dict[int, Path] = {}
+    for number, file in candidates:
+        if number in by_number:
             raise PictureError(
                 path,
-                f"{found[number].name} and {file.name} have one number, {number}",
+                f"{by_number[number].name} and {file.name} have one number, {number}",
                 cure="remove or rename one of them",
             )
-        found[number] = file
-    first, last = min(found), max(found)
-    step = gcd(*(number - first for number in found)) or 1
+        by_number[number] = file
+    first, last = min(by_number), max(by_number)
+    step = gcd(*(number - first for number in by_number)) or 1
     n_frames = (last - first) // step + 1
-    if n_frames > MOST_MISSING * len(found):
+    if n_frames > MOST_MISSING * len(by_number):
         raise PictureError(
             path,
-            f"{len(found)} pictures are numbered from {first} to {last}: these are no frame numbers",
+            f"{len(by_number)} pictures are numbered from {first} to {last}: these are no frame numbers",
             cure="rename them, or open a list of files in the wanted order",
         )
     numbers = range(first, last + 1, step)
-    return _opened(path, [found.get(number) for number in numbers], tuple(numbers))
+    return _opened(path, [by_number.get(number) for number in numbers], tuple(numbers))
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
@@ -229,14 +229,14 @@ def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
         )
     before, after = pattern.split("*")
     fits = re.compile(re.escape(before) + r"(\d{1,18})" + re.escape(after))
-    found = [(int(hit[1]), file) for file in path.iterdir() if (hit := fits.fullmatch(file.name))]
-    if not found:
+    matches = [(int(hit[1]), file) for file in path.iterdir() if (hit := fits.fullmatch(file.name))]
+    if not matches:
         raise PictureError(
             path,
             f'no file fits the pattern "{pattern}", with a whole number for *',
             cure="look at the names in the folder",
         )
-    return found
+    return matches
 
 
 def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
@@ -257,9 +257,9 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
         )
     if tiff.sniff(file, data):
         return _page(file, index)
-    what = _missing_end(data)
-    if what:
-        raise PictureError(file, what, frame=index)
+    fault = _missing_end(data)
+    if fault:
+        raise PictureError(file, fault, frame=index)
     size_given = _stated_size(data)
     if size_given is None:
         raise PictureError(

@@ -123,8 +123,8 @@ def _from_text(text: str) -> dict[str, str]:
 
 def _without_comments(data: bytes) -> bytes:
     """XML without its comments; one that does not end stays."""
-    *ended, rest = data.split(b"-->")
-    return b"".join(part.partition(b"<!--")[0] for part in ended) + rest
+    *ended, remainder = data.split(b"-->")
+    return b"".join(part.partition(b"<!--")[0] for part in ended) + remainder
 
 
 def _from_xml(path: Path, data: bytes) -> dict[str, str]:
@@ -271,9 +271,9 @@ def _crop_offset(header: Header) -> tuple[float, float]:
 
 def _pair(path: Path) -> tuple[Path, Header]:
     """The raw file and its header."""
-    beside = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
-    pixels = path if path.suffix.lower() == ".mraw" else beside.get(".mraw")
-    header = beside.get(".cihx", beside.get(".cih")) if pixels == path else path
+    siblings = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
+    pixels = path if path.suffix.lower() == ".mraw" else siblings.get(".mraw")
+    header = siblings.get(".cihx", siblings.get(".cih")) if pixels == path else path
     if pixels is None or not pixels.is_file():
         raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
     if header is None or not header.is_file():

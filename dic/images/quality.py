@@ -87,12 +87,12 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
 
 def _changes(side: NDArray[np.int64], used: Mask) -> int:
     """Number of changes of the rows between -1 and 1, zeros passed over, within the mask."""
-    known = (side != 0) | ~used
-    column = np.where(known, np.arange(side.shape[1]), -1)
+    decided = (side != 0) | ~used
+    column = np.where(decided, np.arange(side.shape[1]), -1)
     last = np.maximum.accumulate(column, axis=1)
     rows = np.arange(side.shape[0])[:, None]
-    held = np.where(last >= 0, np.where(used, side, 0)[rows, np.maximum(last, 0)], 0)
-    return int(np.sum(held[:, 1:] * held[:, :-1] == -1))
+    last_side = np.where(last >= 0, np.where(used, side, 0)[rows, np.maximum(last, 0)], 0)
+    return int(np.sum(last_side[:, 1:] * last_side[:, :-1] == -1))
 
 
 def illumination(f: FloatArray, used: Mask) -> FloatArray:
@@ -204,8 +204,8 @@ def grey_noise(
     fitted = np.array([normal @ (columns.T @ frame[used]) for frame in stack])
     squares, levels = np.zeros(len(columns)), []
     for k in range(len(stack) - 1):  # a pair at a time: the frames may be many and large
-        here, there = (stack[m][used] - columns @ fitted[m] for m in (k, k + 1))
-        square = (there - here) ** 2 / 2.0  # the variance of one frame's noise
+        first, second = (stack[m][used] - columns @ fitted[m] for m in (k, k + 1))
+        square = (second - first) ** 2 / 2.0  # the variance of one frame's noise
         squares += square / (len(stack) - 1)
         levels.append(square.mean())
     sigma2 = float(np.median(levels))
@@ -276,8 +276,8 @@ class SpeckleQuality:
     @property
     def median_floor(self) -> float:
         """Median of the floor over all points and both directions [px]."""
-        known = self.floor[~np.isnan(self.floor)]
-        return float(np.median(known)) if known.size else float("nan")
+        finite = self.floor[~np.isnan(self.floor)]
+        return float(np.median(finite)) if finite.size else float("nan")
 
     @property
     def too_small(self) -> NDArray[np.bool_]:
@@ -336,21 +336,21 @@ def speckle_quality(
         raise ValueError(f"the picture has one grey value in the mask, {f[used][0]}: there are no speckles")
 
     sigma = float(np.sqrt(variance[used].mean()))
-    left = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
+    mean_noise = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
     even = f - illumination(f, used)
     sums, steepness = _sums(f, used, variance, averaged)
     floor = _floor(sums, subset)
-    coverage, by_edges = coverage_and_diameter(f, f - even, used, left)
+    coverage, by_edges = coverage_and_diameter(f, f - even, used, mean_noise)
     return SpeckleQuality(
         subset=subset,
-        size=_width_of_autocorrelation(even, used, left),
+        size=_width_of_autocorrelation(even, used, mean_noise),
         size_by_edges=by_edges,
         coverage=coverage,
         mean_gradient=steepness,
         noise=sigma,
         floor=floor,
         wanted=wanted,
-        needed=None if wanted is None else _needed(sums, wanted, ~np.any(np.isnan(floor), axis=2)),
+        needed=None if wanted is None else _smallest_subset(sums, wanted, ~np.any(np.isnan(floor), axis=2)),
     )
 
 
@@ -375,12 +375,12 @@ def _floor(sums: FloatArray, subset: int, stride: int = 1) -> FloatArray:
     for size in (sums.shape[1] - 1, sums.shape[2] - 1):
         middle = np.arange(0, size, stride)
         ends.append((np.maximum(middle - half, 0), np.minimum(middle + half + 1, size)))
-    (top, bottom), (left, right) = ends
+    (top, bottom), (near_side, far_side) = ends
     xx, yy, xy, sxx, syy, sxy, share = (
-        table[np.ix_(bottom, right)]
-        - table[np.ix_(top, right)]
-        - table[np.ix_(bottom, left)]
-        + table[np.ix_(top, left)]
+        table[np.ix_(bottom, far_side)]
+        - table[np.ix_(top, far_side)]
+        - table[np.ix_(bottom, near_side)]
+        + table[np.ix_(top, near_side)]
         for table in sums
     )
     determinant = xx * yy - xy * xy
@@ -395,16 +395,16 @@ def _floor(sums: FloatArray, subset: int, stride: int = 1) -> FloatArray:
     return np.asarray(floor)
 
 
-def _needed(sums: FloatArray, wanted: float, asked: NDArray[np.bool_]) -> IntArray:
+def _smallest_subset(sums: FloatArray, wanted: float, judged: NDArray[np.bool_]) -> IntArray:
     """Smallest odd subset whose floor is at most `wanted` in x and y, shape [rows, columns]."""
-    rows, columns = asked.shape
-    stride = int(np.ceil(np.sqrt(asked.size / _MOST_POINTS)))
-    here = asked[::stride, ::stride]
-    needed = np.zeros(here.shape, dtype=np.int64)
+    rows, columns = judged.shape
+    stride = int(np.ceil(np.sqrt(judged.size / _MOST_POINTS)))
+    sampled = judged[::stride, ::stride]
+    smallest = np.zeros(sampled.shape, dtype=np.int64)
     for side in range(5, LARGEST_SUBSET + 1, 2):
-        left = here & (needed == 0)
-        if not left.any():
+        open_points = sampled & (smallest == 0)
+        if not open_points.any():
             break
-        needed[left & np.all(_floor(sums, side, stride) <= wanted, axis=2)] = side
-    full = np.repeat(np.repeat(needed, stride, axis=0), stride, axis=1)[:rows, :columns]
-    return np.where(asked, full, 0)
+        smallest[open_points & np.all(_floor(sums, side, stride) <= wanted, axis=2)] = side
+    full = np.repeat(np.repeat(smallest, stride, axis=0), stride, axis=1)[:rows, :columns]
+    return np.where(judged, full, 0)

@@ -25,11 +25,11 @@ class PictureError(ValueError):
     """
 
     def __init__(
-        self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "copy or export it again"
+        self, path: Path | str, fault: str, *, frame: int | None = None, cure: str = "copy or export it again"
     ) -> None:
         where = f"{path}" if frame is None else f"{path}, frame {frame}"
-        super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
-        self.path, self.frame, self.what, self.cure = Path(path), frame, what, cure
+        super().__init__(one_line(f"{where}: {fault}" + (f"; {cure}" if cure else "")))
+        self.path, self.frame, self.what, self.cure = Path(path), frame, fault, cure
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), frame=self.frame, cure=self.cure), (self.path, self.what)
@@ -247,12 +247,12 @@ class DecodedPictures:
         self._size = 0
 
     @property
-    def held(self) -> Mapping[int, Grey]:
+    def in_memory(self) -> Mapping[int, Grey]:
         """The pictures that are in memory, by frame."""
         return self._kept
 
     def hold(self, pictures: Mapping[int, Grey]) -> None:
-        """Take over pictures by frame that another process has read from the same series (`held`)."""
+        """Take over pictures by frame that another process has read from the same series (`in_memory`)."""
         for index, picture in pictures.items():
             self._keep(index, picture)
 
@@ -269,12 +269,12 @@ class DecodedPictures:
         Raises PictureError as the series does; a frame that cannot be read is tried again when it is asked
         for again.
         """
-        found = self._kept.get(index)
-        if found is None:
-            found = self.pictures.frame(index)
-            if self._size + found.nbytes <= self.most:
-                found = self._keep(index, found.copy())  # a memory map may change under the hand
-        return found
+        picture = self._kept.get(index)
+        if picture is None:
+            picture = self.pictures.frame(index)
+            if self._size + picture.nbytes <= self.most:
+                picture = self._keep(index, picture.copy())  # a memory map may change under the hand
+        return picture
 
 
 Bytes = NDArray[np.uint8]

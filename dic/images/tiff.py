@@ -195,8 +195,8 @@ def _promised(description: str) -> int:
     """Number of pages in the description of the first one; 0 if it names none."""
     shaped = re.search(r'"shape": ?\[(\d+), ?\d+, ?\d+\]', description)
     imagej = re.search(r"^images=(\d+)$", description, re.MULTILINE) if "ImageJ=" in description else None
-    found = [int(match[1][:12]) for match in (shaped, imagej) if match]
-    return found[0] if found and found[0] <= MOST_FRAMES else 0
+    counts = [int(match[1][:12]) for match in (shaped, imagej) if match]
+    return counts[0] if counts and counts[0] <= MOST_FRAMES else 0
 
 
 def _stated_bits(largest: object, description: str, stored: int) -> int:
@@ -247,10 +247,10 @@ def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
         raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")
     if page.compression not in _DEFLATE or 1032 * sum(page.databytecounts) < _HARMLESS:
         return
-    left = 2 * most
+    remaining = 2 * most
     for segment in _segments(file, page):
-        left -= len(zlib.decompressobj().decompress(segment, left + 1))
-        if left < 0:
+        remaining -= len(zlib.decompressobj().decompress(segment, remaining + 1))
+        if remaining < 0:
             raise ValueError(f"its strips unpack to more than the {most} bytes that the page needs")
 
 
@@ -279,10 +279,10 @@ def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
     from dic.basics import cv2
 
     try:
-        found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+        success, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise ValueError(" ".join(error.err.split())) from None
-    if not found or len(pictures) != 1:
+    if not success or len(pictures) != 1:
         raise ValueError("neither tifffile nor OpenCV knows its compression")
     picture = np.asarray(pictures[0])
     if picture.dtype == np.uint16 and bits < 16:  # OpenCV moves the bits of a short value to the top

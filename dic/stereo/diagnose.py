@@ -61,8 +61,8 @@ class Offset:
     @property
     def shifts(self) -> tuple[FloatArray, FloatArray]:
         """Shifts to be added to the pixels of camera 0 and of camera 1 [px]."""
-        both = HYPOTHESES[self.where] @ self.value
-        return both[:2], both[2:]
+        components = HYPOTHESES[self.where] @ self.value
+        return components[:2], components[2:]
 
 
 def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where: str) -> Offset:
@@ -72,15 +72,15 @@ def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where
     step = -(-len(pixels0) // OFFSET_POINTS)
     p0, p1 = pixels0[::step], pixels1[::step]
     basis = HYPOTHESES[where]
-    held = np.zeros(2, dtype=bool)
-    value, sigma = _fit(rig, p0, p1, basis, held)
-    held = (sigma > DETERMINED) | (np.abs(value) < 3.0 * sigma)
-    if np.any(held):
-        value, sigma = _fit(rig, p0, p1, basis, held)
+    fixed = np.zeros(2, dtype=bool)
+    value, sigma = _fit(rig, p0, p1, basis, fixed)
+    fixed = (sigma > DETERMINED) | (np.abs(value) < 3.0 * sigma)
+    if np.any(fixed):
+        value, sigma = _fit(rig, p0, p1, basis, fixed)
     value = np.round(value)
-    both = basis @ value
+    shift = basis @ value
     median = [
-        float(np.median(np.abs(epipolar_slopes(rig, p0 + s * both[:2], p1 + s * both[2:])[0])))
+        float(np.median(np.abs(epipolar_slopes(rig, p0 + s * shift[:2], p1 + s * shift[2:])[0])))
         for s in (0.0, 1.0)
     ]
     return Offset(where, value, sigma, *median)
@@ -105,22 +105,22 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
     sizes = [float(np.median(np.abs(epipolar_slopes(rig, p0, p)[0]))) for p in (p1, after)]
     if sizes[1] > REMAINING_SHARE * sizes[0]:
         return None
-    known = np.where(sure, np.hypot(sigma, CALIBRATED), np.inf)
-    return Offset("camera 1", np.where(sure, fitted, 0.0), known, *sizes)
+    determined = np.where(sure, np.hypot(sigma, CALIBRATED), np.inf)
+    return Offset("camera 1", np.where(sure, fitted, 0.0), determined, *sizes)
 
 
 def _fit(
-    rig: StereoRig, p0: FloatArray, p1: FloatArray, basis: FloatArray, held: NDArray[np.bool_]
+    rig: StereoRig, p0: FloatArray, p1: FloatArray, basis: FloatArray, fixed: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
     """Offset and standard deviation, shapes [2]; 0 ± infinite where held, or where none is found."""
     value, sigma = np.zeros(2), np.full(2, np.inf)
-    free = ~held
+    free = ~fixed
     if not np.any(free):
         return value, sigma
     for trial in range(30):
-        both = basis @ value
+        shift = basis @ value
         try:
-            e, slope0, slope1 = epipolar_slopes(rig, p0 + both[:2], p1 + both[2:])
+            e, slope0, slope1 = epipolar_slopes(rig, p0 + shift[:2], p1 + shift[2:])
         except ValueError:  # the lens folds back there: not an offset that a picture can have
             return np.zeros(2), np.full(2, np.inf)
         J = np.concatenate([slope0, slope1], axis=-1) @ basis[:, free]
@@ -213,11 +213,11 @@ def synchronisation(
     for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
         best = int(np.clip(np.round(late), -farthest, farthest))
         e, _ = shifted[best]
-        rest, late_sigma, motion = _regression(e, _moved(across, best))
-        if not np.isfinite(rest) or round(best + rest) == best:
-            late = best + rest
+        remainder, late_sigma, motion = _regression(e, _delayed(across, best))
+        if not np.isfinite(remainder) or round(best + remainder) == best:
+            late = best + remainder
             break
-        late = best + rest
+        late = best + remainder
     return Synchronisation(shifts, scatter, motion, late, late_sigma)
 
 
@@ -232,18 +232,18 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
     """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels."""
-    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
+    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_delayed(part, shift) for part in aim1)))
     return e, slope1
 
 
-def _moved(values: FloatArray, by: int) -> FloatArray:
+def _delayed(values: FloatArray, by: int) -> FloatArray:
     """Row f holds what row f - by held; NaN where there is none."""
-    moved = np.full_like(values, np.nan)
+    shifted = np.full_like(values, np.nan)
     if by >= 0:
-        moved[by:] = values[: len(values) - by]
+        shifted[by:] = values[: len(values) - by]
     else:
-        moved[:by] = values[-by:]
-    return moved
+        shifted[:by] = values[-by:]
+    return shifted
 
 
 def _median(values: FloatArray, axis: int) -> FloatArray:
@@ -252,8 +252,8 @@ def _median(values: FloatArray, axis: int) -> FloatArray:
     ordered = np.sort(np.where(np.isfinite(values), values, np.nan), axis=axis)
     count = np.sum(np.isfinite(values), axis=axis, keepdims=True)
     pair = [np.take_along_axis(ordered, k, axis) for k in (np.maximum(count - 1, 0) // 2, count // 2)]
-    both = np.squeeze(0.5 * (pair[0] + pair[1]), axis)
-    return np.where(np.squeeze(count, axis) > 0, both, np.nan)
+    mean = np.squeeze(0.5 * (pair[0] + pair[1]), axis)
+    return np.where(np.squeeze(count, axis) > 0, mean, np.nan)
 
 
 def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
@@ -274,10 +274,10 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
         if not power > 0.0:
             return float("nan"), float("nan"), 0.0
         slope = float(np.sum(weight * w_free * e_free) / power)
-        rest = e_free - slope * w_free
-        weight = trust * _cauchy(rest, used)
+        residual = e_free - slope * w_free
+        weight = trust * _cauchy(residual, used)
     # Points of a frame share its error: frames, not points, are the independent observations.
-    per_frame = np.sum(weight * w_free * rest, axis=1)
+    per_frame = np.sum(weight * w_free * residual, axis=1)
     sigma = float(np.sqrt(np.sum(per_frame**2)) / power)
     return slope, sigma, float(np.sqrt(power / weight.sum()))
 
@@ -357,13 +357,13 @@ def diagnose(
     still = pair & _stillest(pixels1, pair)[:, None]
     findings, rig, shifts = _standing_faults(rig, pixels0[still], pixels1[still], tolerance)
     if not findings and len(pixels0) >= LEAST_FAINT_COUNTS[0]:
-        rest = _at_rest(pixels0, pixels1, still)
-        faint = faint_offset(rig, *rest) if len(rest[0]) >= LEAST_FAINT_COUNTS[1] else None
+        rest_pixels = _at_rest(pixels0, pixels1, still)
+        faint = faint_offset(rig, *rest_pixels) if len(rest_pixels[0]) >= LEAST_FAINT_COUNTS[1] else None
         findings += [] if faint is None else [_offset_finding(faint)]
     if len(pixels0) >= farthest + 3:
         sync = synchronisation(rig, pixels0 + shifts[0], pixels1 + shifts[1], farthest=farthest)
-        if (found := _out_of_step(sync)) is not None:
-            findings.append(found)
+        if (finding := _out_of_step(sync)) is not None:
+            findings.append(finding)
     return tuple(findings)
 
 
@@ -372,9 +372,9 @@ def _at_rest(
 ) -> tuple[FloatArray, FloatArray]:
     """Mean places of the points in frames that hardly differ, as far as both cameras saw them, [n, 2]."""
     count = still.sum(axis=0)
-    known = count > 0
+    defined = count > 0
     first, second = (
-        np.where(still[..., None], pixels, 0.0).sum(axis=0)[known] / count[known, None]
+        np.where(still[..., None], pixels, 0.0).sum(axis=0)[defined] / count[defined, None]
         for pixels in (pixels0, pixels1)
     )
     return first, second
@@ -417,19 +417,19 @@ def _standing_faults(
         if best[name].after <= tolerance:
             swap = [_swap(before, after)] if name == "exchanged" else []
             return [*swap, _offset_finding(best[name])], cameras, best[name].shifts
-    what = (
+    text = (
         f"epipolar distances of {before:.2f} px (median) stay at {after:.2f} px with the cameras exchanged, "
         f"at {best['as given'].after:.2f} px with the best crop offset, "
         f"and at {best['exchanged'].after:.2f} px with both"
     )
     cure = "calibrate again: a camera or lens has moved, or this calibration is of another set-up"
-    return [Finding(Fault.CALIBRATION, what, cure, before, before, ())], rig, none
+    return [Finding(Fault.CALIBRATION, text, cure, before, before, ())], rig, none
 
 
 def _swap(before: float, after: float) -> Finding:
-    what = f"the cameras are exchanged: epipolar distances of {before:.2f} px are {after:.2f} px if swapped"
+    text = f"the cameras are exchanged: epipolar distances of {before:.2f} px are {after:.2f} px if swapped"
     cure = "give camera 0's pictures as camera 1's and the other way round, or swap them in the calibration"
-    return Finding(Fault.SWAPPED_CAMERAS, what, cure, before, after, ())
+    return Finding(Fault.SWAPPED_CAMERAS, text, cure, before, after, ())
 
 
 def _size(rig: StereoRig, p0: FloatArray, p1: FloatArray) -> float:
@@ -444,7 +444,7 @@ def _offset_finding(offset: Offset) -> Finding:
         if np.isfinite(sigma)
     ]
     unknown = [axis for axis, sigma in zip("xy", offset.sigma, strict=True) if not np.isfinite(sigma)]
-    what = (
+    text = (
         f"the crop offset of {offset.where} is off, {' and '.join(parts)}: with that added, epipolar "
         f"distances of {offset.before:.2g} px are {offset.after:.2g} px"
     )
@@ -455,7 +455,7 @@ def _offset_finding(offset: Offset) -> Finding:
         cure += "; instead, an offset of camera 0 would explain it as well"
     shifts = offset.shifts
     value = (*(float(v) for v in shifts[0]), *(float(v) for v in shifts[1]))
-    return Finding(Fault.CROP_OFFSET, what, cure, offset.before, offset.after, value)
+    return Finding(Fault.CROP_OFFSET, text, cure, offset.before, offset.after, value)
 
 
 def _out_of_step(sync: Synchronisation) -> Finding | None:
@@ -465,14 +465,14 @@ def _out_of_step(sync: Synchronisation) -> Finding | None:
     before = float(sync.scatter[sync.shifts == 0][0])
     whole = int(np.clip(round(sync.late), sync.shifts[0], sync.shifts[-1]))
     after = float(sync.scatter[sync.shifts == whole][0])
-    who, other = ("1", "0") if sync.late > 0.0 else ("0", "1")
+    late, early = ("1", "0") if sync.late > 0.0 else ("0", "1")
     frames = f"{abs(whole)} frame{'s' if abs(whole) > 1 else ''}"
-    what = f"camera {who} is late by {abs(sync.late):.2f} ± {max(sync.late_sigma, 0.01):.2f} frames"
+    text = f"camera {late} is late by {abs(sync.late):.2f} ± {max(sync.late_sigma, 0.01):.2f} frames"
     cure = "look at the trigger: the cameras expose at different times within a frame"
     if whole:
-        what += f": shifted by {frames}, epipolar distances scatter by {after:.3f} instead of {before:.3f} px"
-        cure = f"leave out the first {frames} of camera {other}, and look at the trigger cables"
-    return Finding(Fault.OUT_OF_STEP, what, cure, before, after, (sync.late,))
+        text += f": shifted by {frames}, epipolar distances scatter by {after:.3f} instead of {before:.3f} px"
+        cure = f"leave out the first {frames} of camera {early}, and look at the trigger cables"
+    return Finding(Fault.OUT_OF_STEP, text, cure, before, after, (sync.late,))
 
 
 MOST_POINTS = 150
@@ -502,12 +502,12 @@ def free_pairs(
     subset = tracking.correlation
     shape = max(subset.shape, Shape.AFFINE)
     wide = replace(tracking, correlation=replace(subset, shape=shape), search=max(tracking.search, 48))
-    found = track(
+    result = track(
         [pictures[1]], points[rows], wide, noise=noise, mask=mask, material=pictures[0], device=device
     )
-    valid = (found.outcome[0] == PointOutcome.VALID)[:, None]
-    seen = apply(points[rows], found.warp[0])
-    return np.where(valid, points[rows], np.nan)[None], np.where(valid, seen, np.nan)[None]
+    valid = (result.outcome[0] == PointOutcome.VALID)[:, None]
+    pixels = apply(points[rows], result.warp[0])
+    return np.where(valid, points[rows], np.nan)[None], np.where(valid, pixels, np.nan)[None]
 
 
 def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:

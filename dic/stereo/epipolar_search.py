@@ -175,15 +175,15 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     return np.asarray(level * np.cos(out) + axis[..., None, :] * np.sin(out))
 
 
-def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
+def gradient(facet: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
     """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
 
-    ``seen``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
+    ``facet``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
     facets' normals, shape [..., 3]; of any length, not across the ray.
     """
-    q = normal / np.sum(normal * seen.d, axis=-1, keepdims=True)
-    plane = seen.B - seen.d[..., :, None] * (q[..., None, :] @ seen.B)
-    return np.asarray(np.asarray(distance)[..., None, None] * (seen.P @ plane))
+    q = normal / np.sum(normal * facet.d, axis=-1, keepdims=True)
+    plane = facet.B - facet.d[..., :, None] * (q[..., None, :] @ facet.B)
+    return np.asarray(np.asarray(distance)[..., None, None] * (facet.P @ plane))
 
 
 class FacetFit(NamedTuple):
@@ -204,23 +204,23 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
     ``rig``: the cameras. ``pixels0``: where camera 0 sees the facets [px], shape [n, 2]. ``distance``: along
     camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
     """
-    seen = facet_geometry(rig, pixels0, distance)
+    facet = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]
-    epipole = (seen.P @ seen.d[..., None])[..., 0]  # along the epipolar line [px/m]
+    epipole = (facet.P @ facet.d[..., None])[..., 0]  # along the epipolar line [px/m]
     length = np.linalg.norm(epipole, axis=-1, keepdims=True)
     along = epipole / length
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-    excess = s[..., None] * (seen.P @ seen.B) - A
+    excess = s[..., None] * (facet.P @ facet.B) - A
     tilt = np.einsum("...i,...ij->...j", along, excess) / (s * length)  # qᵀ B
     wrong = np.linalg.norm(np.einsum("...i,...ij->...j", across, excess), axis=-1)
     # q: its component along d is 1, the others follow from qᵀ B, whose columns span the rest with d
-    basis = np.concatenate([seen.B, seen.d[..., None]], axis=-1)
+    basis = np.concatenate([facet.B, facet.d[..., None]], axis=-1)
     q = np.linalg.solve(
         np.swapaxes(basis, -1, -2), np.concatenate([tilt, np.ones_like(s)], axis=-1)[..., None]
     )
     normal = -_unit(q[..., 0])
-    to1 = _unit(rig.cameras[1].centre - seen.X)
-    cosines = -np.sum(normal * seen.d, axis=-1), np.sum(normal * to1, axis=-1)
+    to1 = _unit(rig.cameras[1].centre - facet.X)
+    cosines = -np.sum(normal * facet.d, axis=-1), np.sum(normal * to1, axis=-1)
     angles = tuple(np.arccos(np.clip(cosine, -1.0, 1.0)) for cosine in cosines)
     return FacetFit(normal, (angles[0], angles[1]), wrong)
 
@@ -308,8 +308,8 @@ class Pair:
         """Nearest and farthest distance of matched points, with room for second peaks on either side [m]."""
         distance = self.distances(rows, warp)
         near, far = float(distance.min()), float(distance.max())
-        seen = facet_geometry(self.rig, self.places[rows], distance)
-        pace = np.median(np.linalg.norm(seen.P @ seen.d[..., None], axis=1))  # along the curve [px/m]
+        facet = facet_geometry(self.rig, self.places[rows], distance)
+        pace = np.median(np.linalg.norm(facet.P @ facet.d[..., None], axis=1))  # along the curve [px/m]
         margin = max(MARGIN * (far - near), LEAST_SUBSETS_ALONG * self.settings.subset / float(pace))
         return max(near - margin, near / 2.0), far + margin
 
@@ -383,8 +383,8 @@ def inside_picture(places: FloatArray, shape: tuple[int, int]) -> BoolArray:
 def in_mask(places: FloatArray, mask: BoolArray) -> BoolArray:
     """True where the pixels nearest to places [px] belong to the mask, shape [...]."""
     column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
-    there = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
-    return np.asarray(there & mask[np.where(there, row, 0), np.where(there, column, 0)])
+    inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
+    return np.asarray(inside & mask[np.where(inside, row, 0), np.where(inside, column, 0)])
 
 
 def smoothed(picture: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
@@ -431,9 +431,9 @@ def visible_piece(
             high = np.minimum(high, -b / a)
         else:
             high = np.where(b < 0.0, low, high)
-    seen = high > low
-    least = np.where(seen, low, 1.0 / limits[1])
-    return np.stack([least, np.where(seen, high, least)], axis=1)
+    visible = high > low
+    least = np.where(visible, low, 1.0 / limits[1])
+    return np.stack([least, np.where(visible, high, least)], axis=1)
 
 
 def ideal_box(camera: Camera, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray] | None:
@@ -480,7 +480,7 @@ class Candidates(NamedTuple):
 
 def search(
     rig: StereoRig,
-    wanted: Subsets,
+    templates: Subsets,
     picture1: NDArray[np.float32],
     *,
     limits: tuple[float, float] | None,
@@ -497,36 +497,38 @@ def search(
     by camera 0's, one for each point, shape [n, 2, 2], the same all along its curve. ``threads``: CPU
     threads; None: all cores the process may use. A result does not depend on it. Returns: one row a point.
     """
-    n, places = len(wanted.points), wanted.places
+    n, places = len(templates.points), templates.places
     if not n:
-        nothing = np.zeros(0)
-        return Candidates(np.zeros((0, 12)), nothing, nothing, nothing)
+        empty = np.zeros(0)
+        return Candidates(np.zeros((0, 12)), empty, empty, empty)
     meet = _axes_meet(rig)
     near, far = limits if limits is not None else (meet / RANGE, meet * RANGE)
-    seen = facet_geometry(rig, places, np.ones(n))
-    own = np.eye(2) + wanted.reference[:, 2:6].reshape(-1, 2, 2)
-    given = np.zeros((n, 2, 2)) if gradients is None else np.asarray(gradients)
-    piece = visible_piece(rig, seen.d, (picture1.shape[0], picture1.shape[1]), (near, far))
+    facet = facet_geometry(rig, places, np.ones(n))
+    reference_gradient = np.eye(2) + templates.reference[:, 2:6].reshape(-1, 2, 2)
+    slopes = np.zeros((n, 2, 2)) if gradients is None else np.asarray(gradients)
+    piece = visible_piece(rig, facet.d, (picture1.shape[0], picture1.shape[1]), (near, far))
     angle = np.zeros((1, 2)) if turns is None or gradients is not None else np.asarray(turns)
     within, out = angle.T
     curves = Curves(
         camera=_numbers(rig),
-        picture=np.ascontiguousarray(smoothed(picture1, wanted.stride)),
-        given=np.concatenate([part.reshape(n, -1) for part in (seen.d, seen.B, own, given, piece)], axis=1),
+        picture=np.ascontiguousarray(smoothed(picture1, templates.stride)),
+        given=np.concatenate(
+            [part.reshape(n, -1) for part in (facet.d, facet.B, reference_gradient, slopes, piece)], axis=1
+        ),
         has_gradient=gradients is not None,
         turns=np.stack([np.cos(within), np.sin(within), np.cos(out), np.sin(out)], axis=1),
-        step=float(wanted.stride),
-        xi=wanted.xi,
-        template=wanted.template,
-        weight=wanted.weight,
+        step=float(templates.stride),
+        xi=templates.xi,
+        template=templates.template,
+        weight=templates.weight,
     )
-    found = search_kernel(curves, device, threads)
-    nowhere = found[:, 6] <= -1.0
+    output = search_kernel(curves, device, threads)
+    nowhere = output[:, 6] <= -1.0
     warp = np.zeros((n, 12))
-    warp[:, :2] = found[:, :2] - wanted.points
-    warp[:, 2:6] = found[:, 2:6] - np.eye(2).reshape(-1)
+    warp[:, :2] = output[:, :2] - templates.points
+    warp[:, 2:6] = output[:, 2:6] - np.eye(2).reshape(-1)
     warp[nowhere] = np.nan
-    return Candidates(warp, found[:, 6], found[:, 7], np.where(nowhere, np.nan, found[:, 8]))
+    return Candidates(warp, output[:, 6], output[:, 7], np.where(nowhere, np.nan, output[:, 8]))
 
 
 def _numbers(rig: StereoRig) -> FloatArray:

@@ -240,36 +240,36 @@ def triangulate(
         raise ValueError(
             f"pixels0 and pixels1 must have one shape [..., 2], got {pixels0.shape} and {pixels1.shape}"
         )
-    seen = np.all(np.isfinite(pixels0) & np.isfinite(pixels1), axis=-1)
-    noise = (_covariances(covariance0, seen, 0), _covariances(covariance1, seen, 1))
-    position = np.full((*seen.shape, 3), np.nan)
-    covariance = np.full((*seen.shape, 3, 3), np.nan)
-    epipolar, sigma = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
-    pixels = (pixels0[seen], pixels1[seen])
+    finite = np.all(np.isfinite(pixels0) & np.isfinite(pixels1), axis=-1)
+    noise = (_covariances(covariance0, finite, 0), _covariances(covariance1, finite, 1))
+    position = np.full((*finite.shape, 3), np.nan)
+    covariance = np.full((*finite.shape, 3, 3), np.nan)
+    epipolar, sigma = np.full(finite.shape, np.nan), np.full(finite.shape, np.nan)
+    pixels = (pixels0[finite], pixels1[finite])
     aims = [Rays.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
-    epipolar[seen], *slopes = slopes_between(rig, aims[0], aims[1])
-    sigma[seen] = sigma_of(slopes[0], slopes[1], *noise)
+    epipolar[finite], *slopes = slopes_between(rig, aims[0], aims[1])
+    sigma[finite] = sigma_of(slopes[0], slopes[1], *noise)
     d0, d1 = (towards(camera, aim.x) for camera, aim in zip(rig.cameras, aims, strict=True))
     weights = inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))
-    position[seen], covariance[seen] = _nearest(rig, _middle(rig, d0, d1), pixels, weights)
+    position[finite], covariance[finite] = _nearest(rig, _middle(rig, d0, d1), pixels, weights)
     return Triangulation(position, covariance, epipolar, sigma)
 
 
-def _covariances(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> FloatArray:
+def _covariances(covariance: FloatArray, finite: NDArray[np.bool_], camera: int) -> FloatArray:
     """Covariances of the pixels that were seen [px²], shape [n, 2, 2]."""
     covariance = np.asarray(covariance, dtype=np.float64)
-    if covariance.shape not in ((2, 2), (*seen.shape, 2, 2)):
+    if covariance.shape not in ((2, 2), (*finite.shape, 2, 2)):
         raise ValueError(
-            f"covariance{camera} has shape {covariance.shape}, must be (2, 2) or {(*seen.shape, 2, 2)}"
+            f"covariance{camera} has shape {covariance.shape}, must be (2, 2) or {(*finite.shape, 2, 2)}"
         )
-    used = np.broadcast_to(covariance, (*seen.shape, 2, 2))[seen]
+    used = np.broadcast_to(covariance, (*finite.shape, 2, 2))[finite]
     a, b, c, d = used[:, 0, 0], used[:, 0, 1], used[:, 1, 0], used[:, 1, 1]
     tiny = 1e-6 * (a + d)
     fine = (a >= 0.0) & (d >= 0.0) & (np.abs(b - c) <= tiny) & (a * d - b * c >= -(tiny**2))
     if not np.all(fine):
-        point, found = np.argwhere(seen)[np.argmin(fine)].tolist(), used[np.argmin(fine)].tolist()
+        point, matrix = np.argwhere(finite)[np.argmin(fine)].tolist(), used[np.argmin(fine)].tolist()
         raise ValueError(
-            f"covariance{camera} of point {point} is {found} px², must be symmetric and have no negative "
+            f"covariance{camera} of point {point} is {matrix} px², must be symmetric and have no negative "
             "eigenvalue: give the point an outcome instead"
         )
     return used
@@ -288,18 +288,18 @@ def _nearest(
     settled = np.zeros(len(X), dtype=bool)
     for _ in range(STEPS):
         H, g = np.zeros((len(searching), 3, 3)), np.zeros((len(searching), 3))
-        for camera, seen, weight in zip(rig.cameras, pixels, weights, strict=True):
+        for camera, observed, weight in zip(rig.cameras, pixels, weights, strict=True):
             J = projection_slope(camera, X[searching])
             JW = np.swapaxes(J, 1, 2) @ weight[searching]
             H += JW @ J
-            g += (JW @ (seen[searching] - camera.project(X[searching]))[..., None])[..., 0]
+            g += (JW @ (observed[searching] - camera.project(X[searching]))[..., None])[..., 0]
         covariance[searching] = _inverse(H)
         move = (covariance[searching] @ g[..., None])[..., 0]
         X[searching] += move
-        there = _before(rig, X[searching])
+        in_front = _before(rig, X[searching])
         small = np.sum(move * g, axis=-1) < 1e-12  # the step is a millionth of its own sigma
-        settled[searching[there & small]] = True
-        searching = searching[there & ~small]
+        settled[searching[in_front & small]] = True
+        searching = searching[in_front & ~small]
         if not len(searching):
             break
     X[~settled], covariance[~settled] = np.nan, np.nan

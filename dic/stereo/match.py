@@ -53,21 +53,21 @@ def propagate(
     near: IntArray,
     attempts: int,
     attempt: Callable[[IntArray, FloatArray], tuple[Match, BoolArray]],
-    found: BoolArray,
+    matched: BoolArray,
 ) -> BoolArray:
-    """Match the points that are not found yet, from neighbours; `match` and `found` are filled in place.
+    """Match the points that are not found yet, from neighbours; `match` and `matched` are filled in place.
 
     ``match``: of all points; rows of points not found yet are overwritten by their last attempt. ``points``:
     places in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points. ``attempts``:
     guesses that a point tries before it is given up. ``attempt``: matches the points of these rows from these
-    guesses, and which of them are accepted. ``found``: points that may propagate their warps, shape [n].
+    guesses, and which of them are accepted. ``matched``: points that may propagate their warps, shape [n].
     Returns: points that had a guess, shape [n].
     """
-    guessed, spent = found.copy(), np.zeros(len(points), dtype=np.int64)
+    guessed, spent = matched.copy(), np.zeros(len(points), dtype=np.int64)
     used = near < 0  # neighbours that have been tried, or are not there
     while True:
-        ready = np.where(used | ~found[near], -np.inf, match.zncc[near])
-        rows = np.flatnonzero(~found & (spent < attempts) & np.any(np.isfinite(ready), axis=1))
+        ready = np.where(used | ~matched[near], -np.inf, match.zncc[near])
+        rows = np.flatnonzero(~matched & (spent < attempts) & np.any(np.isfinite(ready), axis=1))
         if not len(rows):
             return guessed
         best = np.argmax(ready[rows], axis=1)
@@ -79,7 +79,7 @@ def propagate(
         result, accepted = attempt(rows, guess)
         for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
             getattr(match, name)[rows] = getattr(result, name)
-        found[rows[accepted]] = True
+        matched[rows[accepted]] = True
 
 
 MOST_SEARCHED = 31
@@ -96,64 +96,64 @@ def guided_match(pair: Pair) -> Match:
     near = neighbourhood(pair.points, pair.search.neighbours)
     whole = np.zeros((2, n), dtype=np.int64)
     match = Match(np.zeros((n, 12)), np.zeros((n, 2, 2)), np.zeros(n), whole[0], whole[1])
-    found, guessed = np.zeros((2, n), dtype=np.bool_)
+    matched, guessed = np.zeros((2, n), dtype=np.bool_)
 
     def attempt(rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
         return _attempt(pair, rows, guess)
 
     while True:  # a region that no neighbour leads to gets seeds of its own
-        before = found.sum()
-        _seed(pair, match, found)
-        if found.sum() == before:
+        before = matched.sum()
+        _seed(pair, match, matched)
+        if matched.sum() == before:
             break
-        guessed |= propagate(match, pair.points, near, pair.search.attempts, attempt, found)
+        guessed |= propagate(match, pair.points, near, pair.search.attempts, attempt, matched)
     match.outcome[~guessed] = PointOutcome.NO_FIRST_GUESS
-    wrong = guessed & ~found & (match.outcome == PointOutcome.VALID)
+    wrong = guessed & ~matched & (match.outcome == PointOutcome.VALID)
     match.outcome[wrong] = PointOutcome.STEREO_MISMATCH
-    rows = np.flatnonzero(found)
+    rows = np.flatnonzero(matched)
     if pair.settings.shape > Shape.AFFINE and len(rows):
         _write(match, rows, pair.correlate(rows, match.warp[rows]))
     return match
 
 
-def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
+def _seed(pair: Pair, match: Match, matched: BoolArray) -> None:
     """Search whole curves for points spread over those not found yet."""
-    rows = _spread_out(pair.points, ~found, pair.search.seeds)
+    rows = _spread_out(pair.points, ~matched, pair.search.seeds)
     side = pair.search.subset or max(pair.settings.subset, MOST_SEARCHED)
-    wanted = subsets(pair.pictures[0], pair.points[rows], pair.reference[rows], side, pair.mask)
+    templates = subsets(pair.pictures[0], pair.points[rows], pair.reference[rows], side, pair.mask)
     limits = pair.search.distances
-    if limits is None and found.any():  # the rest of the surface is near what is known of it
-        known = np.flatnonzero(found)
-        limits = pair.around(known, match.warp[known])
+    if limits is None and matched.any():  # the rest of the surface is near what is known of it
+        matched_rows = np.flatnonzero(matched)
+        limits = pair.around(matched_rows, match.warp[matched_rows])
     candidates = search_curves(
         pair.rig,
-        wanted,
+        templates,
         pair.pictures[1],
         limits=limits,
         turns=pair.search.turns,
         device=pair.stacks[0].device,
     )
-    alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.second_peak)
-    good = (candidates.zncc >= pair.search.least_zncc) & alone
+    distinct = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.second_peak)
+    good = (candidates.zncc >= pair.search.least_zncc) & distinct
     result, accepted = _attempt(pair, rows[good], candidates.warp[good])
     rows = rows[good][accepted]
     _write(match, rows, result, accepted)
-    found[rows] = True
+    matched[rows] = True
 
 
 def _attempt(pair: Pair, rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
     """An affine match, and which of them may propagate their warps."""
     result = pair.correlate(rows, guess, shape=Shape.AFFINE)
     converged = result.outcome == PointOutcome.VALID
-    moved = np.linalg.norm(result.warp[:, :2] - guess[:, :2], axis=1)
+    shift = np.linalg.norm(result.warp[:, :2] - guess[:, :2], axis=1)
     epipolar, sigma = pair.epipolar(rows, result)
     meets = np.abs(epipolar) <= pair.gates.epipolar + pair.gates.sigmas * sigma
-    return result, converged & meets & (moved <= pair.settings.subset / 2.0)
+    return result, converged & meets & (shift <= pair.settings.subset / 2.0)
 
 
-def _spread_out(points: FloatArray, wanted: BoolArray, number: int) -> IntArray:
+def _spread_out(points: FloatArray, candidates: BoolArray, number: int) -> IntArray:
     """Rows of about `number` wanted points, one a cell of a grid over them."""
-    rows = np.flatnonzero(wanted)
+    rows = np.flatnonzero(candidates)
     if len(rows) <= number:
         return rows
     low = points[rows].min(axis=0)
@@ -228,15 +228,15 @@ def measure_gates(pair: Pair, match: Match) -> GateValues:
         incidence[rows] = np.maximum(*fit.incidence)
         unseen[rows] = _facing_away(pair, rows, warp)
         limits = pair.search.distances or pair.around(rows, warp)
-        there = _match_forward(pair, rows, A, limits)
-        again = _match_back(pair, rows, warp, A, limits)
-        back_match = pair.correlate_back(rows, warp, again.warp, LOOSE)
+        forward = _match_forward(pair, rows, A, limits)
+        backward = _match_back(pair, rows, warp, A, limits)
+        back_match = pair.correlate_back(rows, warp, backward.warp, LOOSE)
         off = np.linalg.norm(back_match.warp[:, :2] - pair.reference[rows, :2], axis=1)
         back[rows] = np.where(back_match.outcome == PointOutcome.VALID, off, np.inf)
-        both = match.covariance[rows] + back_match.covariance
-        sigma[rows] = np.sqrt(np.trace(both, axis1=1, axis2=2) / 2.0)
+        total = match.covariance[rows] + back_match.covariance
+        sigma[rows] = np.sqrt(np.trace(total, axis1=1, axis2=2) / 2.0)
         reach = _reach(pair)
-        shares = _share(there, warp, reach), _share(again, pair.reference[rows], reach)
+        shares = _share(forward, warp, reach), _share(backward, pair.reference[rows], reach)
         distinct[rows] = np.maximum(*shares)
     return GateValues(
         sigma, epipolar, epipolar_sigma, facet, incidence, back, neighbours, distinct, distance, unseen
@@ -257,11 +257,11 @@ def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: Bo
     gradient = warp[:, 2:6].reshape(-1, 2, 2)
     mean = (gradient[:, None] + gradient[near]) / 2.0
     off = warp[:, None, :2] - warp[near][..., :2] - np.einsum("nkij,nkj->nki", mean, step)
-    asked = (near >= 0) & valid[near]
+    usable = (near >= 0) & valid[near]
     result = np.full(len(points), np.inf)
-    some = asked.any(axis=1) & valid
+    some = usable.any(axis=1) & valid
     if some.any():
-        voted = np.where(asked[..., None], off, np.nan)[some]
+        voted = np.where(usable[..., None], off, np.nan)[some]
         result[some] = np.linalg.norm(np.nanmedian(voted, axis=1), axis=1)
     return result
 
@@ -275,38 +275,38 @@ def _facing_away(pair: Pair, rows: IntArray, warp: FloatArray) -> FloatArray:
     side = np.linspace(-0.5, 0.5, 9) * (pair.settings.subset - 1)
     xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     base = np.repeat(pair.points[rows, None], len(xi), axis=1)
-    wanted = np.ones(base.shape[:2], dtype=np.bool_)
+    inside = np.ones(base.shape[:2], dtype=np.bool_)
     if pair.mask is not None:
-        wanted = in_mask(base + xi, pair.mask)
-    held = wanted.copy()
+        inside = in_mask(base + xi, pair.mask)
+    visible = inside.copy()
     for picture, way in zip(pair.pictures, (pair.reference[rows], warp), strict=True):
-        held &= inside_picture(warps.apply(base, way[:, None], xi), picture.shape)
-    return np.asarray(1.0 - held.sum(axis=1) / np.maximum(wanted.sum(axis=1), 1))
+        visible &= inside_picture(warps.apply(base, way[:, None], xi), picture.shape)
+    return np.asarray(1.0 - visible.sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
 
 
 def _match_forward(pair: Pair, rows: IntArray, A: FloatArray, limits: Limits) -> Candidates:
     """Camera 0's subsets, looked for along camera 1's curves."""
     reference = pair.reference[rows]
-    wanted = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
-    return _search_again(pair, pair.rig, wanted, pair.pictures[1], limits, A)
+    templates = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
+    return _search_twice(pair, pair.rig, templates, pair.pictures[1], limits, A)
 
 
 def _match_back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: Limits) -> Candidates:
     """Camera 1's subsets, looked for along camera 0's curves, within the same span of space."""
-    wanted = subsets(pair.pictures[1], pair.points[rows], warp, pair.settings.subset, pair.mask)
+    templates = subsets(pair.pictures[1], pair.points[rows], warp, pair.settings.subset, pair.mask)
     first, second = pair.rig.cameras
     rays = directions(first, pair.places[rows])
     span = [np.linalg.norm(first.centre + rays * s - second.centre, axis=1) for s in limits]
     turned = replace(pair.rig, cameras=(second, first), covariance=None)
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
     limits = float(np.min(span)), float(np.max(span))
-    return _search_again(pair, turned, wanted, pair.pictures[0], limits, inverse)
+    return _search_twice(pair, turned, templates, pair.pictures[0], limits, inverse)
 
 
-def _search_again(
+def _search_twice(
     pair: Pair,
     rig: StereoRig,
-    wanted: Subsets,
+    templates: Subsets,
     picture: NDArray[np.float32],
     limits: Limits,
     A: FloatArray,
@@ -314,16 +314,16 @@ def _search_again(
     """Best places and second peaks of subsets deformed as matched; where a second peak comes near, of any
     slope."""
     device = pair.stacks[0].device
-    found = search_curves(rig, wanted, picture, limits=limits, gradients=A, device=device)
-    rows = np.flatnonzero(found.second_peak > SUSPECT)
+    candidates = search_curves(rig, templates, picture, limits=limits, gradients=A, device=device)
+    rows = np.flatnonzero(candidates.second_peak > SUSPECT)
     if len(rows):
-        again = search_curves(
-            rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns, device=device
+        second = search_curves(
+            rig, templates.take(rows), picture, limits=limits, turns=pair.search.turns, device=device
         )
-        apart = np.linalg.norm(again.warp[:, :2] - found.warp[rows, :2], axis=1) > _reach(pair)
-        second_peak = np.where(apart, np.maximum(again.zncc, again.second_peak), again.second_peak)
-        found.second_peak[rows] = np.maximum(found.second_peak[rows], second_peak)
-    return found
+        apart = np.linalg.norm(second.warp[:, :2] - candidates.warp[rows, :2], axis=1) > _reach(pair)
+        second_peak = np.where(apart, np.maximum(second.zncc, second.second_peak), second.second_peak)
+        candidates.second_peak[rows] = np.maximum(candidates.second_peak[rows], second_peak)
+    return candidates
 
 
 def _reach(pair: Pair) -> float:
@@ -487,19 +487,19 @@ def match_stereo(
         PictureStack.prepare(picture[None], noise=grey, prefilter=settings.prefilter, device=device)
         for picture, grey in zip(pictures, noises, strict=True)
     )
-    known = np.all(np.isfinite(reference), axis=1)
+    finite = np.all(np.isfinite(reference), axis=1)
     pair = Pair(
         rig=rig,
         pictures=(pictures[0], pictures[1]),
         stacks=(stacks[0], stacks[1]),
-        points=points[known],
-        reference=reference[known],
+        points=points[finite],
+        reference=reference[finite],
         mask=None if mask is None else np.asarray(mask),
         settings=settings,
         search=search,
         gates=gates,
     )
-    return _spread(_judged(pair), points, known)
+    return _spread(_judged(pair), points, finite)
 
 
 def _judged(pair: Pair) -> StereoMatch:
@@ -515,14 +515,14 @@ def _judged(pair: Pair) -> StereoMatch:
     return StereoMatch(pair.points, match.warp, match.covariance, match.zncc, outcome, failed, gate_values)
 
 
-def _spread(part: StereoMatch, points: FloatArray, known: BoolArray) -> StereoMatch:
+def _spread(part: StereoMatch, points: FloatArray, finite: BoolArray) -> StereoMatch:
     """The result for all points: those that camera 0 has lost had nothing to start from."""
-    if known.all():
+    if finite.all():
         return part
 
     def whole(values: NDArray, fill: float) -> NDArray:
         result = np.full((len(points), *values.shape[1:]), fill, dtype=values.dtype)
-        result[known] = values
+        result[finite] = values
         return result
 
     gate_values = GateValues(**{name: whole(value, np.inf) for name, value in vars(part.gate_values).items()})

@@ -137,25 +137,27 @@ def reconstruct(
     return result
 
 
-def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
+def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
     """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
 
-    ``found``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there. Raises ValueError if the standard
-    deviations of the epipolar distances are not known.
+    ``reconstruction``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there. Raises ValueError if
+    the standard deviations of the epipolar distances are not known.
     """
-    if found.epipolar_sigma is None:
+    if reconstruction.epipolar_sigma is None:
         raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")
-    beyond = np.abs(found.epipolar) > np.maximum(gate, gate_sigmas * found.epipolar_sigma)
-    end_points(found, beyond & (found.outcome == PointOutcome.VALID), PointOutcome.STEREO_MISMATCH)
+    beyond = np.abs(reconstruction.epipolar) > np.maximum(gate, gate_sigmas * reconstruction.epipolar_sigma)
+    end_points(
+        reconstruction, beyond & (reconstruction.outcome == PointOutcome.VALID), PointOutcome.STEREO_MISMATCH
+    )
 
 
-def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
+def end_points(reconstruction: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
     """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
 
     ``points``: which points of which frames, shape [n_frames, n_points].
     """
-    found.position[points], found.covariance[points] = np.nan, np.nan
-    found.outcome[points] = int(outcome)
+    reconstruction.position[points], reconstruction.covariance[points] = np.nan, np.nan
+    reconstruction.outcome[points] = int(outcome)
 
 
 def _reconstruct_part(
@@ -167,31 +169,31 @@ def _reconstruct_part(
     common: FloatArray | None,
 ) -> FloatArray:
     """Fill in some frames of a result; the standard deviations of the epipolar distances there [px]."""
-    found = [track.outcome[part] == PointOutcome.VALID for track in tracks]
+    valid_by_camera = [track.outcome[part] == PointOutcome.VALID for track in tracks]
     for camera, track in enumerate(tracks):
-        result.pixels[camera][part] = _pixels(track, part, found[camera], camera)
-    both = found[0] & found[1]
-    seen = (result.pixels[0][part][both], result.pixels[1][part][both])
-    noise = (tracks[0].covariance[part][both], tracks[1].covariance[part][both])
+        result.pixels[camera][part] = _pixels(track, part, valid_by_camera[camera], camera)
+    paired = valid_by_camera[0] & valid_by_camera[1]
+    pixels = (result.pixels[0][part][paired], result.pixels[1][part][paired])
+    noise = (tracks[0].covariance[part][paired], tracks[1].covariance[part][paired])
     if common is None:
-        met = triangulate(rig, *seen, *noise)
+        met = triangulate(rig, *pixels, *noise)
     else:
-        slopes = (gradient(tracks[0].warp[part][both]), gradient(tracks[1].warp[part][both]))
-        noise, shared = _apart(noise, slopes, common[part][both])
-        met = triangulate(rig, *seen, *noise)
+        slopes = (gradient(tracks[0].warp[part][paired]), gradient(tracks[1].warp[part][paired]))
+        noise, shared = _apart(noise, slopes, common[part][paired])
+        met = triangulate(rig, *pixels, *noise)
         along = _along(rig, met, noise, slopes)
         met = met._replace(covariance=met.covariance + along @ shared @ np.swapaxes(along, -1, -2))
     allowed = np.maximum(gates[0], gates[1] * met.epipolar_sigma)
     fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
 
-    outcome = np.where(found[0], tracks[1].outcome[part], tracks[0].outcome[part]).astype(np.int64)
-    outcome[both] = np.where(fine, int(PointOutcome.VALID), int(PointOutcome.STEREO_MISMATCH))
+    outcome = np.where(valid_by_camera[0], tracks[1].outcome[part], tracks[0].outcome[part]).astype(np.int64)
+    outcome[paired] = np.where(fine, int(PointOutcome.VALID), int(PointOutcome.STEREO_MISMATCH))
     result.outcome[part] = outcome
     valid = outcome == PointOutcome.VALID
     result.position[part][valid], result.covariance[part][valid] = met.position[fine], met.covariance[fine]
-    result.epipolar[part][both] = met.epipolar
-    sigma = np.full(both.shape, np.nan)
-    sigma[both] = met.epipolar_sigma
+    result.epipolar[part][paired] = met.epipolar
+    sigma = np.full(paired.shape, np.nan)
+    sigma[paired] = met.epipolar_sigma
     return sigma
 
 
@@ -206,30 +208,30 @@ def _apart(noise: Pair, slopes: Pair, common: FloatArray) -> tuple[Pair, FloatAr
     for whole, part in zip(noise, inside, strict=True):
         most = np.maximum(most, largest_eigenvalue(inverse(whole + TINY * np.eye(2)) @ part))
     scale = (MOST_COMMON / np.maximum(most, MOST_COMMON))[:, None, None]
-    own = [whole - scale * part for whole, part in zip(noise, inside, strict=True)]
-    return (own[0], own[1]), scale * common
+    independent = [whole - scale * part for whole, part in zip(noise, inside, strict=True)]
+    return (independent[0], independent[1]), scale * common
 
 
 def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> FloatArray:
     """Motion of the positions with their places in the material picture [m/px], shape [n, 3, 2]."""
     total = np.zeros((len(met.position), 3, 2))
-    for camera, own, F in zip(rig.cameras, noise, slopes, strict=True):
+    for camera, covariance, F in zip(rig.cameras, noise, slopes, strict=True):
         J = projection_slope(camera, met.position)
-        total += met.covariance @ np.swapaxes(J, -1, -2) @ (inverse(own + TINY * np.eye(2)) @ F)
+        total += met.covariance @ np.swapaxes(J, -1, -2) @ (inverse(covariance + TINY * np.eye(2)) @ F)
     return total
 
 
-def _pixels(track: Track, part: slice, found: NDArray[np.bool_], camera: int) -> FloatArray:
+def _pixels(track: Track, part: slice, valid: NDArray[np.bool_], camera: int) -> FloatArray:
     """Pixels of a camera's points in some frames [px], NaN where it lost them, shape [n, n_points, 2]."""
-    where = apply(np.broadcast_to(track.points, (*found.shape, 2)), track.warp[part])
-    bad = found & ~np.all(np.isfinite(where), axis=-1)
+    where = apply(np.broadcast_to(track.points, (*valid.shape, 2)), track.warp[part])
+    bad = valid & ~np.all(np.isfinite(where), axis=-1)
     if np.any(bad):
         frame, point = np.argwhere(bad)[0]
         raise ValueError(
             f"camera {camera}, frame {part.start + frame}, point {point} is VALID but lies at "
             f"{where[frame, point]} px: give it another outcome"
         )
-    return np.asarray(np.where(found[..., None], where, np.nan))
+    return np.asarray(np.where(valid[..., None], where, np.nan))
 
 
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
@@ -388,18 +390,18 @@ def _memory(D: FloatArray, V: FloatArray, near: FloatArray) -> float | None:
     n = len(D)
     last = max(int(LAGS * n), 2)
     mates, counts = D @ near, V @ near
-    found = np.array([np.sum(D[: n - k] * mates[k:]) for k in range(last)])
+    correlation = np.array([np.sum(D[: n - k] * mates[k:]) for k in range(last)])
     pairs = np.array([np.sum(V[: n - k] * counts[k:]) for k in range(last)])
-    if not (pairs > 0.0).all() or found[0] <= 0.0:
+    if not (pairs > 0.0).all() or correlation[0] <= 0.0:
         return None
-    found = found / pairs
+    correlation = correlation / pairs
     best, least = None, np.inf
     for memory in np.geomspace(0.5, float(n), STEPS):
         shape = demeaned(n, memory)[:last]
-        size = float(shape @ found / (shape @ shape))
-        rest = float(np.sum((found - size * shape) ** 2))
-        if size > 0.0 and rest < least:
-            best, least = float(memory), rest
+        size = float(shape @ correlation / (shape @ shape))
+        misfit = float(np.sum((correlation - size * shape) ** 2))
+        if size > 0.0 and misfit < least:
+            best, least = float(memory), misfit
     return best
 
 
@@ -415,7 +417,7 @@ def _length(D: FloatArray, V: FloatArray, apart: FloatArray, free: BoolArray) ->
     for length in np.geomspace(distance.min(), 3.0 * distance.max(), STEPS):
         shape = np.exp(-((distance / length) ** 2))
         size = float(shape @ covariance / max(float(shape @ shape), 1e-300))
-        rest = float(np.sum((covariance - size * shape) ** 2))
-        if size > 0.0 and rest < least:
-            best, least = (float(length), size), rest
+        misfit = float(np.sum((covariance - size * shape) ** 2))
+        if size > 0.0 and misfit < least:
+            best, least = (float(length), size), misfit
     return best

@@ -63,22 +63,22 @@ def _fit_shape(
     steps: int = 100,
 ) -> Shape:
     """Least squares of the distances over their sigmas."""
-    held = radius is not None and radius_sigma == 0.0
-    begin = (start[0], start[1], float(radius)) if held and radius is not None else start
+    fixed = radius is not None and radius_sigma == 0.0
+    begin = (start[0], start[1], float(radius)) if fixed and radius is not None else start
     size = float(np.sqrt(np.mean(X**2)))
     unit = np.array([size, size, 1.0, 1.0, size])  # shifts, tilts, growth of the radius
 
     def shape(x: FloatArray) -> Shape:
-        return _changed(begin, np.append(x, 0.0) * unit if held else x * unit)
+        return _changed(begin, np.append(x, 0.0) * unit if fixed else x * unit)
 
     def residual(x: FloatArray) -> FloatArray:
         basis, point, R = shape(x)
         off = (np.linalg.norm(_from_axis(X, point, basis), axis=1) - R) / sigma
-        return off if held or radius is None else np.append(off, (R - radius) / radius_sigma)
+        return off if fixed or radius is None else np.append(off, (R - radius) / radius_sigma)
 
-    found = least_squares(
+    solution = least_squares(
         residual,
-        np.zeros(4 if held else 5),
+        np.zeros(4 if fixed else 5),
         jac="3-point",
         loss="soft_l1" if robust else "linear",
         xtol=1e-10,
@@ -86,7 +86,7 @@ def _fit_shape(
         gtol=1e-14,
         max_nfev=steps,
     )
-    return shape(found.x)
+    return shape(solution.x)
 
 
 def slopes(X: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
@@ -101,8 +101,8 @@ def _changed(shape: Shape, change: FloatArray) -> Shape:
     basis, point, R = shape
     axis = basis[2] + change[2] * basis[0] + change[3] * basis[1]
     axis = axis / np.linalg.norm(axis)
-    moved = point + change[0] * basis[0] + change[1] * basis[1]
-    return _complete_basis(axis, near=basis[0]), moved, float(R + change[4])
+    shifted = point + change[0] * basis[0] + change[1] * basis[1]
+    return _complete_basis(axis, near=basis[0]), shifted, float(R + change[4])
 
 
 def distances(X: FloatArray, point: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -191,12 +191,12 @@ def fit_cylinder(
     for _ in range(20):
         sigma = _sigmas(X, C, best)
         off = np.abs(distances(X, best[1], best[0])[0] - best[2]) / sigma
-        kept = off <= reject * max(1.0, MAD * float(np.median(off)))
-        before, best = best, _fit_shape(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
+        inliers = off <= reject * max(1.0, MAD * float(np.median(off)))
+        before, best = best, _fit_shape(X[inliers], (sigma * grown)[inliers], best, radius, radius_sigma)
         settled = np.linalg.norm(best[1] - before[1]) + abs(best[2] - before[2]) < 1e-3 * sigma.min()
-        if settled and (kept == used).all():
+        if settled and (inliers == used).all():
             break
-        used = kept
+        used = inliers
     return _finished(X, C, factor, centre, best, used, radius, radius_sigma)
 
 
@@ -259,12 +259,12 @@ def _finished(
     sigma = _sigmas(X, C, shape)
     off, J = slopes(X, (basis, point, R))
     J = (J / (sigma * np.sqrt(factor))[:, None])[used]
-    rest = (off / sigma)[used]
-    held = radius is not None and radius_sigma == 0.0
-    n = 4 if held else 5
+    residual = (off / sigma)[used]
+    fixed = radius is not None and radius_sigma == 0.0
+    n = 4 if fixed else 5
     A = J[:, :n].T @ J[:, :n]
-    known = radius is not None and not held
-    if known:
+    prior = radius is not None and not fixed
+    if prior:
         A[4, 4] += radius_sigma**-2
     unit = np.sqrt(np.diag(A))  # lengths and angles
     unit[unit == 0.0] = 1.0
@@ -275,8 +275,8 @@ def _finished(
             f"the points lie on no cylinder: radius {R:.3g} m over an extent of {extent:.3g} m across the "
             f"axis, {int(used.sum())} of {len(X)} points near it; check the points, or give the radius"
         )
-    dof = len(rest) - n + known
-    chi2 = float(rest @ rest) / dof if dof else 1.0
+    dof = len(residual) - n + prior
+    chi2 = float(residual @ residual) / dof if dof else 1.0
     scale = float(np.sqrt(max(1.0, chi2)))
     V = np.zeros((5, 5))
     V[:n, :n] = scale**2 * np.linalg.inv(A) / np.outer(unit, unit)
@@ -359,12 +359,12 @@ def test_frame(
         )
     if declared.shape != (2,) or not np.isfinite(declared).all() or not np.any(declared):
         raise ValueError(f"toward_flyer must be a direction (right, down) in the picture, got {toward_flyer}")
-    seen = _in_picture(rig.cameras[0], cylinder)
-    cosine = float(seen @ declared / np.linalg.norm(declared))
+    axis = _in_picture(rig.cameras[0], cylinder)
+    cosine = float(axis @ declared / np.linalg.norm(declared))
     if abs(cosine) < np.cos(np.radians(WIDEST_ANGLE)):
         raise ValueError(
             f"toward_flyer is {toward_flyer} (right, down), but camera 0 sees the axis along "
-            f"({seen[0]:.2f}, {seen[1]:.2f}) or its reverse: must agree within {WIDEST_ANGLE:g}°; declare "
+            f"({axis[0]:.2f}, {axis[1]:.2f}) or its reverse: must agree within {WIDEST_ANGLE:g}°; declare "
             "the direction of the flyer in camera 0's picture, or check the cylinder's points"
         )
     y = cylinder.axis * np.sign(cosine)
@@ -403,8 +403,8 @@ def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatAr
 def _in_picture(camera: Camera, cylinder: Cylinder) -> FloatArray:
     """Unit direction of the axis in a camera's picture (right, down)."""
     ends = cylinder.point + np.outer([-0.1, 0.1], cylinder.radius * cylinder.axis)
-    seen = np.diff(camera.project(ends), axis=0)[0]
-    return np.asarray(seen / np.linalg.norm(seen))
+    direction = np.diff(camera.project(ends), axis=0)[0]
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def _covariance(

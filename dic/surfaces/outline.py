@@ -76,8 +76,8 @@ def outline(
     parts = list(_means(used, rows_of(surface, grid), grid, (subset, shape), position[..., 1], radius, sigma))
     frame, y, Z, s = (np.concatenate(column) for column in zip(*parts, strict=True)) if parts else _NONE
     order = np.argsort(frame, kind="stable")
-    lost = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
-    counts = {member: int(np.sum(lost == member)) for member in PointOutcome if not member.ok}
+    outcomes = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
+    counts = {member: int(np.sum(outcomes == member)) for member in PointOutcome if not member.ok}
     return CentrePoints(
         t=surface.t[frame[order]],
         frame=frame[order],
@@ -103,24 +103,25 @@ def _means(
     """Frames, weighted means of y and radius, and sigma of the latter; one tuple a row."""
     for number in range(int(row.max(initial=-1)) + 1):
         members = np.flatnonzero(row == number)
-        here = used[:, members]
-        frame = np.flatnonzero(here.any(axis=1))
+        members_used = used[:, members]
+        frame = np.flatnonzero(members_used.any(axis=1))
         if not frame.size:
             continue
-        here = here[frame]
-        s = np.where(here, sigma[np.ix_(frame, members)], np.inf)
+        members_used = members_used[frame]
+        s = np.where(members_used, sigma[np.ix_(frame, members)], np.inf)
         w = s**-2
         w = w / w.sum(axis=1, keepdims=True)
-        noise = np.where(here, w * np.where(here, s, 0.0), 0.0)
+        noise = np.where(members_used, w * np.where(members_used, s, 0.0), 0.0)
         correlation = overlap_matrix(grid[members], *subset)
         means = [
-            np.sum(w * np.where(here, value[np.ix_(frame, members)], 0.0), axis=1) for value in (y, radius)
+            np.sum(w * np.where(members_used, value[np.ix_(frame, members)], 0.0), axis=1)
+            for value in (y, radius)
         ]
         variance = np.sum((noise @ correlation) * noise, axis=1)
         yield frame.astype(np.int64), means[0], means[1], np.sqrt(variance)
 
 
-BESIDE = 1.5, 3.5
+LATERAL = 1.5, 3.5
 """Distances from the centre plane between which points lie beside the strip, in its half widths [-]: clear of
 it, and where the radius is still seen nearly along itself."""
 FEWEST_POINTS = 2
@@ -150,29 +151,29 @@ def departures(
         noise = np.hypot(position[..., 0] * surface.sigma[..., 0], position[..., 2] * surface.sigma[..., 2])
         noise = noise / radius
         away = np.abs(position[..., 0]) / half_width
-    beside = surface.valid & (away >= BESIDE[0]) & (away <= BESIDE[1])
+    lateral = surface.valid & (away >= LATERAL[0]) & (away <= LATERAL[1])
     departure, sigma = np.full((2, line.Z.size), np.nan)
     for k in np.unique(line.frame).tolist():
         at = np.flatnonzero(line.frame == k)
         sides = []
         for right in (False, True):
-            here = beside[k] & ((position[k, :, 0] > 0.0) == right)
-            sides.append(_at_heights(here, row, position[k, :, 1], radius[k], noise[k], line.y[at]))
-        (left, left_sigma), (other, other_sigma) = sides
-        departure[at] = line.Z[at] - 0.5 * (left + other)
+            in_side = lateral[k] & ((position[k, :, 0] > 0.0) == right)
+            sides.append(_at_heights(in_side, row, position[k, :, 1], radius[k], noise[k], line.y[at]))
+        (left_mean, left_sigma), (right_mean, other_sigma) = sides
+        departure[at] = line.Z[at] - 0.5 * (left_mean + right_mean)
         sigma[at] = np.sqrt(line.sigma[at] ** 2 + 0.25 * (left_sigma**2 + other_sigma**2))
     return departure, sigma
 
 
 def _at_heights(
-    here: BoolArray, row: IntArray, y: FloatArray, radius: FloatArray, noise: FloatArray, heights: FloatArray
+    used: BoolArray, row: IntArray, y: FloatArray, radius: FloatArray, noise: FloatArray, heights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Radius and its standard deviation at some heights, by the row means of some points; NaN beyond them."""
-    count = np.bincount(row[here])
+    count = np.bincount(row[used])
     full = np.flatnonzero(count >= FEWEST_POINTS)
     if full.size < FEWEST_ROWS:
         return np.full(heights.size, np.nan), np.full(heights.size, np.nan)
-    means = [np.bincount(row[here], values[here])[full] / count[full] for values in (y, radius, noise)]
+    means = [np.bincount(row[used], values[used])[full] / count[full] for values in (y, radius, noise)]
     order = np.argsort(means[0])
     low, value, spread = (mean[order] for mean in means)
     at = [np.interp(heights, low, one, left=np.nan, right=np.nan) for one in (value, spread)]
@@ -187,9 +188,9 @@ def beyond_noise(departure: FloatArray, sigma: FloatArray) -> FloatArray:
 
     ``departure``, ``sigma``: as `departures` gives them [m], shape [n].
     """
-    known = np.isfinite(departure)
-    if not known.any():
+    finite = np.isfinite(departure)
+    if not finite.any():
         return np.zeros(departure.size)
-    chi2 = float(np.mean((departure[known] / sigma[known]) ** 2))
+    chi2 = float(np.mean((departure[finite] / sigma[finite]) ** 2))
     share = np.sqrt(max(1.0 - 1.0 / chi2, 0.0)) if chi2 > 0.0 else 0.0
-    return np.where(known, share * departure, 0.0)
+    return np.where(finite, share * departure, 0.0)

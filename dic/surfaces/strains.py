@@ -102,10 +102,10 @@ class StrainHistory:
     def _principal(self) -> tuple[FloatArray, FloatArray]:
         """Eigenvalues of C, the larger first, and eigenvectors as columns; NaN where there is no strain."""
         C = self._C()
-        known = np.asarray(np.isfinite(C).all(axis=(-1, -2)))
-        c, Q = np.linalg.eigh(np.where(known[..., None, None], C, np.eye(2)))
+        finite = np.asarray(np.isfinite(C).all(axis=(-1, -2)))
+        c, Q = np.linalg.eigh(np.where(finite[..., None, None], C, np.eye(2)))
         c, Q = c[..., ::-1], Q[..., ::-1]
-        return np.where(known[..., None], c, np.nan), np.where(known[..., None, None], Q, np.nan)
+        return np.where(finite[..., None], c, np.nan), np.where(finite[..., None, None], Q, np.nan)
 
     def _turned(self, Q: FloatArray) -> FloatArray:
         """Covariance of C in principal axes, shape [..., 2, 2, 2, 2]."""
@@ -218,32 +218,35 @@ def strains(
     """
     grid = np.asarray(points, dtype=np.float64)
     label = np.zeros(surface.n_points) if regions is None else np.asarray(regions)
-    rest = np.zeros((surface.n_points, 3)) if reference_sigma is None else np.asarray(reference_sigma)
+    start_sigma = np.zeros((surface.n_points, 3)) if reference_sigma is None else np.asarray(reference_sigma)
     n = surface.n_points
     for name, array, shape in (
         ("points", grid, (n, 2)),
         ("regions", label, (n,)),
-        ("reference_sigma", rest, (n, 3)),
+        ("reference_sigma", start_sigma, (n, 3)),
     ):
         if array.shape != shape:
             raise ValueError(f"{name} has shape {array.shape}, must be {shape}")
-    frames, seen = surface.n_frames, _Positions(surface.X, surface.position, surface.sigma, surface.valid)
+    frames, positions = (
+        surface.n_frames,
+        _Positions(surface.X, surface.position, surface.sigma, surface.valid),
+    )
     F, basis = np.full((frames, n, 3, 2), np.nan), np.full((frames, n, 3, 2), np.nan)
     V = np.full((frames, n, 3, 3), np.nan)
     share, centre = np.zeros((frames, n)), np.full((frames, n, 2), np.nan)
-    outcome = np.where(seen.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
+    outcome = np.where(positions.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
     reach = (0.5 * (gauge.window - 1) + 1e-6) * gauge.step
     windows = cKDTree(grid).query_ball_point(grid, reach, p=np.inf, return_sorted=True)
 
     def fitted(rows: range) -> list[_Window]:
-        found = []
+        fits = []
         for i in rows:
             near = np.array(windows[i], dtype=np.int64)
             near = near[label[near] == label[i]]
-            window = _fit_window(seen, grid, gauge, rest, i, near)
+            window = _fit_window(positions, grid, gauge, start_sigma, i, near)
             if window is not None:
-                found.append(window)
-        return found
+                fits.append(window)
+        return fits
 
     # what forks send back is some 200 bytes a point and frame
     processes = parts() if frames * n <= MOST_SENT else 1
@@ -273,28 +276,28 @@ covariance, the share of the window's points and their centre."""
 
 
 def _fit_window(
-    seen: _Positions,
+    positions: _Positions,
     grid: FloatArray,
     gauge: StrainGauge,
-    rest: FloatArray,
+    start_sigma: FloatArray,
     i: int,
     near: IntArray,
 ) -> _Window | None:
     """Strains at point `i` from the points `near` it; None if they are too few in all frames."""
     q = (grid[near] - grid[i]) / gauge.step
-    used = seen.valid[:, near] & seen.valid[:, i, None]
+    used = positions.valid[:, near] & positions.valid[:, i, None]
     k, weights = _slopes(q, used, gauge.order)
     if not k.size:
         return None
     used, at = used[k], np.ix_(k, near)
-    A0 = weights @ seen.X[near]
-    A = weights @ np.where(used[..., None], seen.position[at], 0.0)
+    A0 = weights @ positions.X[near]
+    A = weights @ np.where(used[..., None], positions.position[at], 0.0)
     B = _tangents(np.swapaxes(A0, 1, 2))
     inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
     F = np.ascontiguousarray(np.swapaxes(inverse @ A, 1, 2))
-    noise = np.where(used[..., None], seen.sigma[at], 0.0)
+    noise = np.where(used[..., None], positions.sigma[at], 0.0)
     rho = overlap_correlation(grid[near], grid[near], gauge.subset)
-    V = _covariance(F, B, inverse @ weights, rho, noise, rest[near])
+    V = _covariance(F, B, inverse @ weights, rho, noise, start_sigma[near])
     count = used.sum(axis=1)
     return i, k, F, B, V, count / gauge.window**2, used @ q / count[:, None]
 
@@ -306,17 +309,17 @@ def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, Float
     if order == 2:
         terms += [q[:, 0] ** 2, q[:, 0] * q[:, 1], q[:, 1] ** 2]
     T = np.column_stack(terms)
-    here = used.astype(np.float64)
-    count = here.sum(axis=1)
+    weight = used.astype(np.float64)
+    count = weight.sum(axis=1)
     pairs = (T[:, :, None] * T[:, None]).reshape(len(T), -1)
-    normal = (here @ pairs).reshape(len(here), T.shape[1], -1)
+    normal = (weight @ pairs).reshape(len(weight), T.shape[1], -1)
     mean = normal[:, 0, 1:3] / np.maximum(count, 1.0)[:, None]
     scatter = normal[:, 1:3, 1:3] / np.maximum(count, 1.0)[:, None, None] - mean[:, :, None] * mean[:, None]
     enough = (count >= FEWEST[order]) & (np.linalg.eigvalsh(scatter)[:, 0] >= THINNEST**2)
     enough &= np.linalg.eigvalsh(normal)[:, 0] > 1e-6
     k = np.flatnonzero(enough)
     slopes = np.eye(T.shape[1])[:, 1:3]
-    return k, np.swapaxes(np.linalg.solve(normal[k], slopes), 1, 2) @ T.T * here[k, None, :]
+    return k, np.swapaxes(np.linalg.solve(normal[k], slopes), 1, 2) @ T.T * weight[k, None, :]
 
 
 def _tangents(A0: FloatArray) -> FloatArray:
@@ -336,7 +339,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _covariance(
-    F: FloatArray, B: FloatArray, g: FloatArray, rho: FloatArray, noise: FloatArray, rest: FloatArray
+    F: FloatArray, B: FloatArray, g: FloatArray, rho: FloatArray, noise: FloatArray, start_sigma: FloatArray
 ) -> FloatArray:
     """Covariance of (C11, C22, C12), C = FᵀF, by first order; shape [n_frames, 3, 3].
 
@@ -344,15 +347,15 @@ def _covariance(
     """
     C = np.swapaxes(F, 1, 2) @ F
     total = np.zeros((len(F), 3, 3))
-    for lever, sigma in ((F, noise), (B @ C, np.broadcast_to(rest, noise.shape))):
+    for lever, sigma in ((F, noise), (B @ C, np.broadcast_to(start_sigma, noise.shape))):
         if not sigma.any():
             continue
         around, along = lever[:, :, 0, None], lever[:, :, 1, None]
         g1, g2 = g[:, None, 0], g[:, None, 1]
         d = np.stack([2.0 * around * g1, 2.0 * along * g2, around * g2 + along * g1], axis=1)
         d = d * np.swapaxes(sigma, 1, 2)[:, None]  # [n_frames, component of C, k, point]
-        other = d @ rho
-        total += d.reshape(len(F), 3, -1) @ np.swapaxes(other.reshape(len(F), 3, -1), 1, 2)
+        correlated = d @ rho
+        total += d.reshape(len(F), 3, -1) @ np.swapaxes(correlated.reshape(len(F), 3, -1), 1, 2)
     return total
 
 

@@ -48,9 +48,9 @@ class SurfaceHistory:
             "outcome": (n_frames, n_points),
         }
         for name, shape in shapes.items():
-            found = np.shape(getattr(self, name))
-            if found != shape:
-                raise ValueError(f"{name} has shape {found}, must be {shape}")
+            actual = np.shape(getattr(self, name))
+            if actual != shape:
+                raise ValueError(f"{name} has shape {actual}, must be {shape}")
         if not np.all(np.isfinite(self.X)):
             raise ValueError("X must be finite: a point without a reference position cannot be followed")
         if not np.all(np.isfinite(self.t)):
@@ -93,8 +93,8 @@ class SurfaceHistory:
         return self.X + self.u
 
     def __repr__(self) -> str:
-        found = f", {100.0 * self.valid.mean():.3g} % found" if self.outcome.size else ""
-        return f"SurfaceHistory({self.n_frames} frames, {self.n_points} points{found})"
+        share = f", {100.0 * self.valid.mean():.3g} % found" if self.outcome.size else ""
+        return f"SurfaceHistory({self.n_frames} frames, {self.n_points} points{share})"
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ def centre_line(
     radius = np.hypot(d, depth)
     sigma = np.hypot(d * surface.sigma[frame, point, 0], depth * surface.sigma[frame, point, 2]) / radius
 
-    lost = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
-    counts = {member: int(np.sum(lost == member)) for member in PointOutcome if not member.ok}
+    outcomes = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
+    counts = {member: int(np.sum(outcomes == member)) for member in PointOutcome if not member.ok}
     return CentrePoints(
         t=surface.t[frame],
         frame=frame.astype(np.int64),
@@ -224,21 +224,21 @@ def to_surface(
     frame is `SpecimenFrame.sigma`, and through the calibration the covariance of the rig. Raises ValueError
     if a point has no valid position in any reference frame, or shapes do not fit.
     """
-    known = referenced(reconstruction, reference)
-    taken = np.ones(known.size, dtype=bool) if points is None else np.asarray(points, dtype=bool)
-    if taken.shape != known.shape:
-        raise ValueError(f"points has shape {taken.shape}, must be {known.shape}")
-    lost = int(np.sum(taken & ~known))
-    if lost:
+    defined = referenced(reconstruction, reference)
+    selected = np.ones(defined.size, dtype=bool) if points is None else np.asarray(points, dtype=bool)
+    if selected.shape != defined.shape:
+        raise ValueError(f"points has shape {selected.shape}, must be {defined.shape}")
+    missing = int(np.sum(selected & ~defined))
+    if missing:
         raise ValueError(
-            f"{lost} of {int(taken.sum())} points are valid in none of the reference frames "
+            f"{missing} of {int(selected.sum())} points are valid in none of the reference frames "
             f"{list(reference)} and have no reference position; name more static frames, or leave them out: "
             "points=referenced(reconstruction, reference)"
         )
-    position = frame.positions(reconstruction.position[:, taken])
-    X = frame.positions(static_mean(reconstruction, reference)[0][taken])
-    variance = frame.variances(reconstruction.covariance[:, taken])
-    outcome = reconstruction.outcome[:, taken]
+    position = frame.positions(reconstruction.position[:, selected])
+    X = frame.positions(static_mean(reconstruction, reference)[0][selected])
+    variance = frame.variances(reconstruction.covariance[:, selected])
+    outcome = reconstruction.outcome[:, selected]
     lost_here = (outcome != PointOutcome.VALID)[..., None]
     with np.errstate(invalid="ignore"):  # a negative variance becomes NaN, which a valid point may not have
         sigma = np.sqrt(np.where(lost_here, np.nan, variance))

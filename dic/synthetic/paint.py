@@ -298,8 +298,8 @@ def _charuco(target: Charuco, pitch: float) -> Texture:
     square = int(np.ceil(target.pitch / pitch))
     margin = square // 3
     size = (target.columns * square + 2 * margin, target.rows * square + 2 * margin)
-    drawn = target._board().generateImage(size, marginSize=margin, borderBits=1)
-    grey = BLACK + (WHITE - BLACK) * (drawn.astype(np.float32) / 255.0)
+    board = target._board().generateImage(size, marginSize=margin, borderBits=1)
+    grey = BLACK + (WHITE - BLACK) * (board.astype(np.float32) / 255.0)
     texel = target.pitch / square
     first = (0.5 - margin) * texel  # middle of the first texel, from the board's corner on
     return Texture(grey, texel, (first, first))

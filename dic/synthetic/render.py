@@ -99,7 +99,7 @@ def _weights(
 
 def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
     """Least and largest distance of the bodies' nodes along the view [m]."""
-    found = []
+    depths = []
     for body in scene.bodies:
         widest = float(body.r.max())
         corners = [
@@ -110,8 +110,8 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
         ]
         for place in (body.place.min(axis=0), body.place.max(axis=0)):
             X = np.array(corners) @ body.turn.reshape(-1, 3, 3)[0] + place
-            found += camera.in_camera(X)[:, 2].tolist()
-    return max(min(found), 1e-3), max(*found, 1e-3)
+            depths += camera.in_camera(X)[:, 2].tolist()
+    return max(min(depths), 1e-3), max(*depths, 1e-3)
 
 
 @dataclass(frozen=True)

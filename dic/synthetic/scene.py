@@ -202,11 +202,11 @@ def weights(spread: float, reach: int, rays: int) -> FloatArray:
     """
     x = (np.arange((2 * reach + 1) * rays) + 0.5) / rays - 0.5 - reach
     if spread < 1e-3:
-        found = (np.abs(x) < 0.5).astype(np.float64)
+        values = (np.abs(x) < 0.5).astype(np.float64)
     else:
         scale = np.sqrt(0.5) / spread
-        found = erf((x + 0.5) * scale) - erf((x - 0.5) * scale)
-    return np.asarray(found / found.sum())
+        values = erf((x + 0.5) * scale) - erf((x - 0.5) * scale)
+    return np.asarray(values / values.sum())
 
 
 def reach_of(spread: float) -> int:

@@ -102,36 +102,36 @@ class _ReferenceUpdates:
         subset = enlarged_subset(self.settings.correlation.subset, warp[rows], self.settings.growth)
         return matcher.template(rows, frame, warp[rows], carried[rows], subset, excess[rows])
 
-    def match_last_frame(self, here: FrameMatch, last: LatestFrame | None) -> None:
+    def match_last_frame(self, current: FrameMatch, last: LatestFrame | None) -> None:
         """Match lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return
         calm = self.steps - self.hurried >= PROBATION
-        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
+        rows = np.flatnonzero(~current.valid & last.valid & (current.template.frame != last.frame) & calm)
         if len(rows) == 0:
             return
-        template = self._template(here.matcher, rows, last.frame, last.warp, last.carried, last.excess)
-        guess = here.guess[rows]
-        lean = here.neighbours.any(here.valid)[rows]
-        guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
-        found = here.attempt(rows, guess, template)
-        self.references.renew(found, here.template.take(found))
-        self.fresh[found], self.hurried[found] = np.nan, self.steps
-        here.propagate()
+        template = self._template(current.matcher, rows, last.frame, last.warp, last.carried, last.excess)
+        guess = current.guess[rows]
+        lean = current.neighbours.any(current.valid)[rows]
+        guess[lean] = current.neighbours.best(current.warp, current.zncc, current.valid, rows[lean])
+        matched = current.attempt(rows, guess, template)
+        self.references.renew(matched, current.template.take(matched))
+        self.fresh[matched], self.hurried[matched] = np.nan, self.steps
+        current.propagate()
 
-    def forward(self, here: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
+    def forward(self, current: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
         """Give the points that ask for it this frame as their reference."""
         # a reference taken in a hurry that does not last shall not be what the point is searched with later
-        failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
+        failed = np.flatnonzero(~current.valid & (self.steps - self.hurried < PROBATION))
         self.references.go_back(failed[self.references.level[failed] > 0])
         self.hurried[failed] = -PROBATION
-        valid = np.flatnonzero(here.valid)
+        valid = np.flatnonzero(current.valid)
         new = np.isnan(self.fresh[valid])
-        self.fresh[valid[new]] = here.zncc[valid[new]]
+        self.fresh[valid[new]] = current.zncc[valid[new]]
         low = np.zeros_like(self.low)
-        poor = here.zncc[valid] < np.minimum(self.settings.update_zncc, self.fresh[valid] - DROP)
+        poor = current.zncc[valid] < np.minimum(self.settings.update_zncc, self.fresh[valid] - DROP)
         low[valid] = poor
-        strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
+        strain = np.log(stretch(relative(current.warp[valid], current.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
         if np.sum(asks) < QUORUM * len(asks):
@@ -142,46 +142,48 @@ class _ReferenceUpdates:
         if len(rows) == 0:
             self.low = low
             return
-        self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried, excess))
+        self.references.renew(
+            rows, self._template(current.matcher, rows, frame, current.warp, carried, excess)
+        )
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
 
-    def back(self, here: FrameMatch) -> None:
+    def back(self, current: FrameMatch) -> None:
         """Return points to an earlier reference that they look like again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return
-        rows = np.flatnonzero(here.valid & (self.references.level > 0))
+        rows = np.flatnonzero(current.valid & (self.references.level > 0))
         if len(rows) == 0:
             return
         earlier = self.references.template(rows, back=1)
-        strain = np.log(stretch(relative(here.warp[rows], earlier.warp)))
+        strain = np.log(stretch(relative(current.warp[rows], earlier.warp)))
         near = strain < JOIN * np.log(self.settings.update_stretch)
         rows, earlier = rows[near], earlier.take(np.flatnonzero(near))
         if len(rows) == 0:
             return
-        match = here.matcher.match(here.stack, rows, here.warp[rows], earlier)
-        off = np.hypot(*(match.warp[:, :2] - here.warp[rows, :2]).T)
+        match = current.matcher.match(current.stack, rows, current.warp[rows], earlier)
+        off = np.hypot(*(match.warp[:, :2] - current.warp[rows, :2]).T)
         fits = match.outcome == int(PointOutcome.VALID)
-        fits &= match.zncc >= np.minimum(self.settings.update_zncc, here.zncc[rows])
+        fits &= match.zncc >= np.minimum(self.settings.update_zncc, current.zncc[rows])
         fits &= off <= self.settings.neighbour_gate
         picked = np.flatnonzero(fits)
         rows = rows[picked]
-        here.warp[rows], here.zncc[rows] = match.warp[picked], match.zncc[picked]
-        here.covariance[rows] = match.covariance[picked]
-        here.template.put(rows, earlier.take(picked))
+        current.warp[rows], current.zncc[rows] = match.warp[picked], match.zncc[picked]
+        current.covariance[rows] = match.covariance[picked]
+        current.template.put(rows, earlier.take(picked))
         self.references.go_back(rows)
         self.fresh[rows], self.low[rows] = np.nan, False
 
 
-def _compose_points(here: FrameMatch) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _compose_points(current: FrameMatch) -> tuple[FloatArray, FloatArray, FloatArray]:
     """`compose` for the points found, each of shape [n, 2, 2], and the largest excess of the residuals in
     their chains, shape [n]; NaN for the others."""
-    total, carried = np.full_like(here.covariance, np.nan), np.full_like(here.covariance, np.nan)
-    rows = np.flatnonzero(here.valid)
-    template, warp = here.template.take(rows), here.warp[rows]
-    beyond = here.matcher.excess(here.zncc[rows], template)
-    total[rows], carried[rows] = compose(here.covariance[rows], warp, template, beyond)
+    total, carried = np.full_like(current.covariance, np.nan), np.full_like(current.covariance, np.nan)
+    rows = np.flatnonzero(current.valid)
+    template, warp = current.template.take(rows), current.warp[rows]
+    beyond = current.matcher.excess(current.zncc[rows], template)
+    total[rows], carried[rows] = compose(current.covariance[rows], warp, template, beyond)
     largest = np.full(len(total), np.nan)
     largest[rows] = np.maximum(beyond, template.excess)
     return total, carried, largest
@@ -255,12 +257,12 @@ def track(
     backward = range(first - 1, -1, -1)
     run.frames.expect([*forward, *backward])
     try:
-        for done, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
+        for completed, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
             if frame == first - 1:
                 run.turn(first)
             run.step(frame)
             if progress is not None:
-                progress(done + 1, n)
+                progress(completed + 1, n)
     finally:
         run.frames.close()
     return run.track
@@ -282,12 +284,12 @@ def _check(
         )
     if not 0 <= first < n_frames:
         raise ValueError(f"first must be a frame from 0 to {n_frames - 1}, got {first}")
-    wanted = (
+    expected = (
         ("start", start, (n, 12)),
         ("start_covariance", start_covariance, (n, 2, 2)),
         ("frame_outcome", frame_outcome, (n_frames,)),
     )
-    for name, value, shape in wanted:
+    for name, value, shape in expected:
         if value is not None and np.shape(value) != shape:
             raise ValueError(f"{name} has shape {np.shape(value)}, must be {shape}")
         if value is not None and not np.all(np.isfinite(value)):
@@ -316,8 +318,8 @@ class _Run:
         )
         self.declared = frame_outcome
         # a subset that grows has no template of one size
-        kept = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
-        self.references = References(n, kept)
+        templates = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
+        self.references = References(n, templates)
         self.matcher = Matcher(
             points,
             settings.correlation,
@@ -356,9 +358,9 @@ class _Run:
         warp = identity(n) if start is None else np.array(start, dtype=np.float64)
         none = np.zeros((n, 2, 2))
         if material is not None:
-            other = np.asarray(material)
-            self.scene = Scene.of(other)
-            self.references.add(MATERIAL, other, self.frames.prepared(MATERIAL, other))
+            material_picture = np.asarray(material)
+            self.scene = Scene.of(material_picture)
+            self.references.add(MATERIAL, material_picture, self.frames.prepared(MATERIAL, material_picture))
             self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
             return
@@ -369,14 +371,14 @@ class _Run:
         self.scene = Scene.of(picture)
         stack = self.frames.prepared(first, picture)
         self.references.add(first, picture, stack)
-        own = start_covariance is None
-        self.references.start(self._root(first, warp, none, own=own))
+        uncorrelated = start_covariance is None
+        self.references.start(self._root(first, warp, none, own=uncorrelated))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
         template = 0.5 * match.covariance  # of a picture with itself: the other half is that searched in
         if start_covariance is not None:
             before = inherited_covariance(np.asarray(start_covariance), template, warp)
-            self.references.start(self._root(first, warp, before, own=own))
+            self.references.start(self._root(first, warp, before, own=uncorrelated))
         else:
             blank = match.outcome != int(PointOutcome.VALID)
             template[blank] = np.nan
@@ -390,10 +392,10 @@ class _Run:
 
     def turn(self, first: int) -> None:
         """Start again at frame `first`, to go back in time."""
-        found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
+        started = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
         self.predictor, self.retries = Predictor(len(self.points)), RetrySchedule(len(self.points))
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
-            valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
+            valid = started[self.track.outcome[frame, started] == int(PointOutcome.VALID)]
             self.predictor.add(frame, valid, self.track.warp[frame, valid])
         self.references.restart()
         self.updates = _ReferenceUpdates(self.references, self.settings)
@@ -411,7 +413,7 @@ class _Run:
             return
         stack = self.frames.prepared(frame, picture)
         self.references.add(frame, picture, stack)
-        here = FrameMatch.begin(
+        current = FrameMatch.begin(
             picture,
             stack,
             self.matcher,
@@ -422,16 +424,16 @@ class _Run:
             self.retries.skipped,
             self.ended,
         )
-        self.updates.match_last_frame(here, self.last)
-        self.updates.back(here)
-        covariance, carried, excess = _compose_points(here)
-        self._record(frame, here, covariance, excess)
-        self.ended = here.outcome
-        self.retries.add(here.valid, self.neighbours)
-        self.updates.forward(here, frame, carried, excess)
-        found = np.flatnonzero(here.valid)
-        self.predictor.add(frame, found, here.warp[found])
-        self.last = LatestFrame(frame, here.warp, carried, here.valid, excess)
+        self.updates.match_last_frame(current, self.last)
+        self.updates.back(current)
+        covariance, carried, excess = _compose_points(current)
+        self._record(frame, current, covariance, excess)
+        self.ended = current.outcome
+        self.retries.add(current.valid, self.neighbours)
+        self.updates.forward(current, frame, carried, excess)
+        valid = np.flatnonzero(current.valid)
+        self.predictor.add(frame, valid, current.warp[valid])
+        self.last = LatestFrame(frame, current.warp, carried, current.valid, excess)
         self.references.tidy(keep=frame)
 
     def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
@@ -441,13 +443,13 @@ class _Run:
         root = self.matcher.template(np.arange(n), frame, warp, before, subset, np.zeros(n))
         return replace(root, root=np.full(n, own))
 
-    def _record(self, frame: int, here: FrameMatch, covariance: FloatArray, excess: FloatArray) -> None:
+    def _record(self, frame: int, current: FrameMatch, covariance: FloatArray, excess: FloatArray) -> None:
         track = self.track
         self.excess[frame] = excess
-        track.warp[frame], track.covariance[frame] = here.warp, covariance
-        track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
-        track.reference[frame] = here.template.frame
-        if not np.any(here.valid):
+        track.warp[frame], track.covariance[frame] = current.warp, covariance
+        track.zncc[frame], track.outcome[frame] = current.zncc, current.outcome
+        track.reference[frame] = current.template.frame
+        if not np.any(current.valid):
             self.frame_outcome[frame] = int(FrameOutcome.LOST)
 
 

@@ -55,28 +55,28 @@ class Predictor:
         if self._foretold and highest > 0:
             past = np.flatnonzero(self.known[rows] > highest)
             past = past[:: max(len(past) // JURY, 1)]
-            found = warp[past]
+            position = warp[past]
             foretold = np.stack([self._foretold[k][rows[past]] for k in ORDERS[: highest + 1]])
-            off = np.abs(foretold - found)
+            off = np.abs(foretold - position)
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
-        again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
-        later = rows[~again]
-        for kept in (self.frame, self.warp):
+        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
+        advanced = rows[~repeated]
+        for history in (self.frame, self.warp):
             for place in (2, 1):
-                kept[place, later] = kept[place - 1, later]
+                history[place, advanced] = history[place - 1, advanced]
         self.frame[0, rows], self.warp[0, rows] = frame, warp
-        self.known[later] = np.minimum(self.known[later] + 1, 3)
+        self.known[advanced] = np.minimum(self.known[advanced] + 1, 3)
 
     def _extrapolated(self, frame: int) -> dict[int, FloatArray]:
         """Lagrange's polynomials through the latest order + 1 frames of each point, or as many as it has, at
         `frame`; of each of `ORDERS`, shape [n, 12]."""
-        found = {0: self.warp[0].copy()}
+        by_order = {0: self.warp[0].copy()}
         for order in ORDERS[1:]:
-            found[order] = found[order - 1].copy()  # of a point with a shorter past
-            known = self.known > order
-            rows = slice(None) if known.all() else np.flatnonzero(known)
+            by_order[order] = by_order[order - 1].copy()  # of a point with a shorter past
+            available = self.known > order
+            rows = slice(None) if available.all() else np.flatnonzero(available)
             times = self.frame[: order + 1, rows].astype(np.float64)
             total = np.zeros((times.shape[1], 12))
             for j in range(order + 1):
@@ -85,8 +85,8 @@ class Predictor:
                     if i != j:
                         weight *= (frame - times[i]) / (times[j] - times[i])
                 total += weight[:, None] * self.warp[j, rows]
-            found[order][rows] = total
-        return found
+            by_order[order][rows] = total
+        return by_order
 
 
 RATIO = 0.8
@@ -173,8 +173,8 @@ def match_features(reference: Picture, deformed: Picture) -> tuple[FloatArray, F
     sift = cv2.SIFT.create(nfeatures=FEATURES)
     keys, descriptors = [], []
     for picture in (reference, deformed):
-        found, described = sift.detectAndCompute(_eight_bits(picture), None)
-        keys.append(np.array([key.pt for key in found], dtype=np.float64).reshape(-1, 2))
+        keys_of_picture, described = sift.detectAndCompute(_eight_bits(picture), None)
+        keys.append(np.array([key.pt for key in keys_of_picture], dtype=np.float64).reshape(-1, 2))
         descriptors.append(described)
     if min(len(k) for k in keys) < 2:
         return np.zeros((0, 2)), np.zeros((0, 2))
@@ -217,10 +217,10 @@ class Neighbours:
     """The nearest points of every point in the material picture."""
 
     index: IntArray
-    """Rows of the neighbours, nearest first, shape [n, k]; where `there` is False the point itself."""
+    """Rows of the neighbours, nearest first, shape [n, k]; where `exists` is False the point itself."""
     step: FloatArray
     """From the neighbours to the point [px], shape [n, k, 2]."""
-    there: BoolArray
+    exists: BoolArray
     """True where there is such a neighbour, shape [n, k]."""
 
     @cached_property
@@ -238,12 +238,12 @@ class Neighbours:
             return cls(empty, np.zeros((n, 1, 2)), np.zeros((n, 1), dtype=bool))
         distance, index = cKDTree(points).query(points, k=k + 1)
         # a point that coincides with another need not be its own nearest one
-        own = index == np.arange(n)[:, None]
-        own[~own.any(axis=1), -1] = True
-        distance, index = distance[~own].reshape(n, k), index[~own].reshape(n, k)
-        there = distance <= REACH * np.median(distance[:, 0])
-        index = np.where(there, index, np.arange(n)[:, None])
-        return cls(index, points[:, None, :] - points[index], there)
+        itself = index == np.arange(n)[:, None]
+        itself[~itself.any(axis=1), -1] = True
+        distance, index = distance[~itself].reshape(n, k), index[~itself].reshape(n, k)
+        close = distance <= REACH * np.median(distance[:, 0])
+        index = np.where(close, index, np.arange(n)[:, None])
+        return cls(index, points[:, None, :] - points[index], close)
 
     def guesses(self, warp: FloatArray, rows: IntArray) -> FloatArray:
         """The warps that the neighbours of points `rows` suggest for them, shape [len(rows), k, 12]."""
@@ -256,14 +256,14 @@ class Neighbours:
         which of them have been found, shape [n]. ``rows``: points with at least one neighbour among those.
         """
         index = self.index[rows]
-        score = np.where(self.there[rows] & usable[index], zncc[index], -np.inf)
+        score = np.where(self.exists[rows] & usable[index], zncc[index], -np.inf)
         pick = np.argmax(score, axis=1)
-        here = np.arange(len(rows))
-        return neighbour_warp(warp[index[here, pick]], self.step[rows][here, pick])
+        indices = np.arange(len(rows))
+        return neighbour_warp(warp[index[indices, pick]], self.step[rows][indices, pick])
 
     def any(self, usable: BoolArray) -> BoolArray:
         """Points that have a neighbour among the `usable` ones, shape [n]."""
-        return np.asarray((self.there & usable[self.index]).any(axis=1))
+        return np.asarray((self.exists & usable[self.index]).any(axis=1))
 
     def votes(
         self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
@@ -276,12 +276,12 @@ class Neighbours:
         index = self.index[rows]
         x, y = self._across[:, rows]
         # column by column: half the time of rows of six numbers
-        own, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
-        u = near[0] + near[2] * x + near[3] * y - own[:, :1]
-        v = near[1] + near[4] * x + near[5] * y - own[:, 1:]
-        found = self.there[rows] & usable[index]
-        agree = found & (u * u + v * v <= gate * gate)
-        return np.count_nonzero(agree, axis=1), np.count_nonzero(found, axis=1)
+        shift, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
+        u = near[0] + near[2] * x + near[3] * y - shift[:, :1]
+        v = near[1] + near[4] * x + near[5] * y - shift[:, 1:]
+        counted = self.exists[rows] & usable[index]
+        agree = counted & (u * u + v * v <= gate * gate)
+        return np.count_nonzero(agree, axis=1), np.count_nonzero(counted, axis=1)
 
     def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
         """Points that lie where two of their neighbours put them, shape [len(rows)].
@@ -289,8 +289,8 @@ class Neighbours:
         Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
         fewer than three neighbours found has nobody to contradict it and agrees. Parameters as in `votes`.
         """
-        votes, found = self.votes(warp, usable, rows, gate)
-        return np.asarray((votes >= 2) | (found < 3))
+        votes, voters = self.votes(warp, usable, rows, gate)
+        return np.asarray((votes >= 2) | (voters < 3))
 
 
 TRIES = 4
@@ -359,32 +359,32 @@ class FrameMatch:
         neighbours: Neighbours,
         settings: Tracking,
         guess: FloatArray,
-        known: BoolArray,
+        predicted: BoolArray,
         skipped: BoolArray,
         before: IntArray,
     ) -> "FrameMatch":
-        """Match the points with a guess (`known`, shape [n]), then all that these lead to.
+        """Match the points with a guess (`predicted`, shape [n]), then all that these lead to.
 
         Points `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
         """
         n = len(guess)
-        here = cls(
+        match = cls(
             picture, stack, matcher, neighbours, settings, guess, np.array(guess),
             matcher.references.template(np.arange(n)),
             np.full((n, 2, 2), np.nan), np.full(n, np.nan),
             np.where(skipped, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(skipped),
             np.full((n, 12), np.nan),
         )  # fmt: skip
-        rows = np.flatnonzero(known & ~skipped)
-        here.attempt(rows, guess[rows])
-        here.propagate()
-        if np.mean(here.valid) < settings.least_valid and settings.search > 0:
-            here.skipped[:] = False
-            here.seed()
-            here.propagate()
-        here.confirm()
-        here.propagate()
-        return here
+        rows = np.flatnonzero(predicted & ~skipped)
+        match.attempt(rows, guess[rows])
+        match.propagate()
+        if np.mean(match.valid) < settings.least_valid and settings.search > 0:
+            match.skipped[:] = False
+            match.seed()
+            match.propagate()
+        match.confirm()
+        match.propagate()
+        return match
 
     @property
     def valid(self) -> BoolArray:
@@ -398,18 +398,18 @@ class FrameMatch:
         """
         if len(rows) == 0:
             return rows
-        own = self.template.take(rows) if template is None else template
-        match = self.matcher.match(self.stack, rows, guess, own, current=template is None)
+        template_rows = self.template.take(rows) if template is None else template
+        match = self.matcher.match(self.stack, rows, guess, template_rows, current=template is None)
         self.warp[rows], self.zncc[rows], self.outcome[rows] = match.warp, match.zncc, match.outcome
         self.covariance[rows] = match.covariance
-        found = rows[self.valid[rows]]
+        matched = rows[self.valid[rows]]
         gate = self.settings.neighbour_gate
-        agree = self.neighbours.agreeing(self.warp, self.valid, found, gate)
-        self.outcome[found[~agree]] = int(PointOutcome.LOW_CORRELATION)
-        found = found[agree]
+        agree = self.neighbours.agreeing(self.warp, self.valid, matched, gate)
+        self.outcome[matched[~agree]] = int(PointOutcome.LOW_CORRELATION)
+        matched = matched[agree]
         if template is not None:
-            self.template.put(found, template.take(np.flatnonzero(np.isin(rows, found))))
-        return found
+            self.template.put(matched, template.take(np.flatnonzero(np.isin(rows, matched))))
+        return matched
 
     def propagate(self) -> None:
         """Propagate the warps of found points to their neighbours, round by round (reliability-guided).
@@ -427,9 +427,9 @@ class FrameMatch:
             new = np.any(guess != self.propagated[rows], axis=1)
             rows, guess = rows[new], guess[new]
             self.propagated[rows] = guess
-            found = self.attempt(rows, guess)
+            matched = self.attempt(rows, guess)
             fresh = np.zeros_like(fresh)
-            fresh[found] = True
+            fresh[matched] = True
 
     def confirm(self) -> None:
         """Reject points that neither their neighbours nor their prediction confirm.
@@ -438,17 +438,17 @@ class FrameMatch:
         """
         valid = np.flatnonzero(self.valid)
         gate = self.settings.neighbour_gate
-        votes, found = self.neighbours.votes(self.warp, self.valid, valid, gate)
+        votes, voters = self.neighbours.votes(self.warp, self.valid, valid, gate)
         surprising = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T) > gate
-        crowded = np.sum(self.neighbours.there[valid], axis=1) >= 3
-        wrong = (votes < 2) & ((found >= 3) | (crowded & surprising))
+        crowded = np.sum(self.neighbours.exists[valid], axis=1) >= 3
+        wrong = (votes < 2) & ((voters >= 3) | (crowded & surprising))
         self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
 
     def seed(self) -> None:
         """Search for some of the points far from where they were expected, by features and by windows."""
         references = self.matcher.references
-        lost = np.flatnonzero(~self.valid)
-        rows = spread(self.matcher.points, lost, SEEDS)
+        failed = np.flatnonzero(~self.valid)
+        rows = spread(self.matcher.points, failed, SEEDS)
         template = self.template.take(rows)
         expected = apply(self.matcher.points[rows], self.guess[rows])
         origin = apply(self.matcher.points[rows], template.warp)

@@ -76,10 +76,10 @@ class Template:
         """Those of some points."""
         return Template(*[getattr(self, name)[rows] for name in NAMES])
 
-    def put(self, rows: IntArray, other: "Template") -> None:
+    def put(self, rows: IntArray, source: "Template") -> None:
         """Overwrite those of points `rows` in place."""
         for name in NAMES:
-            getattr(self, name)[rows] = getattr(other, name)
+            getattr(self, name)[rows] = getattr(source, name)
 
 
 NAMES = tuple(field.name for field in fields(Template))
@@ -115,10 +115,13 @@ class References:
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
-        wanted = set(frames.tolist())
-        if self._joined is None or not wanted <= set(self._joined[1].tolist()):
-            kept = sorted(self._stacks)  # all: it serves until a point takes a later one
-            self._joined = PictureStack.join([self._stacks[frame] for frame in kept]), np.array(kept)
+        frame_set = set(frames.tolist())
+        if self._joined is None or not frame_set <= set(self._joined[1].tolist()):
+            available = sorted(self._stacks)  # all: it serves until a point takes a later one
+            self._joined = (
+                PictureStack.join([self._stacks[frame] for frame in available]),
+                np.array(available),
+            )
         stack, kept_frames = self._joined
         return stack, np.searchsorted(kept_frames, frames)
 
@@ -154,9 +157,9 @@ class References:
         self.level[rows] += 1
         self._changed(rows)
         for name in NAMES:
-            kept = getattr(self._chain, name)
-            kept[1:-1, full] = kept[2:, full]
-            kept[self.level[rows], rows] = getattr(template, name)
+            chain = getattr(self._chain, name)
+            chain[1:-1, full] = chain[2:, full]
+            chain[self.level[rows], rows] = getattr(template, name)
 
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
@@ -306,9 +309,9 @@ class Matcher:
         )
         for subset in subsets:
             part = np.flatnonzero(template.subset == subset)
-            found = of(part, subset)
+            matched = of(part, subset)
             for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
-                getattr(result, name)[part] = getattr(found, name)
+                getattr(result, name)[part] = getattr(matched, name)
         return result
 
 
@@ -342,10 +345,10 @@ def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArr
     ``start``: of the match [px²], shape [n, 2, 2]. ``template``: what that picture's noise gives as the
     template of the track [px²], shape [n, 2, 2]. ``warp``: total warps of the match, shape [n, 12].
     """
-    own, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
+    reference_share, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
     size, axes = np.linalg.eigh(searched * start - template)
     apart = (axes * np.abs(size)[:, None, :]) @ np.swapaxes(axes, -1, -2)
-    return np.asarray(own * start + apart)
+    return np.asarray(reference_share * start + apart)
 
 
 def compose(
@@ -359,11 +362,11 @@ def compose(
     """
     reference, searched = shares(warp, template.warp)
     F = relative(warp, template.warp)
-    own = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
-    left = np.where(template.root, reference, 0.0)
-    before = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * left[:, None, None]
+    added = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
+    reference_share = np.where(template.root, reference, 0.0)
+    before = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * reference_share[:, None, None]
     # variance of a place times samples, in the material: twice the noise over the gradients' mean square
     area = np.maximum(np.abs(determinant(gradient(warp))), 1e-12)
     rough = template.subset**2 * np.sqrt(np.maximum(determinant(match_covariance), 0.0)) / area
-    carried = before + np.minimum(RESIDUE * rough, 1.0)[:, None, None] * own
-    return before + own, carried
+    carried = before + np.minimum(RESIDUE * rough, 1.0)[:, None, None] * added
+    return before + added, carried

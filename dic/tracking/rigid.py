@@ -66,7 +66,7 @@ def track_rigid(
     inner, within = points - BORDER, None if mask is None else mask[BORDER:-BORDER, BORDER:-BORDER]
     frames = FramesAhead(pictures, noise=noise, prefilter=settings.prefilter, device=device, border=BORDER)
     stack, templates = frames.prepared(first, pictures.frame(first)), Templates.of(n, settings)
-    found = Track(
+    result = Track(
         points=points,
         warp=np.full((n_frames, n, 12), np.nan),
         covariance=np.full((n_frames, n, 2, 2), np.nan),
@@ -75,34 +75,34 @@ def track_rigid(
         reference=np.full((n_frames, n), first),
         frame_outcome=np.array(frame_outcome),
     )
-    found.warp[first], found.covariance[first], found.zncc[first] = root, common, 1.0
-    found.outcome[first] = int(PointOutcome.VALID)
+    result.warp[first], result.covariance[first], result.zncc[first] = root, common, 1.0
+    result.outcome[first] = int(PointOutcome.VALID)
     orders = [range(first + 1, n_frames), range(first - 1, -1, -1)]
     usable = [[k for k in order if frame_outcome[k] == FrameOutcome.VALID] for order in orders]
     frames.expect([*usable[0], *usable[1]])
     try:
-        done = 1
+        count = 1
         for order in orders:
             history, unlike = [(first, np.zeros(2))], list[float]()
             for frame in order:
-                done += 1
+                count += 1
                 if progress is not None:
-                    progress(done, n_frames)
+                    progress(count, n_frames)
                 picture = frames.read(frame) if frame_outcome[frame] == FrameOutcome.VALID else None
                 if picture is None:
                     continue
                 expected, most = _predicted(history, frame), most_unlike(unlike)
                 move = _step(
-                    found, frame, stack, frames.prepared(frame, picture), inner, root, common, settings,
+                    result, frame, stack, frames.prepared(frame, picture), inner, root, common, settings,
                     within, templates, expected, most,
                 )  # fmt: skip
                 if move is not None:
                     history = [*history[-1:], (frame, move)]
-                    fine = found.outcome[frame] == PointOutcome.VALID
-                    unlike.append(1.0 - float(np.median(found.zncc[frame, fine])))
+                    fine = result.outcome[frame] == PointOutcome.VALID
+                    unlike.append(1.0 - float(np.median(result.zncc[frame, fine])))
     finally:
         frames.close()
-    return found
+    return result
 
 
 def most_unlike(before: Sequence[float]) -> float:
@@ -120,10 +120,10 @@ def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:
 
 
 def _step(
-    found: Track,
+    result: Track,
     frame: int,
     stack: PictureStack,
-    here: PictureStack,
+    current: PictureStack,
     points: FloatArray,
     root: FloatArray,
     common: FloatArray,
@@ -134,11 +134,11 @@ def _step(
     most: float,
 ) -> FloatArray | None:
     """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
-    beside = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
-    best, matches = None, _matches(stack, here, points, root, [predicted], settings, mask, templates)
+    displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
+    best, matches = None, _matches(stack, current, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
         if k == 1:  # the prediction failed: all other places at once
-            matches = _matches(stack, here, points, root, beside, settings, mask, templates)
+            matches = _matches(stack, current, points, root, displaced, settings, mask, templates)
         for match in matches[2 * k - 2 : 2 * k] if k else matches:
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
@@ -158,14 +158,14 @@ def _step(
         agree[:] = False
     outcome = match.outcome.copy()
     outcome[(outcome == PointOutcome.VALID) & ~agree] = int(PointOutcome.LOW_CORRELATION)
-    found.warp[frame], found.zncc[frame], found.outcome[frame] = match.warp, match.zncc, outcome
-    found.covariance[frame] = match.covariance + common
+    result.warp[frame], result.zncc[frame], result.outcome[frame] = match.warp, match.zncc, outcome
+    result.covariance[frame] = match.covariance + common
     return np.asarray(middle) if agree.any() else None
 
 
 def _matches(
     stack: PictureStack,
-    here: PictureStack,
+    current: PictureStack,
     points: FloatArray,
     root: FloatArray,
     moves: list[FloatArray],
@@ -180,8 +180,8 @@ def _matches(
         guess[:, :2] += move
         guesses.append(guess)
         # in most frames of a body that is still to come, no point is in view
-        rows.append(np.flatnonzero(_in_view(points, guess, here.shape, settings)))
-    found = [_nothing(guess) for guess in guesses]
+        rows.append(np.flatnonzero(_in_view(points, guess, current.shape, settings)))
+    matches = [_out_of_view(guess) for guess in guesses]
     each = max(1, MOST_TOGETHER // len(points))
     for first in range(0, len(moves), each):
         some = range(first, min(first + each, len(moves)))
@@ -189,15 +189,15 @@ def _matches(
         if not of.size:
             continue
         part = correlate(
-            stack, here, points[of], np.concatenate([guesses[k][rows[k]] for k in some]), settings,
+            stack, current, points[of], np.concatenate([guesses[k][rows[k]] for k in some]), settings,
             reference_warp=root[of], mask=mask, templates=templates, template_rows=of,
             threads=None if len(some) == 1 else 1,  # two that fill the template of one point would collide
         )  # fmt: skip
         ends = np.cumsum([0, *(rows[k].size for k in some)])
         for k, begin, end in zip(some, ends[:-1], ends[1:], strict=True):
             for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
-                getattr(found[k], name)[rows[k]] = getattr(part, name)[begin:end]
-    return found
+                getattr(matches[k], name)[rows[k]] = getattr(part, name)[begin:end]
+    return matches
 
 
 def _in_view(
@@ -212,7 +212,7 @@ def _in_view(
     return np.asarray(np.all((place > -beyond) & (place < np.array(shape[::-1]) - 1.0 + beyond), axis=1))
 
 
-def _nothing(guess: FloatArray) -> Match:
+def _out_of_view(guess: FloatArray) -> Match:
     """Match of these warps where no subset reaches into the picture."""
     n = len(guess)
     return Match(

@@ -56,5 +56,5 @@ def design_kind(option: str) -> DesignKind:
     for kind in DESIGNS.values():
         if kind.option == option:
             return kind
-    known = ", ".join(kind.option for kind in DESIGNS.values())
-    raise ValueError(f"there is no design {option!r}; choose from {known}")
+    options = ", ".join(kind.option for kind in DESIGNS.values())
+    raise ValueError(f"there is no design {option!r}; choose from {options}")

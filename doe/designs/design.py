@@ -116,7 +116,7 @@ class DesignKind:
         choose from, in parameter units, shape [c, d]; the kind's own if None. ``points``: points chosen
         elsewhere, likewise. Raises ValueError if an option does not fit the box or the kind.
         """
-        given = {
+        arguments = {
             "levels": levels,
             "runs": runs,
             "rng": rng,
@@ -124,4 +124,4 @@ class DesignKind:
             "candidates": candidates,
             "points": points,
         }
-        return self.function(box, **{"n" if name == "runs" else name: given[name] for name in self.needs})
+        return self.function(box, **{"n" if name == "runs" else name: arguments[name] for name in self.needs})

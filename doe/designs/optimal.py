@@ -59,8 +59,8 @@ def d_optimal(
             f"the candidates do not fix a polynomial of degree {degree}: give more levels or a lower degree"
         )
     generator = np.random.default_rng(seed)
-    found = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
-    best = max(found, key=lambda rows: _log_det(model[rows]))
+    exchanged = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
+    best = max(exchanged, key=lambda rows: _log_det(model[rows]))
     settings = {"n": n, "candidates": len(points), "degree": degree, "starts": STARTS, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
 
@@ -82,15 +82,15 @@ def _start(model: FloatArray, n: int, generator: np.random.Generator) -> IntArra
     """Random rows that fix the polynomial: a basis met in random order, then others at random."""
     order = generator.permutation(len(model))
     rows: list[int] = []
-    rest = model[order].copy()
+    residual = model[order].copy()
     for _ in range(model.shape[1]):  # Gram-Schmidt: the rows with most that is new, ties in random order
-        size = np.einsum("ij,ij->i", rest, rest) * generator.uniform(0.5, 1.0, len(rest))
+        size = np.einsum("ij,ij->i", residual, residual) * generator.uniform(0.5, 1.0, len(residual))
         pick = int(np.argmax(size))
         rows.append(int(order[pick]))
-        direction = rest[pick] / np.linalg.norm(rest[pick])
-        rest -= np.outer(rest @ direction, direction)
-    others = [int(row) for row in order if int(row) not in set(rows)]
-    return np.array(rows + others[: n - len(rows)], dtype=np.intp)
+        direction = residual[pick] / np.linalg.norm(residual[pick])
+        residual -= np.outer(residual @ direction, direction)
+    remaining = [int(row) for row in order if int(row) not in set(rows)]
+    return np.array(rows + remaining[: n - len(rows)], dtype=np.intp)
 
 
 def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
@@ -119,13 +119,13 @@ def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Des
     A constraint takes points in parameter units, shape [n, d], and returns True where one may be run, shape
     [n]. Raises ValueError if it returns another shape, or no point is left.
     """
-    kept = np.ones(len(design), dtype=bool)
+    mask = np.ones(len(design), dtype=bool)
     for constraint in constraints:
         allowed = np.asarray(constraint(design.points.copy()))
-        if allowed.shape != kept.shape or allowed.dtype != bool:
-            raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
-        kept &= allowed
-    if not kept.any():
+        if allowed.shape != mask.shape or allowed.dtype != bool:
+            raise ValueError(f"a constraint must return {len(mask)} truth values, got {allowed!r}")
+        mask &= allowed
+    if not mask.any():
         raise ValueError(f"no point of the {len(design)} of the {design.kind} meets the constraints")
-    settings = {**design.settings, "refused": int((~kept).sum())}
-    return Design(design.points[kept], design.box, design.kind, settings)
+    settings = {**design.settings, "refused": int((~mask).sum())}
+    return Design(design.points[mask], design.box, design.kind, settings)

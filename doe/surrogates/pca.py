@@ -50,8 +50,8 @@ class PrincipalComponents:
         scaled = (responses - mean) / weights
         _, singular, right = np.linalg.svd(scaled, full_matrices=False)
         q = _count_by_variance(singular, variance)
-        rest = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
-        return cls(mean, weights, right[:q], singular, rest)
+        remainder = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
+        return cls(mean, weights, right[:q], singular, remainder)
 
     @property
     def n_components(self) -> int:
@@ -84,7 +84,7 @@ class PrincipalComponents:
 
 def _count_by_variance(singular: FloatArray, variance: float) -> int:
     # lost[q] = variance lost with q components; summed from the small end, where 1 - share would round.
-    lost = np.append(np.cumsum(singular[::-1] ** 2)[::-1], 0.0)
-    enough = np.flatnonzero(lost <= (1.0 - variance) * lost[0])
+    remainder = np.append(np.cumsum(singular[::-1] ** 2)[::-1], 0.0)
+    enough = np.flatnonzero(remainder <= (1.0 - variance) * remainder[0])
     # At least one component, so that a response that depends on nothing needs no special case.
     return max(1, int(enough[0]))

@@ -163,17 +163,17 @@ class GaussianProcess:
         )
         best: tuple[float, Hyperparameters] | None = None
         for kind, first in starts:
-            found = minimize(
+            optimum = minimize(
                 _loss, first, args=(kind, squares, tail, values), jac=True, bounds=bounds, method="L-BFGS-B",
                 options={"maxiter": 100, "ftol": 1e-7},
             )  # fmt: skip
-            if best is None or found.fun < best[0]:
-                best = float(found.fun), Hyperparameters.of(kind, found.x)
+            if best is None or optimum.fun < best[0]:
+                best = float(optimum.fun), Hyperparameters.of(kind, optimum.x)
         assert best is not None  # there is at least one start
-        return cls.given(unit_points, values, best[1])
+        return cls.with_hyperparameters(unit_points, values, best[1])
 
     @classmethod
-    def given(
+    def with_hyperparameters(
         cls,
         unit_points: FloatArray,
         values: FloatArray,
@@ -221,10 +221,10 @@ class GaussianProcess:
         """Standard deviation of the mean at points of the unit box, shape [m, d] -> [m, q]."""
         near = linalg.solve_triangular(self.factor, self._correlation(unit_points).T, lower=True)
         carried = linalg.solve_triangular(self.factor, _tail(self.unit_points), lower=True)
-        rest = linalg.solve_triangular(
+        trend_part = linalg.solve_triangular(
             self.trend_factor, (_tail(unit_points) - near.T @ carried).T, lower=True
         )
-        share = 1.0 - (near**2).sum(axis=0) + (rest**2).sum(axis=0)
+        share = 1.0 - (near**2).sum(axis=0) + (trend_part**2).sum(axis=0)
         # Round-off of 1 - 1 at a run.
         return np.asarray(np.sqrt(np.outer(np.maximum(share, 0.0), self.variance)))
 
@@ -265,8 +265,8 @@ def _loss(
     power = np.maximum((values * change).sum(axis=0), np.finfo(float).tiny)
     q, weighted = values.shape[1], freedom * (change / power) @ change.T
     gradient = [0.5 * float(((q * operator - weighted) * slope).sum()) for slope in slopes]
-    own = 0.5 * h.nugget * float(q * np.trace(operator) - np.trace(weighted))
-    return _minus_log(power / freedom, freedom, factor, trend_factor), np.array([*gradient, own])
+    by_nugget = 0.5 * h.nugget * float(q * np.trace(operator) - np.trace(weighted))
+    return _minus_log(power / freedom, freedom, factor, trend_factor), np.array([*gradient, by_nugget])
 
 
 SEPARATE_COMPONENTS = 4
@@ -311,8 +311,8 @@ class ProcessSurrogate:
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         u, groups = box.unit(x), _groups(components.scores(y))
-        known = like is not None and len(like.processes) == len(groups)
-        starts = _rescaled(like, box) if like is not None and known else [None] * len(groups)
+        comparable = like is not None and len(like.processes) == len(groups)
+        starts = _rescaled(like, box) if like is not None and comparable else [None] * len(groups)
         processes = [GaussianProcess.fit(u, f, start=h) for f, h in zip(groups, starts, strict=True)]
         return cls(box, x, components, tuple(processes))
 
@@ -350,10 +350,14 @@ class ProcessSurrogate:
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
         for process in self.processes:
-            known = process.predict(np.concatenate([process.unit_points, self.box.unit(x)]))
+            predicted = process.predict(np.concatenate([process.unit_points, self.box.unit(x)]))
             # The runs' own values, which a nugget lets the mean miss.
-            known[: len(process.unit_points)] = process.values
-            groups.append(GaussianProcess.given(u, known, process.hyperparameters, variance=process.variance))
+            predicted[: len(process.unit_points)] = process.values
+            groups.append(
+                GaussianProcess.with_hyperparameters(
+                    u, predicted, process.hyperparameters, variance=process.variance
+                )
+            )
         return ProcessSurrogate(self.box, np.concatenate([self.points, x]), self.components, tuple(groups))
 
     @property
@@ -396,6 +400,6 @@ def _rescaled(surrogate: ProcessSurrogate, box: Box) -> list[Hyperparameters | N
 
 
 def _groups(scores: FloatArray) -> list[FloatArray]:
-    own = min(SEPARATE_COMPONENTS, scores.shape[1])
-    groups = [scores[:, p : p + 1] for p in range(own)]
-    return groups if own == scores.shape[1] else [*groups, scores[:, own:]]
+    separate = min(SEPARATE_COMPONENTS, scores.shape[1])
+    groups = [scores[:, p : p + 1] for p in range(separate)]
+    return groups if separate == scores.shape[1] else [*groups, scores[:, separate:]]

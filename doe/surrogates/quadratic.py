@@ -108,9 +108,11 @@ class QuadraticSurrogate:
 
         Infinite where the other runs do not determine the quadratic at all.
         """
-        rest = 1.0 - self.leverage
-        alone = rest <= 1e-12  # the leverage's round-off
-        return np.where(alone[:, None], np.inf, self.residuals / np.where(alone, 1.0, rest)[:, None])
+        freedom = 1.0 - self.leverage
+        interpolated = freedom <= 1e-12  # the leverage's round-off
+        return np.where(
+            interpolated[:, None], np.inf, self.residuals / np.where(interpolated, 1.0, freedom)[:, None]
+        )
 
 
 def _terms(unit: FloatArray) -> FloatArray:

@@ -56,15 +56,15 @@ class Fitness:
         return ceil(self.runs[-1] * ratio) if ratio <= MOST_RUNS else None
 
     def __str__(self) -> str:
-        told = f"the error with {self.runs[-1]} runs is {self.error:.2g}, {self.allowed:.2g} is allowed"
+        sentence = f"the error with {self.runs[-1]} runs is {self.error:.2g}, {self.allowed:.2g} is allowed"
         if self.good:
-            return told
+            return sentence
         steps = ", ".join(f"{e:.2g} with {n}" for n, e in zip(self.runs, self.errors, strict=True))
         if self.runs_needed is not None:
-            return f"{told}; at the observed convergence ({steps}) about {self.runs_needed} runs would do"
+            return f"{sentence}; at the observed convergence ({steps}) about {self.runs_needed} runs would do"
         return (
-            f"{told}; it hardly falls with the number of runs ({steps}): the response is rough, or varies "
-            "over less than the runs are apart; shrink the box"
+            f"{sentence}; it hardly falls with the number of runs ({steps}): the response is rough, or "
+            "varies over less than the runs are apart; shrink the box"
         )
 
     def require(self) -> None:

@@ -71,13 +71,13 @@ class Channel:
             return typical * float(np.sqrt(max(excess, 0.0)))
         # In the logarithm, so that a tau of any size is found to the same relative error.
         largest = 10.0 * float(np.max(np.abs(residual))) + typical
-        found = minimize_scalar(
+        optimum = minimize_scalar(
             lambda s: self.deviance(residual, typical * float(np.expm1(s))),
             bounds=(0.0, float(np.log1p(largest / typical))),
             method="bounded",
             options={"xatol": 1e-9},
         )
-        return typical * float(np.expm1(found.x)) if found.fun < self.deviance(residual, 0.0) else 0.0
+        return typical * float(np.expm1(optimum.x)) if optimum.fun < self.deviance(residual, 0.0) else 0.0
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class Likelihood:
             w[free] = v
             return w
 
-        found = least_squares(
+        solution = least_squares(
             lambda v: self.whitened(self.residuals(full(v))[0], tau),
             u[free],
             jac=lambda v: self.jacobian(full(v), tau)[:, free],
@@ -219,10 +219,10 @@ class Likelihood:
             max_nfev=200,
         )
         # The interior method stops short of a face; the face itself is tried too.
-        best, cost = full(found.x), float(found.cost)
+        best, cost = full(solution.x), float(solution.cost)
         snapped = np.where(best < STEP, 0.0, np.where(best > 1.0 - STEP, 1.0, best))
         snapped = np.where(np.isin(np.arange(len(u)), free), snapped, u)
         if np.any(snapped != best):
             at_face = 0.5 * float((self.whitened(self.residuals(snapped)[0], tau) ** 2).sum())
             best = snapped if at_face <= cost else best
-        return best, found.status > 0
+        return best, solution.status > 0

@@ -49,10 +49,10 @@ class Profile:
     """Most likely discrepancies there, shape [n, n_channels]."""
     interval: Interval
     """Where the rise stays below the level, about the optimum."""
-    alone: Interval
+    conditional: Interval
     """The same with all other parameters held at the optimum: what the data would say of this parameter
     if the others were known."""
-    elsewhere: tuple[float, ...]
+    other_optima: tuple[float, ...]
     """Values beyond the interval whose rise is below the level again: another optimum."""
     not_converged: int
     """Fits that were cut short; their rise is an upper bound."""
@@ -132,7 +132,7 @@ def profile_likelihoods(
         profiles = []
         for j in range(box.dimension):
             walk = _Walk(likelihood, best, j, tuple(i for i in range(box.dimension) if i != j))
-            alone = _Walk(likelihood, best, j, ())
+            single = _Walk(likelihood, best, j, ())
             fits = walk.both_ways(levels[j])
             lowest = min(fits, key=lambda fit: fit.deviance)
             if lowest.deviance < best.deviance - LOWER and (
@@ -140,7 +140,7 @@ def profile_likelihoods(
             ):
                 better = lowest
             if better is None:
-                profiles.append(_profile(likelihood, walk, fits, alone, float(levels[j])))
+                profiles.append(_profile(likelihood, walk, fits, single, float(levels[j])))
         if better is None:
             return Profiles(best, tuple(profiles), level, restarts)
         best = likelihood.maximise(better.unit_point)
@@ -184,9 +184,9 @@ class _Walk:
                 step = max(0.5 * step, 1e-7)
         # Back again: a valley that opens only further out is found from there.
         for i in range(len(fits) - 2, 0, -1):
-            again = self.at(float(fits[i].unit_point[self.j]), fits[i + 1])
-            if again.deviance < fits[i].deviance:
-                fits[i] = again
+            refit = self.at(float(fits[i].unit_point[self.j]), fits[i + 1])
+            if refit.deviance < fits[i].deviance:
+                fits[i] = refit
         return fits
 
     def both_ways(self, level: float) -> list[Fit]:
@@ -211,12 +211,12 @@ class _Walk:
     def interval(self, fits: list[Fit], level: float) -> tuple[Interval, tuple[float, ...]]:
         """Ends in parameter units, and values beyond them whose rise is below the level again."""
         centre = next(i for i, fit in enumerate(fits) if fit is self.best)
-        ends, elsewhere = [], []
+        ends, beyond_ends = [], []
         for side in (list(reversed(fits[: centre + 1])), fits[centre:]):
             u, beyond = self.end(side, level)
             ends.append(None if u is None else self._value(u))
-            elsewhere += [float(f.point[self.j]) for f in side[beyond:] if self.rise(f) <= level]
-        return (ends[0], ends[1]), tuple(sorted(elsewhere))
+            beyond_ends += [float(f.point[self.j]) for f in side[beyond:] if self.rise(f) <= level]
+        return (ends[0], ends[1]), tuple(sorted(beyond_ends))
 
     def _value(self, u: float) -> float:
         point = self.best.unit_point.copy()
@@ -224,9 +224,9 @@ class _Walk:
         return float(self.likelihood.box.scale(point)[self.j])
 
 
-def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], alone: _Walk, level: float) -> Profile:
-    interval, elsewhere = walk.interval(fits, level)
-    single, _ = alone.interval(alone.both_ways(level), level)
+def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], fixed: _Walk, level: float) -> Profile:
+    interval, outside = walk.interval(fits, level)
+    single, _ = fixed.interval(fixed.both_ways(level), level)
     return Profile(
         name=likelihood.box.names[walk.j],
         values=np.array([fit.point[walk.j] for fit in fits]),
@@ -234,8 +234,8 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], alone: _Walk,
         points=np.stack([fit.point for fit in fits]),
         discrepancies=np.stack([fit.discrepancies for fit in fits]),
         interval=interval,
-        alone=single,
-        elsewhere=elsewhere,
+        conditional=single,
+        other_optima=outside,
         not_converged=sum(not fit.converged for fit in fits),
         level=level,
     )
@@ -267,20 +267,20 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)
-    found: dict[str, Partner] = {}
+    by_name: dict[str, Partner] = {}
     for i in _ends(profile, best.point[j]):
         away = box.unit(profile.points[i])
         for k, name in enumerate(box.names):
             if k == j:
                 continue
-            moved = best.unit_point.copy()
-            moved[k] = away[k]
-            residual = likelihood.residuals(moved)[0]
+            shifted = best.unit_point.copy()
+            shifted[k] = away[k]
+            residual = likelihood.residuals(shifted)[0]
             cost = likelihood.deviance(residual, likelihood.discrepancies(residual)) - best.deviance
             change, per = (float(profile.points[i][m] - best.point[m]) for m in (k, j))
-            if cost > profile.level and (name not in found or cost > found[name].cost):
-                found[name] = Partner(name, change, per, cost)
-    return tuple(sorted(found.values(), key=lambda partner: -partner.cost))
+            if cost > profile.level and (name not in by_name or cost > by_name[name].cost):
+                by_name[name] = Partner(name, change, per, cost)
+    return tuple(sorted(by_name.values(), key=lambda partner: -partner.cost))
 
 
 def _ends(profile: Profile, centre: float) -> list[int]:
@@ -338,7 +338,8 @@ def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
 
 def _verdict(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> Verdict:
     made_up = any(
-        end is None and alone is not None for end, alone in zip(profile.interval, profile.alone, strict=True)
+        end is None and single is not None
+        for end, single in zip(profile.interval, profile.conditional, strict=True)
     )
     if profile.closed:
         kind = VerdictKind.IDENTIFIED
@@ -350,32 +351,33 @@ def _verdict(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> Ve
         kind = VerdictKind.ONE_SIDED
     inflation = _inflation(profile)
     leans = kind is VerdictKind.RIDGE or (inflation is not None and inflation >= INFLATION)
-    others = partners(likelihood, profiles, profile) if leans else ()
-    text = _sentence(profile, kind, inflation if leans else None, others)
-    return Verdict(profile.name, kind, profile.interval, inflation, others, text)
+    partners_of_profile = partners(likelihood, profiles, profile) if leans else ()
+    text = _sentence(profile, kind, inflation if leans else None, partners_of_profile)
+    return Verdict(profile.name, kind, profile.interval, inflation, partners_of_profile, text)
 
 
 def _inflation(profile: Profile) -> float | None:
-    (lower, upper), (below, above) = profile.interval, profile.alone
+    (lower, upper), (below, above) = profile.interval, profile.conditional
     if lower is None or upper is None or below is None or above is None:
         return None
     return (upper - lower) / (above - below)
 
 
 def _sentence(
-    profile: Profile, kind: VerdictKind, inflation: float | None, others: tuple[Partner, ...]
+    profile: Profile, kind: VerdictKind, inflation: float | None, partner_list: tuple[Partner, ...]
 ) -> str:
     name, (lower, upper) = profile.name, profile.interval
     bounds = _bounds(lower, upper)
     box = f"in the box [{profile.values[0]:.5g}, {profile.values[-1]:.5g}]"
     path = "; ".join(
-        f"{other.name} {other.change:+.3g} makes up for {name} {other.per:+.3g}" for other in others
+        f"{partner.name} {partner.change:+.3g} makes up for {name} {partner.per:+.3g}"
+        for partner in partner_list
     )
     if kind is VerdictKind.NOT_SEEN:
         return f"{name} is not seen: no value {box} fits significantly worse, the others held or not"
     if kind is VerdictKind.RIDGE:
-        who = " and ".join(other.name for other in others) or "the others together"
-        text = f"{name} lies on a ridge with {who} that runs out of the box"
+        partner_names = " and ".join(partner.name for partner in partner_list) or "the others together"
+        text = f"{name} lies on a ridge with {partner_names} that runs out of the box"
         text += f" ({bounds})" if bounds else ""
         text += f": {path}" if path else ""
     elif kind is VerdictKind.ONE_SIDED:
@@ -385,8 +387,8 @@ def _sentence(
         if inflation is not None:
             text += f"; its interval is {inflation:.1f} times longer than with the others known"
             text += f" ({path})" if path else ""
-    if profile.elsewhere:
-        text += f"; values about {', '.join(f'{value:.4g}' for value in profile.elsewhere)} fit as well"
+    if profile.other_optima:
+        text += f"; values about {', '.join(f'{value:.4g}' for value in profile.other_optima)} fit as well"
     if profile.not_converged:
         text += f"; {profile.not_converged} fits were cut short"
     return text

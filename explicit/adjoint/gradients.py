@@ -103,10 +103,10 @@ def gradient(
     ready = plan(model, samples, stepping or Stepping(), checkpoint_every)
     forward = run_forward(ready, sampling, steps)
     value, cotangent = objective(forward.histories)
-    for name, given in cotangent.items():
-        wanted = getattr(forward.histories, name).shape
-        if np.shape(given) != wanted:
-            raise ValueError(f"the cotangent's {name} must have shape {wanted}, got {np.shape(given)}")
+    for name, values in cotangent.items():
+        shape = getattr(forward.histories, name).shape
+        if np.shape(values) != shape:
+            raise ValueError(f"the cotangent's {name} must have shape {shape}, got {np.shape(values)}")
     raw = reverse(ready, sampling, forward, cotangent)
     return Gradient(
         objective=float(value),
@@ -134,8 +134,8 @@ def forward_run(
     ValueError
         As `gradient`.
     """
-    done = run_forward(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
-    return done.histories, done.steps
+    forward = run_forward(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
+    return forward.histories, forward.steps
 
 
 def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> dict[str, float]:
@@ -227,15 +227,15 @@ def by_curve_stress(
     """
     law = marlow_from_curve(stretch, stress, n_knots=n_knots)
     by_quotient, by_slope = by_table(gradient, law)
-    found = np.zeros(len(stress))
+    by_stress = np.zeros(len(stress))
     for i in np.flatnonzero(np.asarray(stress) != 0.0):
         h = RELATIVE_STEP * abs(stress[i])
         ends = []
         for side in (h, -h):
-            moved = np.array(stress, dtype=float)
-            moved[i] += side
-            ends.append(marlow_from_curve(stretch, moved, n_knots=n_knots))
+            shifted = np.array(stress, dtype=float)
+            shifted[i] += side
+            ends.append(marlow_from_curve(stretch, shifted, n_knots=n_knots))
         quotient = (ends[0].quotient - ends[1].quotient) / (2.0 * h)
         slope = (ends[0].slope - ends[1].slope) / (2.0 * h)
-        found[i] = by_quotient @ quotient + by_slope @ slope
-    return found
+        by_stress[i] = by_quotient @ quotient + by_slope @ slope
+    return by_stress

@@ -82,26 +82,26 @@ class ForceSampling:
 
     def force(self, of_steps: FloatArray) -> FloatArray:
         """Force at the requested times [N] from those of the steps."""
-        known = np.concatenate([[0.0], of_steps])  # no force before the first step
-        before, now = known[self._step], known[self._step + 1]
+        with_start = np.concatenate([[0.0], of_steps])  # no force before the first step
+        before, now = with_start[self._step], with_start[self._step + 1]
         return before + self._blend * (now - before)
 
     def impulse(self, of_steps: FloatArray) -> FloatArray:
         """Impulse at the requested times [N s] from the forces of the steps."""
-        known = np.concatenate([[0.0], of_steps])
+        with_start = np.concatenate([[0.0], of_steps])
         sums = np.concatenate([[0.0], np.cumsum(of_steps * self.steps.interval)])
-        return sums[self._step] + self._since * known[self._step + (self._since >= 0.0)]
+        return sums[self._step] + self._since * with_start[self._step + (self._since >= 0.0)]
 
     def transposed(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
         """Cotangent of the forces of the steps from those of `force` and `impulse`, shape [n_steps]."""
         n = len(self.steps)
-        known, ends = np.zeros(n + 1), np.zeros(n + 1)
-        np.add.at(known, self._step, (1.0 - self._blend) * force)
-        np.add.at(known, self._step + 1, self._blend * force)
-        np.add.at(known, self._step + (self._since >= 0.0), self._since * impulse)
+        of_steps, ends = np.zeros(n + 1), np.zeros(n + 1)
+        np.add.at(of_steps, self._step, (1.0 - self._blend) * force)
+        np.add.at(of_steps, self._step + 1, self._blend * force)
+        np.add.at(of_steps, self._step + (self._since >= 0.0), self._since * impulse)
         np.add.at(ends, self._step, impulse)
-        later = np.cumsum(ends[::-1])[::-1][1:]  # an impulse sums the steps before its own
-        return known[1:] + later * self.steps.interval
+        sums = np.cumsum(ends[::-1])[::-1][1:]  # an impulse sums the steps before its own
+        return of_steps[1:] + sums * self.steps.interval
 
 
 class Source(NamedTuple):
@@ -109,7 +109,7 @@ class Source(NamedTuple):
 
     early: int
     """The step in which the earlier one left; -1 if nothing returns yet."""
-    later: int
+    following: int
     """The step in which the later one left."""
     share: float
     """Share of the later one [-]."""
@@ -142,7 +142,7 @@ class ReturnedWave:
             k = int(place)
             source = Source(self._stored[k], self._stored[k + 1], place - k)
             wave = self.outgoing[source.early]
-            wave += source.share * (self.outgoing[source.later] - wave)
+            wave += source.share * (self.outgoing[source.following] - wave)
         self.sources.append(source)
         self.returned.append(wave)
         return wave
@@ -155,8 +155,10 @@ class ReturnedWave:
 
     def check_segments(self, n_steps: int) -> None:
         """Refuse segments of `n_steps` steps if a wave returns within the segment that it left in."""
-        later = np.array([source.later for source in self.sources], dtype=np.int64)
-        inside = np.flatnonzero((later >= 0) & (later >= np.arange(len(later)) // n_steps * n_steps))
+        last_step = np.array([source.following for source in self.sources], dtype=np.int64)
+        inside = np.flatnonzero(
+            (last_step >= 0) & (last_step >= np.arange(len(last_step)) // n_steps * n_steps)
+        )
         if inside.size:
             raise ValueError(
                 f"the wave returns from the bar within a segment of {n_steps} steps (round trip"
@@ -166,10 +168,10 @@ class ReturnedWave:
     def add_cotangent(self, first: int, cotangent: FloatArray, outgoing: FloatArray) -> None:
         """Add what the return in steps from `first` on contributes to the cotangent of what left."""
         for k, by_returned in enumerate(cotangent, start=first):
-            early, later, share = self.sources[k]
+            early, next_one, share = self.sources[k]
             if early >= 0:
                 outgoing[early] += (1.0 - share) * by_returned
-                outgoing[later] += share * by_returned
+                outgoing[next_one] += share * by_returned
 
 
 @dataclass(frozen=True)
@@ -199,30 +201,30 @@ def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None 
     reach its end; the message has the cause and the cure.
     """
     window, model = plan.window, plan.model
-    asked = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))
-    if asked < model.start:
-        raise ValueError(f"requested time {asked:.9g} s is before the model's start {model.start:.9g} s")
+    earliest = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))
+    if earliest < model.start:
+        raise ValueError(f"requested time {earliest:.9g} s is before the model's start {model.start:.9g} s")
     motion = model.motions[int(plan.samples.motion[0])]
     path = None if steps is None else motion(steps.time + steps.dt)
-    rest = {name: np.zeros_like(window.view[name][0]) for name in (*FIELDS, "touched")}
-    rest["touched"][model.mesh.lower_face] = 1
-    rest["touched"][model.mesh.upper_face] = 1
-    window.begin(rest)
+    at_rest = {name: np.zeros_like(window.view[name][0]) for name in (*FIELDS, "touched")}
+    at_rest["touched"][model.mesh.lower_face] = 1
+    at_rest["touched"][model.mesh.upper_face] = 1
+    window.begin(at_rest)
     window.view["worst"][0] = 0.0
     wave = ReturnedWave(plan.support)
     outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
-    taken: list[float] = []
+    lengths: list[float] = []
     pushes: list[FloatArray] = []
     time, dt, before, first, next_dt = model.start, 0.0, 0.0, 0.0, 0.0
-    begun, k = -np.inf, 0
-    while begun < sampling.force_times[-1] or not outline.complete:
+    start, k = -np.inf, 0
+    while start < sampling.force_times[-1] or not outline.complete:
         if k == window.n_steps:
             pushes.append(window.view["push"].copy())
             checkpoints.append(window.state(k))
             window.begin(checkpoints[-1])
             k = 0
-        step = len(taken)
+        step = len(lengths)
         if steps is None and step == 0:
             plan.sweep_elements(k, 1)
             next_dt = first = _measured_step(plan)
@@ -249,10 +251,10 @@ def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None 
         if plan.moving:
             wave.record_outgoing(float(window.view["outgoing"][k]), elapsed)
         outline.record(k + 1, time + dt)
-        taken.append(dt)
-        begun, time, before, k = time, time + dt, dt, k + 1
+        lengths.append(dt)
+        start, time, before, k = time, time + dt, dt, k + 1
     pushes.append(window.view["push"][:k].copy())
-    sequence = StepSequence(model.start, np.array(taken))
+    sequence = StepSequence(model.start, np.array(lengths))
     push = np.concatenate(pushes) / sequence.interval[:, None]
     _check_finite(push, sequence)
     sampled = ForceSampling(sequence, sampling.force_times)
@@ -316,11 +318,11 @@ def _check(plan: PhasePlan, worst: float, dt: float, first: float, step: int, ti
 
 
 def _check_finite(push: FloatArray, steps: StepSequence) -> None:
-    lost = np.flatnonzero(~np.isfinite(push).all(axis=1))
-    if lost.size:
+    infinite = np.flatnonzero(~np.isfinite(push).all(axis=1))
+    if infinite.size:
         outcome = Outcome.DIVERGED
         raise ValueError(
-            f"the run ended at {steps.time[lost[0]]:.6g} s: {outcome.cause}. Cure: {outcome.cure}"
+            f"the run ended at {steps.time[infinite[0]]:.6g} s: {outcome.cause}. Cure: {outcome.cure}"
         )
 
 

@@ -193,17 +193,17 @@ def jacobian(
     weight = np.array([s.weights for s in stencils])[:, None, :] / step[:, :, None]
     slopes = histories.map(lambda f: np.einsum("pkj,pkj...->pk...", weight, f[place]))
     study = _study(step, slopes)
-    taken = np.arange(len(names)), study.chosen
-    ratio = (step[taken] / step[taken[0], study.chosen + 1]) ** 2
+    selected = np.arange(len(names)), study.chosen
+    ratio = (step[selected] / step[selected[0], study.chosen + 1]) ** 2
 
     def error(slope: FloatArray) -> FloatArray:
-        change = np.abs(slope[taken] - slope[taken[0], study.chosen + 1])
+        change = np.abs(slope[selected] - slope[selected[0], study.chosen + 1])
         return change * (ratio / (ratio - 1.0)).reshape(-1, *[1] * (change.ndim - 1))
 
     return Jacobian(
         parameters=names,
         value=value,
-        derivative=slopes.map(lambda slope: slope[taken]),
+        derivative=slopes.map(lambda slope: slope[selected]),
         error=slopes.map(error),
         nominal=histories.map(lambda f: f[0]),
         study=study,
@@ -272,16 +272,16 @@ def _study(step: FloatArray, slopes: Histories) -> StepStudy:
         # Together: a platen that no wave has reached yet has nothing but round-off.
         slope = np.concatenate([getattr(slopes, name).reshape(*step.shape, -1) for name in names], axis=2)
         size = np.sqrt((slope[:, 1:] ** 2).mean(axis=2))
-        moved = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
-        return np.divide(moved, size, out=np.zeros_like(moved), where=size > 0.0)
+        difference = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
+        return np.divide(difference, size, out=np.zeros_like(difference), where=size > 0.0)
 
     force, profile = np.maximum(change(FORCES), change(IMPULSES)), change(PROFILE)
-    both = np.maximum(force, profile)
-    chosen = both.argmin(axis=1)
+    larger = np.maximum(force, profile)
+    chosen = larger.argmin(axis=1)
     smooth = np.ones(len(step), dtype=bool)
     for p, k in enumerate(chosen):
         # Near the bottom round-off flattens the fall; above it a change must fall faster than its step.
-        fall = both[p, 1:k] / both[p, : max(k - 1, 0)]
-        above = both[p, 1:k] > 30.0 * both[p, k]
+        fall = larger[p, 1:k] / larger[p, : max(k - 1, 0)]
+        above = larger[p, 1:k] > 30.0 * larger[p, k]
         smooth[p] = not (above & (fall > step[p, 1:k] / step[p, : max(k - 1, 0)])).any()
     return StepStudy(step=step, force=force, profile=profile, chosen=chosen, smooth=smooth)

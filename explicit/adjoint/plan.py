@@ -346,7 +346,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     choices = {"bound": stepping.bound, "volumetric": model.volumetric}
     loop = time_loop_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
-    batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
+    batch = batch_of(loop, model, samples, _no_samples(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
     batch.solids.requires_grad = True
     batch.friction.requires_grad = True
@@ -355,9 +355,9 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     element_of = np.full((int(met.max()), mesh.n_nodes), mesh.n_elements, dtype=np.int32)
     corner_of = np.zeros_like(element_of)
     for c in range(len(element_of)):
-        there = met > c
-        element_of[c, there] = corner[start[:-1][there] + c] // 4
-        corner_of[c, there] = corner[start[:-1][there] + c] % 4
+        used = met > c
+        element_of[c, used] = corner[start[:-1][used] + c] // 4
+        corner_of[c, used] = corner[start[:-1][used] + c] % 4
     row = model.materials[int(samples.material[0])].parameters()
     window = _window(mesh.n_nodes, mesh.n_elements, n_steps, row, batch)
     a = window.arrays
@@ -396,7 +396,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     )
 
 
-def _nothing(model: Model) -> Sampling:
+def _no_samples(model: Model) -> Sampling:
     return Sampling(np.array([model.start]), np.array([model.start]))
 
 

@@ -86,20 +86,20 @@ def simulate_test(
         bars = integrate_test(apparatus, end=end, step=step, specimen=SpecimenForce(*static, *excess))
         flyer = _platen_motion(knots, times, bars.flyer_path, bars.flyer_velocity)
         support = _platen_motion(knots, times, -bars.support_path, -bars.support_velocity)
-        moved = replace(model, motions=(flyer,), support=MovingSupport((support,)))
-        response = run(moved, samples, sampling, stepping=stepping)
+        with_motion = replace(model, motions=(flyer,), support=MovingSupport((support,)))
+        response = run(with_motion, samples, sampling, stepping=stepping)
         response.require_completed()
         used = np.array([bars.force_flyer, bars.force_transmission])
-        found = np.array(
+        settled = np.array(
             [
                 np.interp(times, *mean_force(knots, impulse[0]))
                 for impulse in (response.impulse_flyer, response.impulse_transmission)
             ]
         )
-        change.append(float(np.abs(found - used).max()))
+        change.append(float(np.abs(settled - used).max()))
         if change[-1] <= tolerance:
             return FlyerTest(bars, response, np.array(change))
-        excess += found - used
+        excess += settled - used
     raise RuntimeError(
         f"the forces still change by {change[-1]:.3g} N after {max_passes} passes, tolerance "
         f"{tolerance:g} N: raise max_passes, or give a static curve closer to the specimen's"

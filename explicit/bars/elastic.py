@@ -53,8 +53,8 @@ class ElasticMesh:
         if not depths[0] <= depth <= depths[-1]:
             raise ValueError(f"depth must be in [0, {depths[-1]:.6g}] m, got {depth}")
         nearest = depths[np.argmin(np.abs(depths - depth))]
-        found = np.flatnonzero(self.nodes[:, 1] == nearest)
-        return found[np.argsort(self.nodes[found, 0])]
+        selected = np.flatnonzero(self.nodes[:, 1] == nearest)
+        return selected[np.argsort(self.nodes[selected, 0])]
 
 
 def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
@@ -275,12 +275,12 @@ class ElasticBar:
         section_force = np.zeros((n, len(self.depths)))
         path, external, kinetic, elastic = np.zeros((4, n))
         marks = 2 * np.array(self.marks, dtype=int) + 1
-        seen = np.zeros((n, len(marks)))
+        displacement = np.zeros((n, len(marks)))
         for i in range(n):
             resisting = self.stiffness @ u
             elastic[i] = 0.5 * (u * resisting).sum()  # `@` would wake a pool of threads
             section_force[i] = self.sections @ u
-            seen[i] = u[marks]
+            displacement[i] = u[marks]
             load = -resisting
             load[face] += pressing[i] * share[i]
             # The velocity lives between the positions: the first interval is half a step from rest.
@@ -295,7 +295,7 @@ class ElasticBar:
                 u += step * v
                 path[i + 1] = path[i] + step * (0.5 * (share[i] + share[i + 1]) @ v[face])
                 external[i + 1] = external[i] + pressing[i] * 0.5 * step * after
-        return ElasticHistory(grid, pressing, section_force, path, seen, external, kinetic, elastic)
+        return ElasticHistory(grid, pressing, section_force, path, displacement, external, kinetic, elastic)
 
 
 def elastic_bar(
@@ -330,8 +330,8 @@ def elastic_bar(
     middle = mesh.nodes[mesh.quads, 1].mean(axis=1)
     rows = []
     for depth, plane in zip(depths, planes, strict=True):
-        here = mesh.nodes[plane[0], 1]
-        near, far = middle < here, middle > here
+        height = mesh.nodes[plane[0], 1]
+        near, far = middle < height, middle > height
         if not (near.any() and far.any()):
             raise ValueError(f"a cross-section must lie inside the parts, got depth {depth} m")
         # Mean of what the near side pushes and the far side resists: the inertia of the plane cancels.
@@ -414,7 +414,7 @@ def mean_about(impulse: FloatArray, step: float) -> FloatArray:
 
 
 def pulse_on_bars(
-    sections: Sequence[Section], *, step: float, n: int, sensor: float = 0.0, seen: float = 0.0
+    sections: Sequence[Section], *, step: float, n: int, sensor: float = 0.0, observed: float = 0.0
 ) -> PulseResponse:
     """The response of one-dimensional bars, free at their far end.
 
@@ -448,7 +448,7 @@ def pulse_on_bars(
         summed = np.cumsum(0.5 * fine * (velocity[1:] + velocity[:-1]))
         return np.concatenate([[0.0], summed])[::parts][:n]
 
-    return PulseResponse(step, path(0.0), path(seen), line.force(sensor)[::parts][:n])
+    return PulseResponse(step, path(0.0), path(observed), line.force(sensor)[::parts][:n])
 
 
 def pulse_on_mesh(
@@ -459,14 +459,14 @@ def pulse_on_mesh(
     size: float,
     radius: float,
     sensor: float = 0.0,
-    seen: float = 0.0,
+    observed: float = 0.0,
 ) -> PulseResponse:
     """The response of elastic parts as an axisymmetric mesh.
 
     Parameters
     ----------
     sections, step, n, sensor, seen
-        As of `pulse_on_bars`; `seen` lies on the outer surface. A sensor at 0 is the face itself.
+        As of `pulse_on_bars`; `observed` lies on the outer surface. A sensor at 0 is the face itself.
     size
         Largest side of an element [m].
     radius
@@ -478,7 +478,7 @@ def pulse_on_mesh(
         If a distance is outside the parts or on their far end, or a size is not positive.
     """
     depths = [] if sensor == 0.0 else [sensor]
-    parts = elastic_bar(sections, size=size, depths=depths, marks=[seen])
+    parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])
     end = step * max(n, 3)
     # Whole steps of the march in one of the pulse: its impulse is then exact.
     safety = step / np.ceil(step / (0.9 * parts.stable_step)) / parts.stable_step * (1.0 + 1e-9)

@@ -91,26 +91,26 @@ class LineHistory:
 
     def force(self, depth: float) -> FloatArray:
         """Compressive force at a distance from the left end [m], in newtons, shape [n_times]."""
-        right, left, _ = self._waves(depth)
-        return right + left
+        rightward, leftward, _ = self._waves(depth)
+        return rightward + leftward
 
     def velocity(self, depth: float) -> FloatArray:
         """Velocity to the right at a distance from the left end [m], in m/s, shape [n_times]."""
-        right, left, impedance = self._waves(depth)
-        return (right - left) / impedance
+        rightward, leftward, impedance = self._waves(depth)
+        return (rightward - leftward) / impedance
 
     def _waves(self, depth: float) -> tuple[FloatArray, FloatArray, float]:
         if not 0.0 <= depth <= self.length * (1.0 + 1e-12):
             raise ValueError(f"depth must be in [0, {self.length:.6g}] m, got {depth}")
-        rest = depth
-        for section, delay, right, left in zip(
+        distance = depth
+        for section, delay, rightward, leftward in zip(
             self.sections, self.delays, self.right, self.left, strict=True
         ):
-            if rest <= section.length or section is self.sections[-1]:
-                k = min(round(rest / section.length * delay), delay)
+            if distance <= section.length or section is self.sections[-1]:
+                k = min(round(distance / section.length * delay), delay)
                 n = self.n_times
-                return right[delay - k : delay - k + n], left[k : k + n], section.impedance
-            rest -= section.length
+                return rightward[delay - k : delay - k + n], leftward[k : k + n], section.impedance
+            distance -= section.length
         raise AssertionError("unreachable")
 
     def momentum(self) -> FloatArray:
@@ -123,10 +123,10 @@ class LineHistory:
 
     def _in_flight(self, density: Callable[[FloatArray, FloatArray, float], FloatArray]) -> FloatArray:
         total = np.zeros(self.n_times)
-        for section, delay, right, left in zip(
+        for section, delay, rightward, leftward in zip(
             self.sections, self.delays, self.right, self.left, strict=True
         ):
-            summed = np.concatenate([[0.0], np.cumsum(density(right, left, section.impedance))])
+            summed = np.concatenate([[0.0], np.cumsum(density(rightward, leftward, section.impedance))])
             total += summed[delay + 1 : delay + 1 + self.n_times] - summed[1 : 1 + self.n_times]
         return total
 
@@ -159,10 +159,10 @@ class WaveLine:
         """Let the waves of time n pass from section to section: 2 R / Z1 + 2 L / Z2 = F (1 / Z1 + 1 / Z2)."""
         for k in range(len(self.sections) - 1):
             first, second = self.impedances[k], self.impedances[k + 1]
-            right, left = self.right[k][n], self.left[k + 1][n]
-            force = 2.0 * (right * second + left * first) / (first + second)
-            self.left[k][self.delays[k] + n] = force - right
-            self.right[k + 1][self.delays[k + 1] + n] = force - left
+            rightward, leftward = self.right[k][n], self.left[k + 1][n]
+            force = 2.0 * (rightward * second + leftward * first) / (first + second)
+            self.left[k][self.delays[k] + n] = force - rightward
+            self.right[k + 1][self.delays[k + 1] + n] = force - leftward
 
     def free_velocity(self, n: int, end: int) -> float:
         """Velocity of the left (0) or right (-1) end at time n if nothing acted on it [m/s]."""
@@ -179,8 +179,8 @@ class WaveLine:
 
     def history(self) -> LineHistory:
         """History up to now."""
-        right, left = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
-        return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), right, left)
+        rightward, leftward = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
+        return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), rightward, leftward)
 
 
 def loaded_line(sections: Sequence[Section], force: FloatArray, *, step: float) -> LineHistory:
@@ -224,13 +224,13 @@ def section_force(times: FloatArray, force: FloatArray, *, delay: float, round_t
     """
     if not 0.0 <= delay < 0.5 * round_trip:
         raise ValueError(f"delay must be in [0, {0.5 * round_trip:.6g}) s, got {delay}")
-    found = np.interp(times - delay, times, force, left=0.0)
+    total = np.interp(times - delay, times, force, left=0.0)
     late = round_trip
     while late - delay < times[-1] - times[0]:
-        found += np.interp(times - delay - late, times, force, left=0.0)
-        found -= np.interp(times + delay - late, times, force, left=0.0)
+        total += np.interp(times - delay - late, times, force, left=0.0)
+        total -= np.interp(times + delay - late, times, force, left=0.0)
         late += round_trip
-    return found
+    return total
 
 
 @dataclass(frozen=True)
@@ -319,10 +319,10 @@ class _JointContact:
 
     def force(self, closing: float, compliance: float) -> float:
         """Compressive force at the end of a step [N]; arguments as for `ShaperContact.force`."""
-        needed = closing / compliance  # keeps the faces at one velocity
+        holding = closing / compliance  # keeps the faces at one velocity
         if not self.broken:
-            if needed >= -self._joint.strength:
-                return needed
+            if holding >= -self._joint.strength:
+                return holding
             self.broken = True
         # Backward Euler: a face that would pass through the other is brought onto it within the step.
         force = (closing - self.gap / self._step) / compliance
@@ -519,9 +519,9 @@ def find_events(history: FlightHistory) -> Events:
     rise = _first(hold >= 0.01 * peak) if peak > 0.0 else None
     dip = _first(hold < 0.0, rise)
     apart = _first((hold == 0.0) & (gap > 0.0), dip)
-    again = _first((gap == 0.0) & (hold > 0.0), apart)
-    arrest = _summit(history.compression, apart, again)
-    force = history.force_transmission[: len(t) if again is None else again]
+    recontact = _first((gap == 0.0) & (hold > 0.0), apart)
+    arrest = _summit(history.compression, apart, recontact)
+    force = history.force_transmission[: len(t) if recontact is None else recontact]
     back = _first(force <= 0.5 * force.max(initial=0.0), arrest)
     pressed = np.flatnonzero(history.shaper_force > 0.0)
     parts = int(pressed[-1]) + 1 if pressed.size and pressed[-1] + 1 < len(t) else None
@@ -529,7 +529,7 @@ def find_events(history: FlightHistory) -> Events:
     def at(index: int | None) -> float:
         return float("nan") if index is None else float(t[index])
 
-    return Events(at(parts), at(rise), at(dip), at(apart), at(arrest), at(back), at(again))
+    return Events(at(parts), at(rise), at(dip), at(apart), at(arrest), at(back), at(recontact))
 
 
 def _summit(signal: FloatArray, after: int | None, before: int | None) -> int | None:
@@ -545,5 +545,5 @@ def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:
     """First index not before `after` at which something happens; None if it or `after` is missing."""
     if after is None:
         return None
-    found = np.flatnonzero(happens[after:])
-    return after + int(found[0]) if found.size else None
+    places = np.flatnonzero(happens[after:])
+    return after + int(places[0]) if places.size else None

@@ -38,7 +38,7 @@ class ContactLaw(Protocol):
     def kernel_function(self, precision: Precision) -> Any:
         """The Warp function of the law.
 
-        ``resolve(touch) -> (velocity, held, slip)`` takes a `touch_struct` and returns the admissible
+        ``resolve(touch) -> (velocity, status, slip)`` takes a `touch_struct` and returns the admissible
         velocity of the node [m/s], what it remembers of the platen (`FREE`, `TOUCHED`, `RELEASED`; that a
         node of the side has touched is noted by the solver) and its new slip [m]. The node would pass
         through the platen where ``normal * (v_y - target) < 0``. A velocity changed by dv is an impulse
@@ -53,7 +53,7 @@ def touch_struct(precision: Precision) -> Any:
 
     ``v_r``, ``v_y``: predicted velocity [m/s]. ``target``: axial velocity that puts the node exactly on the
     platen at the end of the step [m/s]. ``normal``: the platen's outward normal, +1 transmission, -1 flyer.
-    ``held``: `FREE`, `TOUCHED` or `RELEASED`. ``slip``: what the law returned before, 0 at first and after a
+    ``status``: `FREE`, `TOUCHED`, `RELEASED`. ``slip``: what the law returned before, 0 at first and after a
     step without a platen [m]. ``friction``, ``release_stress`` [Pa], ``stiffness`` [Pa/m]: the sample's
     parameters. ``density``: mass of the node over the undeformed area it stands for [kg/m^2]. ``interval``:
     time over which the forces changed the velocity [s]; ``step``: time over which it will act [s].
@@ -66,7 +66,7 @@ def touch_struct(precision: Precision) -> Any:
         v_y: real
         target: real
         normal: real
-        held: int
+        status: int
         slip: real
         friction: real
         release_stress: real

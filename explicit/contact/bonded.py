@@ -28,8 +28,8 @@ class Bonded:
         @wp.func
         def bonded(touch: Touch):
             velocity = vec2(touch.v_r, touch.v_y)
-            if touch.held == 1 or touch.normal * (touch.v_y - touch.target) < zero:
+            if touch.status == 1 or touch.normal * (touch.v_y - touch.target) < zero:
                 velocity = vec2(zero, touch.target)
-            return velocity, touch.held, touch.slip
+            return velocity, touch.status, touch.slip
 
         return bonded

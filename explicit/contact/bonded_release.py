@@ -35,15 +35,15 @@ class BondedRelease:
 
         @wp.func
         def bonded_release(touch: Touch):
-            velocity, held = vec2(touch.v_r, touch.v_y), int(touch.held)
+            velocity, status = vec2(touch.v_r, touch.v_y), int(touch.status)
             away = touch.normal * (touch.v_y - touch.target)
             if away < zero:
                 velocity = vec2(zero, touch.target)
-            elif held == touched:
+            elif status == touched:
                 if touch.density * away / touch.interval >= touch.release_stress:
-                    held = released
+                    status = released
                 else:
                     velocity = vec2(zero, touch.target)
-            return velocity, held, touch.slip
+            return velocity, status, touch.slip
 
         return bonded_release

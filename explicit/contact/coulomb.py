@@ -32,6 +32,6 @@ class Coulomb:
                 # Impulses per unit mass: |target - v_y| normal, at most f times that tangential.
                 slip = wp.max(wp.abs(touch.v_r) - touch.friction * wp.abs(touch.target - touch.v_y), zero)
                 velocity = vec2(wp.sign(touch.v_r) * slip, touch.target)
-            return velocity, touch.held, touch.slip
+            return velocity, touch.status, touch.slip
 
         return coulomb

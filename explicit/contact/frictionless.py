@@ -30,6 +30,6 @@ class Frictionless:
             velocity = vec2(touch.v_r, touch.v_y)
             if touch.normal * (touch.v_y - touch.target) < zero:
                 velocity = vec2(touch.v_r, touch.target)
-            return velocity, touch.held, touch.slip
+            return velocity, touch.status, touch.slip
 
         return frictionless

@@ -49,6 +49,6 @@ class Penalty:
                 hold = wp.clamp((touch.v_r * touch.step + touch.slip) * share, -bound, bound)
                 velocity = vec2(touch.v_r - hold, touch.v_y + touch.normal * push)
                 slip = hold / rate
-            return velocity, touch.held, slip
+            return velocity, touch.status, slip
 
         return penalty

@@ -30,6 +30,6 @@ class Rough:
             velocity = vec2(touch.v_r, touch.v_y)
             if touch.normal * (touch.v_y - touch.target) < zero:
                 velocity = vec2(zero, touch.target)
-            return velocity, touch.held, touch.slip
+            return velocity, touch.status, touch.slip
 
         return rough

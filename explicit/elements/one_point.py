@@ -139,7 +139,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         )
 
     @wp.func
-    def both(radial: real, axial: real):
+    def tangent_pair(radial: real, axial: real):
         return radial + axial
 
     @wp.func
@@ -147,7 +147,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         return wp.max(radial, axial)
 
     shear_of, spread_of = {
-        "trace": (twice_the_tangent, both),
+        "trace": (twice_the_tangent, tangent_pair),
         "eigenvalue": (shear_and_pressure, larger),
     }[bound]
 
@@ -163,7 +163,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         shear: real,
     ):
         # The volumetric part is of rank one, so its bound is sharp; the rest has that of |grad v|^2.
-        rank_one, hourglass, lost = real(0.0), real(0.0), real(0.0)
+        rank_one, hourglass, dissipated = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):
             w_r, w_y = shape.inverse_mass_r[a], shape.inverse_mass_y[a]
@@ -171,7 +171,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
             rank_one += w_r * dilating * dilating + w_y * b_y[a] * b_y[a]
             squared = shape.gamma[a] * shape.gamma[a]
             hourglass += squared * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
-            lost += squared * (w_r * viscous_r + w_y * viscous_y)
+            dissipated += squared * (w_r * viscous_r + w_y * viscous_y)
         radial, axial = gradient_bounds(shape.inverse_mass_r, shape.inverse_mass_y, b_r, b_y, c)
         spread = spread_of(radial, axial)
         bulk = volume_rank_one(solid.bulk, jacobian, dilatation)
@@ -179,7 +179,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         stiff += solid.hourglass * hourglass
         viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * spread
         damp = shape.volume * jacobian * viscous
-        damp += lost + solid.mass_damping
+        damp += dissipated + solid.mass_damping
         # dt <= (2 / omega) (sqrt(1 + xi^2) - xi) with xi = damp / (2 omega); returned is the omega^2
         # of an undamped element with the same limit.
         xi = half * damp / wp.sqrt(stiff)

@@ -127,9 +127,9 @@ class LaneFunctions:
     """``enter(control)``: every lane is there; the first that it calls."""
     leave: Any
     """``leave()``: no lane needs another any more; the last that it calls."""
-    tell: Any
-    """``tell(control, step)``: the control warp is about to meet the workers, who will need the plan of the
-    step, whether there is one, and where the support will be."""
+    announce: Any
+    """``announce(control, step)``: the control warp is about to meet the workers, who will need the plan of
+    the step, whether there is one, and where the support will be."""
     listen: Any
     """``listen(control, step)``: the lanes have met, and need what they were told, once in every step."""
     inform: Any
@@ -204,9 +204,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
     there, in one order whatever the lanes are, so that forces keep their bits.
     """
-    alone = cluster == 1
-    thread = "threadIdx.x" if alone else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
-    threads = "blockDim.x" if alone else f"({cluster} * blockDim.x)"
+    single_block = cluster == 1
+    thread = "threadIdx.x" if single_block else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
+    threads = "blockDim.x" if single_block else f"({cluster} * blockDim.x)"
 
     def native(snippet: str, **names: str) -> str:
         names |= {"WARPS": str(WARPS * cluster), "THREADS": threads, "THREAD": thread}
@@ -218,12 +218,14 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return native(_either(cuda, cpu))
 
     total, largest = native(HAND_OVER, ACROSS=DOWN), native(HAND_OVER, ACROSS=LARGEST)
-    take = TAKE.replace("FURTHER", "" if alone else FURTHER)  # a block has no more warps than a warp lanes
-    one = "1" if alone else "0"
+    take = TAKE.replace(
+        "FURTHER", "" if single_block else FURTHER
+    )  # a block has no more warps than a warp lanes
+    one = "1" if single_block else "0"
     take_total = native(take, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE=one)
     take_largest = native(take, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300", ALONE=one)
-    meet = native(BARRIER, MEET=MEET_IN_BLOCK if alone else MEET_IN_CLUSTER)
-    inside = _INSIDE if alone else _INSIDE_CLUSTER
+    meet = native(BARRIER, MEET=MEET_IN_BLOCK if single_block else MEET_IN_CLUSTER)
+    inside = _INSIDE if single_block else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=meet)
@@ -234,7 +236,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return
 
     @wp.func
-    def tell(control: parts_of, step: int):
+    def announce(control: parts_of, step: int):
         return
 
     @wp.func
@@ -341,7 +343,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform,
+        sync=sync, enter=enter, leave=leave, announce=announce, listen=listen, inform=inform,
         empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
         joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
@@ -398,32 +400,32 @@ _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
     const unsigned place = (unsigned)__cvta_generic_to_shared(&barrier);
-    if (what == BEGIN) {{
+    if (event == BEGIN) {{
         if (threadIdx.x == 0) {_INIT.replace("COUNT", "1")}
-    }} else if (what == TELL) {{
+    }} else if (event == ANNOUNCE) {{
         __syncwarp();
-        for (int k = threadIdx.x & 31; k < (BLOCKS - 1) * TOLD; k += 32) {{
-            const int slot = k % TOLD, number = slot < SIZE ? PLANS + SIZE * (step & 1) + slot
+        for (int k = threadIdx.x & 31; k < (BLOCKS - 1) * SENT; k += 32) {{
+            const int slot = k % SENT, number = slot < SIZE ? PLANS + SIZE * (step & 1) + slot
                 : slot == SIZE ? GOING : slot == SIZE + 1 ? LOWER_NEXT : LOWER_SPEED;
             asm volatile(
                 "{{ .reg .b32 there, done; "
                 "mapa.shared::cluster.u32 there, %0, %2; mapa.shared::cluster.u32 done, %1, %2; "
                 "st.async.shared::cluster.mbarrier::complete_tx::bytes.f64 [there], %3, [done]; }}"
-                :: "r"((unsigned)__cvta_generic_to_shared(control.data + number)), "r"(place), "r"(k / TOLD),
+                :: "r"((unsigned)__cvta_generic_to_shared(control.data + number)), "r"(place), "r"(k / SENT),
                 "d"(control.data[number]) : "memory");
         }}
     }} else if (blockIdx.x % BLOCKS != BLOCKS - 1) {{
         const unsigned parity = (step + 1) & 1; // they listen once in every step, from -1 on
         if (threadIdx.x == 0) {{
             asm volatile("mbarrier.arrive.expect_tx.shared::cta.b64 _, [%0], %1;"
-                :: "r"(place), "r"(8 * TOLD) : "memory");
+                :: "r"(place), "r"(8 * SENT) : "memory");
         }}
         {_WAIT}
     }}
 #endif
 """
 """The last block sends the others what they need of its record, before they meet; then they listen."""
-_BEGIN, _TELL, _LISTEN = range(3)
+_BEGIN, _ANNOUNCE, _LISTEN = range(3)
 
 
 def _read(number: str, place: str, block: str) -> str:
@@ -477,16 +479,17 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
             snippet = snippet.replace(name, text)
         return snippet
 
-    told = {
-        "BEGIN": _BEGIN, "TELL": _TELL, "TOLD": Plan.SIZE + 3, "PLANS": Control.PLANS, "SIZE": Plan.SIZE,
-        "GOING": Control.GOING, "LOWER_NEXT": Control.LOWER_NEXT, "LOWER_SPEED": Control.LOWER_SPEED,
+    constants = {
+        "BEGIN": _BEGIN, "ANNOUNCE": _ANNOUNCE, "SENT": Plan.SIZE + 3, "PLANS": Control.PLANS,
+        "SIZE": Plan.SIZE, "GOING": Control.GOING, "LOWER_NEXT": Control.LOWER_NEXT,
+        "LOWER_SPEED": Control.LOWER_SPEED,
     }  # fmt: skip
 
     @wp.func_native(snippet=native(_MEET))
     def meet(whole: int, begins: int): ...
 
-    @wp.func_native(snippet=native(_RECORD, **{name: str(int(number)) for name, number in told.items()}))
-    def record(what: int, control: parts_of, step: int): ...
+    @wp.func_native(snippet=native(_RECORD, **{name: str(int(number)) for name, number in constants.items()}))
+    def record(event: int, control: parts_of, step: int): ...
 
     @wp.func
     def sync():
@@ -502,8 +505,8 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
         meet(1, 0)
 
     @wp.func
-    def tell(control: parts_of, step: int):
-        record(_TELL, control, step)
+    def announce(control: parts_of, step: int):
+        record(_ANNOUNCE, control, step)
 
     @wp.func
     def listen(control: parts_of, step: int):
@@ -525,8 +528,9 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
     return replace(
-        lane_functions(blocks), sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform,
-        put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
+        lane_functions(blocks), sync=sync, enter=enter, leave=leave, announce=announce, listen=listen,
+        inform=inform, put_total=put_total, put_largest=put_largest, get_total=get_total,
+        get_largest=get_largest,
     )  # fmt: skip
 
 

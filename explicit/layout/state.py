@@ -299,18 +299,18 @@ def layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> Sta
     def at_rest(
         body: Body, fields: Fields, surface: Surface, partials: wp.array(dtype=wp.float64), lane: int
     ):
-        mine, own = element(lane), lane % block
+        mine, node = element(lane), lane % block
         fields.u_r[mine] = zero
         fields.u_y[mine] = zero
         fields.v_r[mine] = zero
         fields.v_y[mine] = zero
-        if own < body.n_boundary:
-            surface.touched[own] = body.at_rest[own]
-        k = own
+        if node < body.n_boundary:
+            surface.touched[node] = body.at_rest[node]
+        k = node
         while k < n_partials:
             partials[k] = ZERO
             k += block
-        if own == 0:  # nodes where fewer than four elements meet gather nothing from here
+        if node == 0:  # nodes where fewer than four elements meet gather nothing from here
             fields.corner_r[mine + 4 * block] = zero
             fields.corner_y[mine + 4 * block] = zero
 

@@ -354,13 +354,13 @@ def entries_function(dtype: Any) -> Any:
 
 @cache
 def entries_if_function(dtype: Any) -> Any:
-    """Generate ``entries_if(wanted, table, k, e) -> vec4``: the same where `wanted` is 1; elsewhere they may
-    be anything, and a GPU does not load them."""
+    """Generate ``entries_if(condition, table, k, e) -> vec4``: the same where `condition` is 1; elsewhere
+    they may be anything, and a GPU does not load them."""
     Four = wp.types.vector(4, dtype)
-    unwanted = f"if (wanted != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
+    unwanted = f"if (condition != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
 
     @wp.func_native(snippet=unwanted + _for_groups(_FOUR_ENTRIES, dtype))
-    def entries_if(wanted: int, table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
+    def entries_if(condition: int, table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
 
     return entries_if
 

@@ -55,12 +55,12 @@ def curvature_functions(precision: Precision) -> CurvatureFunctions:
     zero, half, one, two, third = real(0.0), real(0.5), real(1.0), real(2.0), real(1.0 / 3.0)
     two_thirds = real(2.0 / 3.0)
     # Keeps the root's derivative a number where both eigenvalues are equal.
-    nothing = real(1e-300 if precision.name == "fp64" else 1e-36)
+    tiny = real(1e-300 if precision.name == "fp64" else 1e-36)
 
     @wp.func
     def in_plane(rr: real, yy: real, ry: real, tt: real):
         apart = half * (rr - yy)
-        larger = half * (rr + yy) + wp.sqrt(apart * apart + ry * ry + nothing)
+        larger = half * (rr + yy) + wp.sqrt(apart * apart + ry * ry + tiny)
         return larger, one / (larger * tt)  # det b = 1, without the difference of the root
 
     @wp.func
@@ -184,8 +184,8 @@ class InvariantLaw(ClosedFormLaw):
         are 1 here, since they may be factors of I2_bar.
         """
         law = cls.of([spec.example or min(1.0, spec.upper) for spec in cls.PARAMETERS])
-        same = law.W(3.1, 3.05) == law.W(3.1, 3.15)
-        return not (same and all(law.dW_dI(3.1, I2)[1] == 0.0 for I2 in (3.05, 3.15)))
+        constant = law.W(3.1, 3.05) == law.W(3.1, 3.15)
+        return not (constant and all(law.dW_dI(3.1, I2)[1] == 0.0 for I2 in (3.05, 3.15)))
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:

@@ -21,13 +21,13 @@ class PointFunctions:
     """``relax(weight, gradient_r, gradient_y, hoop, inverse_mass_r, inverse_mass_y, scale, row, branches,
     memory, first, stride, e, ur, uy, vr, vy, moved, interval, measure)
     -> (f_r, f_y, done, omega_squared)``: corner forces to be added to those of the law at its instantaneous
-    stiffness `scale` [N], what was done on the branches since the last call beyond what `held` knows [J], and
+    stiffness `scale` [N], what was done on the branches since the last call beyond `branch_energy` [J], and
     their share of the step bound [1/s^2]. The k-th number remembered is ``memory[(first + k) * stride + e]``,
     0 at rest; `moved` is the step that led here, `interval` the time from the middle of that step to the
     middle of the next [s]."""
-    held: Any
-    """``held(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e, ur, uy)``:
-    what was done on the branches, as far as the present state knows it [J]."""
+    branch_energy: Any
+    """``branch_energy(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e,
+    ur, uy)``: what was done on the branches, as far as the present state knows it [J]."""
     memory: int
     """Numbers that a stress point remembers."""
 

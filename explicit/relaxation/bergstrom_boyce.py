@@ -62,7 +62,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
     real, vec4 = precision.real, precision.vec4
     zero, half, one, two, four = real(0.0), real(0.5), real(1.0), real(2.0), real(4.0)
     third, largest_log, newton = real(1.0 / 3.0), real(LARGEST_LOG), int(NEWTON)
-    nothing = real(1e-30)
+    tiny = real(1e-30)
     isochoric_factor = isochoric_factor_function(precision)
     gradient_bounds = gradient_bounds_function(precision, bound)
     tensors = tensor_functions(precision)
@@ -80,11 +80,11 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         """Flow in a step, gamma dt."""
         amount = real(0.0)
         size = norm(stress)
-        if size > nothing and dt > zero:
+        if size > tiny and dt > zero:
             # The tangent of a law W(I1) that does not stiffen, which is all the same in any direction.
             mean = (trial[0] + trial[1] + trial[3]) * third
             spread = vec4(trial[0] - mean, trial[1] - mean, trial[2], trial[3] - mean)
-            m, twice = branches[2], two * mean * size / wp.max(norm(spread), nothing)
+            m, twice = branches[2], two * mean * size / wp.max(norm(spread), tiny)
             crept = wp.max(chain - one, zero) + branches[4]
             k = wp.log(stiff * size / branches[1]) * m + wp.log(crept) * branches[3]
             k = wp.exp(wp.min(k + wp.log(twice * dt / size), largest_log))
@@ -114,7 +114,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         uy: vec4,
         vr: vec4,
         vy: vec4,
-        moved: real,
+        previous_step: real,
         interval: real,
         measure: int,
     ):
@@ -125,7 +125,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         dilatation = plane * (one + h33) + h33
         jacobian = one + dilatation
         f_r, f_y = vec4(), vec4()
-        done, omega_squared = real(0.0), real(0.0)
+        work, omega_squared = real(0.0), real(0.0)
         if wp.min(jacobian, one + plane) > zero:  # an element that turned inside out has ended the run
             f11, f22, f33 = one + h11, one + h22, one + h33
             iso, inverse = isochoric_factor(jacobian, dilatation)
@@ -139,9 +139,9 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             chain = (old[0] + old[1]) / (old[0] * old[1] - old[2] * old[2]) + one / old[3]
             trial = push(old, f11, h12, h21, f22, f33) * iso
             stress = law_stress(trial[0], trial[1], trial[2], trial[3], row)
-            amount = flow(trial, stress, wp.sqrt(chain * third), stiff, moved, branches)
+            amount = flow(trial, stress, wp.sqrt(chain * third), stiff, previous_step, branches)
             size = norm(stress)
-            D = stress * (amount / wp.max(size, nothing))
+            D = stress * (amount / wp.max(size, tiny))
             # exp(-D) to second order
             e11 = one - D[0] + half * (D[0] * D[0] + D[2] * D[2])
             e22 = one - D[1] + half * (D[1] * D[1] + D[2] * D[2])
@@ -165,10 +165,10 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             # the mean of the stresses before and after the step.
             d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
             d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
-            gone, both = stress - after, stress + after
-            taken = both[0] * D[0] + both[1] * D[1] + two * both[2] * D[2] + both[3] * D[3]
-            unpaid = gone[0] * d11 + gone[1] * d22 + two * gone[2] * d12 + gone[3] * d33
-            done = half * weight * stiff * (taken - moved * unpaid)
+            drop, total = stress - after, stress + after
+            loss = total[0] * D[0] + total[1] * D[1] + two * total[2] * D[2] + total[3] * D[3]
+            unpaid = drop[0] * d11 + drop[1] * d22 + two * drop[2] * d12 + drop[3] * d33
+            work = half * weight * stiff * (loss - previous_step * unpaid)
             f_r = t[0] * b_r + t[2] * b_y + t[3] * c
             f_y = t[1] * b_y + t[2] * b_r
             if measure == 1:
@@ -177,10 +177,10 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
                 more = wp.max(more - law_tangent(rr, yy, ry, tt, row), zero) * (weight * stiff)
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
                 omega_squared = four * (norm(t) + more) * wp.max(radial, axial)
-        return f_r, f_y, done, omega_squared
+        return f_r, f_y, work, omega_squared
 
     @wp.func
-    def held(
+    def branch_energy(
         weight: real,
         gradient_r: vec4,
         gradient_y: vec4,
@@ -208,7 +208,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         b = push(old, one + h11, h12, h21, one + h22, one + h33) * iso
         return weight * scale * branches[0] * law_energy(b[0], b[1], b[2], b[3], row)
 
-    return PointFunctions(relax, held, 4)
+    return PointFunctions(relax, branch_energy, 4)
 
 
 _KNOTS = 401
@@ -362,7 +362,7 @@ def _creep(
         # |dev| = sqrt(2/3) |sigma| in uniaxial stress, and so is the share of D_v along the load
         return [root * float(network.flow_rate(root * abs(stress), chain)) * np.sign(stress)]
 
-    found = solve_ivp(
+    solution = solve_ivp(
         rate,
         (time[0], time[-1]),
         [viscous],
@@ -372,6 +372,6 @@ def _creep(
         atol=1e-10,
         max_step=float(np.diff(time).max()),
     )
-    if not found.success:
-        raise ValueError(f"the flow of network B cannot be integrated along this history: {found.message}")
-    return np.asarray(found.y[0])
+    if not solution.success:
+        raise ValueError(f"the flow of network B cannot be integrated along this history: {solution.message}")
+    return np.asarray(solution.y[0])

@@ -63,7 +63,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
     gradient_bounds = gradient_bounds_function(precision, bound)
     tensors = tensor_functions(precision)
     push, pull, norm = tensors.push, tensors.pull, tensors.norm
-    branches_of, rest = int(n_branches), int(2 * n_branches)
+    branches_of, long_term = int(n_branches), int(2 * n_branches)
 
     @wp.func
     def relax(
@@ -84,7 +84,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         uy: vec4,
         vr: vec4,
         vy: vec4,
-        moved: real,
+        previous_step: real,
         interval: real,
         measure: int,
     ):
@@ -95,7 +95,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         dilatation = plane * (one + h33) + h33
         jacobian = one + dilatation
         f_r, f_y = vec4(), vec4()
-        done, omega_squared = real(0.0), real(0.0)
+        balance, omega_squared = real(0.0), real(0.0)
         if wp.min(jacobian, one + plane) > zero:  # an element that turned inside out has ended the run
             f11, f22, f33 = one + h11, one + h22, one + h33
             iso, inverse = isochoric_factor(jacobian, dilatation)
@@ -126,16 +126,16 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             l11, l12 = wp.dot(vr, b_r), wp.dot(vr, b_y)
             l21, l22 = wp.dot(vy, b_r), wp.dot(vy, b_y)
             l33 = wp.dot(vr, c)
-            back = half * moved
+            back = half * previous_step
             d11 = l11 - back * (l11 * l11 + l21 * l21)
             d22 = l22 - back * (l12 * l12 + l22 * l22)
             d33 = l33 - back * l33 * l33
             d12 = half * (l12 + l21) - back * (l11 * l12 + l21 * l22)
             growth = l11 + l22 + l33 + back * (l11 * l11 + l22 * l22 + l33 * l33 + two * l12 * l21)
-            z = moved * third * growth
+            z = previous_step * third * growth
             t = push(before, f11, h12, h21, f22, f33) * (weight * scale * iso)
             work = t[0] * d11 + t[1] * d22 + two * t[2] * d12 + t[3] * d33
-            done = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * moved * work
+            balance = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * previous_step * work
             # What is subtracted at the positions.
             t = push(half * (before + after), f11, h12, h21, f22, f33) * (weight * scale * iso)
             mean = (t[0] + t[1] + t[3]) * third
@@ -147,10 +147,10 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
                 # the most by which damping raises omega^2.
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
                 omega_squared = four * norm(t) * wp.max(radial, axial)
-        return f_r, f_y, done, omega_squared
+        return f_r, f_y, balance, omega_squared
 
     @wp.func
-    def held(
+    def branch_energy(
         weight: real,
         gradient_r: vec4,
         gradient_y: vec4,
@@ -176,9 +176,9 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         ry, tt = iso * (f11 * h21 + h12 * f22), iso * f33 * f33
-        return weight * scale * (one - branches[rest]) * law_energy(rr, yy, ry, tt, row)
+        return weight * scale * (one - branches[long_term]) * law_energy(rr, yy, ry, tt, row)
 
-    return PointFunctions(relax, held, 4 * n_branches)
+    return PointFunctions(relax, branch_energy, 4 * n_branches)
 
 
 @dataclass(frozen=True)
@@ -322,6 +322,6 @@ def _branch(time: FloatArray, S: FloatArray, relaxation_time: float) -> FloatArr
 
 def _deviators(law: Any, lam: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Isochoric Kirchhoff stress along and across the load [Pa]."""
-    nothing = np.zeros_like(lam)
-    tau = np.asarray(law.stress(np.stack([1.0 / lam, lam**2, nothing, 1.0 / lam], axis=-1)))
+    zero = np.zeros_like(lam)
+    tau = np.asarray(law.stress(np.stack([1.0 / lam, lam**2, zero, 1.0 / lam], axis=-1)))
     return tau[..., 1], tau[..., 0]

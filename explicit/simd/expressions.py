@@ -238,9 +238,9 @@ class Arithmetic:
         """``base + a b`` or ``base - a b``, rounded once; component by component for vectors."""
         if isinstance(base, Vector):
             n = len(base.items)
-            left = a.items if isinstance(a, Vector) else (a,) * n
-            right = b.items if isinstance(b, Vector) else (b,) * n
-            parts = zip(left, right, base.items, strict=True)
+            left_items = a.items if isinstance(a, Vector) else (a,) * n
+            right_items = b.items if isinstance(b, Vector) else (b,) * n
+            parts = zip(left_items, right_items, base.items, strict=True)
             items = tuple(self.fused(x, y, z, node, minus_product=minus_product) for x, y, z in parts)
             return Vector(items, "new" if base.bank else "")  # type: ignore[arg-type]
         if not all(isinstance(v, Scalar) and v.kind == base.kind for v in (a, b, base)):  # type: ignore[union-attr]
@@ -284,9 +284,9 @@ class Arithmetic:
         # Adding anything uniform keeps the lanes in step.
         lane = symbol == "+" and left.lane != right.lane and (left.varying != right.varying)
         result = self.temporary(left.kind, code, varying, lane=lane)
-        for one, other in ((left, right), (right, left)):
-            if symbol == "+" and one.varying and one.kind == "i32" and other.const is not None:
-                return replace(result, root=one.root or one.code, shift=one.shift + other.const)
+        for one, addend in ((left, right), (right, left)):
+            if symbol == "+" and one.varying and one.kind == "i32" and addend.const is not None:
+                return replace(result, root=one.root or one.code, shift=one.shift + addend.const)
         return result
 
     # ---- functions of Warp ---------------------------------------------------------------------------
@@ -302,10 +302,10 @@ class Arithmetic:
     def _extreme(self, sign: str, a: Scalar, b: Scalar) -> Scalar:
         varying = a.varying or b.varying
         x, y = self.operand(a, varying), self.operand(b, varying)
-        found = self.temporary(a.kind, f"({x}) {sign} ({y}) ? ({x}) : ({y})", varying)
+        extreme = self.temporary(a.kind, f"({x}) {sign} ({y}) ? ({x}) : ({y})", varying)
         if not a.is_float:
-            return found
-        return self.temporary(a.kind, f"({y}) == ({y}) ? {found.code} : ({x})", varying)
+            return extreme
+        return self.temporary(a.kind, f"({y}) == ({y}) ? {extreme.code} : ({x})", varying)
 
     def wp_clamp(self, x: Scalar, low: Scalar, high: Scalar) -> Scalar:
         """Between two bounds."""
@@ -559,41 +559,41 @@ class Expressions(Arithmetic):
         return self.temporary("bool", f"op::to_mask(({whole})({code}))", True)
 
     def _boolop(self, node: ast.BoolOp) -> Value:
-        both = isinstance(node.op, ast.And)
+        conjunction = isinstance(node.op, ast.And)
         value = self.truth(node.values[0])
         for following in node.values[1:]:
-            value = self._and_then(value, following, both)
+            value = self._and_then(value, following, conjunction)
         return value
 
-    def _and_then(self, first: Scalar, node: ast.expr, both: bool) -> Scalar:
+    def _and_then(self, first: Scalar, node: ast.expr, conjunction: bool) -> Scalar:
         """The second is evaluated only where the first leaves it open: where it holds, or for `or` fails."""
         if first.const is not None:
-            return self.truth(node) if first.const == both else first
+            return self.truth(node) if first.const == conjunction else first
         if first.varying and _is_harmless(node):
             also = self.pack(self.truth(node))
-            return self.temporary("bool", f"{first.code} {'&' if both else '|'} {also}", True)
-        result = self.name("both" if both else "either")
+            return self.temporary("bool", f"{first.code} {'&' if conjunction else '|'} {also}", True)
+        result = self.name("both" if conjunction else "either")
         if not first.varying:
             start, outer = len(self.lines), self.lines
             self.lines = []
             second = self.truth(node)
             inner, self.lines = self.lines, outer
             ctype = "mask" if second.varying else "bool"
-            decided, held = literal(not both, "bool"), first.code if both else f"!{first.code}"
+            decided, guard = literal(not conjunction, "bool"), first.code if conjunction else f"!{first.code}"
             default = self.operand(decided, second.varying)
-            self.lines[start:] = [f"{ctype} {result} = {default};", f"if ({held}) {{", *inner]
+            self.lines[start:] = [f"{ctype} {result} = {default};", f"if ({guard}) {{", *inner]
             self.emit(f"{result} = {second.code};")
             self.emit("}")
             return Scalar("bool", result, second.varying)
         before, undecided = self.mask, self.name("open")
-        held = first.code if both else f"~{first.code}"
-        self.emit(f"const mask {undecided} = {held if before is None else f'{held} & {before}'};")
-        self.emit(f"mask {result} = {undecided if both else first.code};")
+        guard = first.code if conjunction else f"~{first.code}"
+        self.emit(f"const mask {undecided} = {guard if before is None else f'{guard} & {before}'};")
+        self.emit(f"mask {result} = {undecided if conjunction else first.code};")
         self.mask = undecided
         self.emit(f"if (op::any({undecided})) {{")
         second = self.truth(node)
         further = f"{undecided} & {self.pack(second)}"
-        self.emit(f"{result} = {further if both else f'{first.code} | ({further})'};")
+        self.emit(f"{result} = {further if conjunction else f'{first.code} | ({further})'};")
         self.emit("}")
         self.mask = before
         return Scalar("bool", result, True)
@@ -613,9 +613,9 @@ class Expressions(Arithmetic):
         if isinstance(thing, type):
             return self.convert(thing, arguments, node)
         if getattr(thing, "__self__", None) is self:
-            wanted = Vector if thing.__name__ == "wp_dot" else Scalar
+            expected = Vector if thing.__name__ == "wp_dot" else Scalar
             count = thing.__func__.__code__.co_argcount - 1
-            if len(arguments) != count or not all(isinstance(a, wanted) for a in arguments):
+            if len(arguments) != count or not all(isinstance(a, expected) for a in arguments):
                 raise self.refuse(node, f"{count} numbers are wanted, or vectors by dot")
             alike = arguments
             if thing.__name__ == "wp_where":

@@ -156,7 +156,7 @@ TRANSLATION_FOLDER = "lanes"
 """Folder in Warp's kernel cache."""
 
 
-def kept(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
+def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
     """The source over lanes of a time loop: from its file, or translated and put there.
 
     ``time_loop``: the scalar Warp kernel, alone in its module. ``choice``: mapping, lanes and precision in
@@ -195,11 +195,11 @@ def _write_translation(file: Path, code: str) -> None:
 @cache
 def _package() -> bytes:
     """Hash of the translator's and the time loop's source, and of Warp's version."""
-    found = sha256(wp.__version__.encode())
+    digest = sha256(wp.__version__.encode())
     root = Path(__file__).parents[1]
     for file in sorted(root.rglob("*.py")):
-        found.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
-    return found.digest()
+        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.digest()
 
 
 Mapping = Literal["simulation", "worker"]
@@ -256,7 +256,7 @@ def lane_kernel(
             before += TEAM_CODE
         return before + translator.translate(time_loop.func, arguments)
 
-    code = kept(time_loop, _choice(precision, mapping, lanes), translate)
+    code = cached_translation(time_loop, _choice(precision, mapping, lanes), translate)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)
@@ -285,7 +285,7 @@ def lane_kernel(
     return LaneKernel(time_loop_packs, lanes)
 
 
-def is_known(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
+def is_translated(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
     """Whether this machine has translated a time loop, and compiled it then unless it was stopped."""
     return _translation_file(time_loop, _choice(precision, mapping, lanes)).exists()
 

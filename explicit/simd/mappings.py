@@ -202,26 +202,26 @@ class LaneIsWorker(Lanes):
         if name == "control_first":
             return Scalar("i32", "lane_numbers", True, lane=True)
         begins, n = name.startswith("first"), arguments[name.startswith("first")]
-        made = f"team_op::{'begin' if begins else 'end'}({n.code}, member, members)"
+        bound = f"team_op::{'begin' if begins else 'end'}({n.code}, member, members)"
         if name.endswith("inner"):  # a sum over nodes is made by one thread
             whole = f"(keeps_books ? 0 : {n.code})" if begins else n.code
-            made = f"{arguments[-1].code} ? {whole} : {made}"
-        place = self.temporary("i32", made, False)
+            bound = f"{arguments[-1].code} ? {whole} : {bound}"
+        place = self.temporary("i32", bound, False)
         return self.temporary("i32", f"lane_numbers + {place.code}", True, lane=True) if begins else place
 
     def _regrouped(
         self, code: str, keys: Sequence[str], arguments: Sequence[Value], node: ast.AST
     ) -> tuple[Scalar, ...]:
         """With what this thread goes on where threads come and go."""
-        found = []
+        scalars = []
         for key, value in zip(keys, arguments, strict=True):
             number, name = self._number(value, node), self.name(key.lower())
             varying = key == "LATCHED"
-            found.append(Scalar(number.kind, name, varying))
-            self.emit(f"{found[-1].ctype} {name} = {self.operand(number, varying)};")
+            scalars.append(Scalar(number.kind, name, varying))
+            self.emit(f"{scalars[-1].ctype} {name} = {self.operand(number, varying)};")
             code = code.replace(key, name)
         self.lines.extend(code.strip().splitlines())
-        return tuple(found)
+        return tuple(scalars)
 
     # ---- sums over the elements of all threads -------------------------------------------------------
 
@@ -239,11 +239,11 @@ class LaneIsWorker(Lanes):
         """The sum of this thread; behind the first, elements' shares are kept to be added in their order."""
         if not place.lane:
             raise self.refuse(node, "the share of an element is wanted")
-        kept = share
+        addend = share
         if self.mask is not None:  # nothing is added where a sum began with 0
-            kept = self.select(Scalar("bool", self.mask, True), share, literal(0, "f64"))
+            addend = self.select(Scalar("bool", self.mask, True), share, literal(0, "f64"))
         self.emit("if (member > 0) {")
-        self.emit(f"{self._share(which, f'{place.code}[0]')} = {self.pack(kept)};")
+        self.emit(f"{self._share(which, f'{place.code}[0]')} = {self.pack(addend)};")
         self.emit("}")
         return self.arithmetic(ast.Add(), sofar, share, node)
 
@@ -272,8 +272,8 @@ class LaneIsWorker(Lanes):
             self.emit("}")
             return
         most = self.temporary("f64", f"op::most({self.pack(value)})", False)
-        own = self.temporary("i32", f"keeps_books ? 0 : (member + 1) * {TOTALS}", False)
-        place = self.arithmetic(ast.Add(), k, own, node)
+        offset = self.temporary("i32", f"keeps_books ? 0 : (member + 1) * {TOTALS}", False)
+        place = self.arithmetic(ast.Add(), k, offset, node)
         self.hand_over((parts, place, value), most, node)
 
     def _largest(self, arguments: Sequence[Value], node: ast.Call) -> Scalar:
@@ -281,10 +281,10 @@ class LaneIsWorker(Lanes):
         parts, k = arguments
         if not isinstance(parts, Array):
             raise self.refuse(node, "an array and a number are wanted")
-        place, most, other = self._number(k, node), self.name("most"), self.name("c")
+        place, most, counter = self._number(k, node), self.name("most"), self.name("c")
         self.emit(f"double {most} = {parts.name}[{place.code}];")
-        self.emit(f"for (int {other} = 1; {other} < members; ++{other}) {{")
-        self.emit(f"const double further = {parts.name}[{place.code} + {other} * {TOTALS}];")
+        self.emit(f"for (int {counter} = 1; {counter} < members; ++{counter}) {{")
+        self.emit(f"const double further = {parts.name}[{place.code} + {counter} * {TOTALS}];")
         self.emit(f"if (!({most} > further) && further == further) {most} = further;")
         self.emit("}")
         return Scalar("f64", most)

@@ -84,13 +84,13 @@ def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
     They do not if the first half writes nothing but its own variables, reads none that the second half
     assigns, and no array that it writes to.
     """
-    found = _first_pass(loop)
-    if found is None or _depend(loop, found):
+    first_pass = _first_pass(loop)
+    if first_pass is None or _depend(loop, first_pass):
         return None
-    kept, again = _handed_over(loop, found)
-    if any(found.kinds[name] in ("auto", "auto&") for name in kept):
+    stored, repeated = _handed_over(loop, first_pass)
+    if any(first_pass.kinds[name] in ("auto", "auto&") for name in stored):
         return None
-    kinds = {**{name: found.kinds[name] for name in kept}, loop.counter: loop.kinds[loop.counter]}
+    kinds = {**{name: first_pass.kinds[name] for name in stored}, loop.counter: loop.kinds[loop.counter]}
     declared = [f"{kind} kept_{name}[{BLOCK}];" for name, kind in kinds.items()]
     counter = loop.counter
     lines = ["while (true) {", "int turns = 0;", f"while (turns < {BLOCK}) {{", *loop.head, *loop.first]
@@ -101,13 +101,13 @@ def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
         f"{'' if name in loop.kinds else f'const {kind} '}{name} = kept_{name}[turn];"
         for name, kind in kinds.items()
     ]
-    lines += [*again, *loop.second, "}", f"{counter} = further;", f"if (turns < {BLOCK}) break;", "}"]
+    lines += [*repeated, *loop.second, "}", f"{counter} = further;", f"if (turns < {BLOCK}) break;", "}"]
     return declared, lines
 
 
 def _first_pass(loop: Loop) -> _FirstPass | None:
     """What the head and the first half define; None if they do anything else."""
-    found, depth = _FirstPass(), 0
+    result, depth = _FirstPass(), 0
     for line in (*loop.head, *loop.first):
         if line.endswith(" break;"):
             continue
@@ -117,7 +117,7 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
             kind, name, value = loop.kinds[match[1]], match[1], match[2]
         elif match := _LOCAL.fullmatch(line):
             kind, name, value = match[1], match[2], ""
-        elif (match := _FILL.fullmatch(line)) and match[1] in found.kinds:
+        elif (match := _FILL.fullmatch(line)) and match[1] in result.kinds:
             continue
         elif _BRACES.fullmatch(line):
             depth += line.count("{") - line.count("}")
@@ -126,16 +126,18 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
             return None
         if name == loop.counter:
             return None
-        found.given[name] = found.given.get(name, 0) + 1
+        result.given[name] = result.given.get(name, 0) + 1
         if depth == 0 or name in loop.kinds:  # others are not known outside their braces
-            found.kinds[name] = kind
+            result.kinds[name] = kind
         if depth == 0 and value:
-            found.once[name] = (line, value)
-    found.once = {name: held for name, held in found.once.items() if found.given[name] == 1}
-    return found
+            result.once[name] = (line, value)
+    result.once = {
+        name: line_and_value for name, line_and_value in result.once.items() if result.given[name] == 1
+    }
+    return result
 
 
-def _depend(loop: Loop, found: _FirstPass) -> bool:
+def _depend(loop: Loop, first_pass: _FirstPass) -> bool:
     """Whether the first half reads what the second half of a turn before has written."""
     written = {name for name in map(_written, loop.second) if name} - {loop.counter}
     return bool(written & _read_before_assignment((*loop.head, *loop.first)))
@@ -152,53 +154,53 @@ def _written(line: str) -> str:
 def _read_before_assignment(lines: Sequence[str]) -> set[str]:
     """Names that lines read and have not given a value before in every lane."""
     read: set[str] = set()
-    given: set[str] = set()
+    assigned: set[str] = set()
     depth = 0
     for line in lines:
         match = _CONSTANT.fullmatch(line) or _PLAIN.fullmatch(line)
         value = match[match.lastindex or 0] if match else line
-        read |= set(_NAME.findall(value)) - given
+        read |= set(_NAME.findall(value)) - assigned
         if match and depth == 0:
-            given.add(match[match.lastindex - 1])  # type: ignore[operator]
+            assigned.add(match[match.lastindex - 1])  # type: ignore[operator]
         depth += line.count("{") - line.count("}")
     return read
 
 
-def _handed_over(loop: Loop, found: _FirstPass) -> tuple[list[str], list[str]]:
+def _handed_over(loop: Loop, first_pass: _FirstPass) -> tuple[list[str], list[str]]:
     """Names to be kept for the second half, in the order in which it reads them, and lines read again."""
-    kept: list[str] = []
-    again: list[str] = []
-    seen: set[str] = {loop.counter}
+    stored: list[str] = []
+    repeated: list[str] = []
+    visited: set[str] = {loop.counter}
 
     def need(name: str) -> None:
-        if name in seen or name not in found.kinds:
+        if name in visited or name not in first_pass.kinds:
             return
-        seen.add(name)
-        if name in found.once and _from_memory(name, loop, found):
-            line, value = found.once[name]
-            for other in _NAME.findall(value):
-                need(other)
-            again.append(line)
+        visited.add(name)
+        if name in first_pass.once and _from_memory(name, loop, first_pass):
+            line, value = first_pass.once[name]
+            for operand in _NAME.findall(value):
+                need(operand)
+            repeated.append(line)
         else:
-            kept.append(name)
+            stored.append(name)
 
-    wanted = _read_before_assignment(loop.second)
-    for name in (name for line in loop.second for name in _NAME.findall(line) if name in wanted):
+    read = _read_before_assignment(loop.second)
+    for name in (name for line in loop.second for name in _NAME.findall(line) if name in read):
         need(name)
     place = {line: k for k, line in enumerate((*loop.head, *loop.first))}
-    return kept, sorted(again, key=place.__getitem__)
+    return stored, sorted(repeated, key=place.__getitem__)
 
 
-def _from_memory(name: str, loop: Loop, found: _FirstPass) -> bool:
+def _from_memory(name: str, loop: Loop, first_pass: _FirstPass) -> bool:
     """Whether a value is a number from memory, at a place that is known without the first half."""
-    if name == loop.counter or name not in found.kinds:
+    if name == loop.counter or name not in first_pass.kinds:
         return True
-    if name not in found.once:
+    if name not in first_pass.once:
         return False
-    value = found.once[name][1]
-    if _FUNCTION.search(value) or (found.kinds[name] in _PACKS and not _READ.fullmatch(value)):
+    value = first_pass.once[name][1]
+    if _FUNCTION.search(value) or (first_pass.kinds[name] in _PACKS and not _READ.fullmatch(value)):
         return False
-    return all(_from_memory(other, loop, found) for other in _NAME.findall(value))
+    return all(_from_memory(operand, loop, first_pass) for operand in _NAME.findall(value))
 
 
 ZERO = literal(0, "i32")
@@ -255,11 +257,11 @@ class Memory(Expressions):
             return owner.items[place.const]
         if isinstance(owner, PythonObject) and isinstance(owner.thing, Array):
             (place,) = places
-            given, ndim = owner.thing.given, owner.thing.ndim
-            known = place.const if isinstance(place, Scalar) else None
-            if known is None or owner.thing.scratch or not 0 <= known < ndim - given:
+            offset, ndim = owner.thing.given, owner.thing.ndim
+            axis = place.const if isinstance(place, Scalar) else None
+            if axis is None or owner.thing.scratch or not 0 <= axis < ndim - offset:
                 raise self.refuse(node, "the shape of a constant array by a known number is wanted")
-            return Scalar("i32", f"{owner.thing.name}_n{given + known}")
+            return Scalar("i32", f"{owner.thing.name}_n{offset + axis}")
         if not isinstance(owner, Array):
             raise self.refuse(node, "only arrays and vectors have parts")
         array = self.part(owner, places, node)
@@ -398,8 +400,8 @@ class Memory(Expressions):
         if offset.lane and size == 1 and not array.lanes_inside:
             return self.temporary(kind, f"*({PACK[kind]}u*)({array.name} + {offset.code}[0])", True)
         if array.spare and size == 1 and not array.lanes_inside:
-            wanted = "everywhere" if self.mask is None else self.mask
-            return self.temporary(kind, f"op::gather({array.name}, {self._harmless(offset)}, {wanted})", True)
+            mask = "everywhere" if self.mask is None else self.mask
+            return self.temporary(kind, f"op::gather({array.name}, {self._harmless(offset)}, {mask})", True)
         name = self.name("g")
         self.emit(f"{PACK[kind]} {name};")
         self.emit(f"for (int l = 0; l < W; ++l) {name}[l] = {self._element(array, size, component)};")
@@ -470,12 +472,12 @@ class Memory(Expressions):
             if self.mask is None:
                 self.emit(f"{place} = {new};")
             else:
-                held = self.temporary(kind, new, True).code
-                self.emit(f"if (op::all({self.mask})) {place} = {held};")
-                one = f"{array.name}[(long long){offset.code}[0] + l] = {held}[l]"
+                pack = self.temporary(kind, new, True).code
+                self.emit(f"if (op::all({self.mask})) {place} = {pack};")
+                one = f"{array.name}[(long long){offset.code}[0] + l] = {pack}[l]"
                 self.emit(f"else for (int l = 0; l < W; ++l) if ({self.mask}[l]) {one};")
         else:
-            here = f"if ({self.mask}[l]) " if self.mask is not None else ""
+            condition = f"if ({self.mask}[l]) " if self.mask is not None else ""
             entry = f"{value.code}[l]" if value.varying else value.code
             target = self._element(array, 1, 0, write=True)
-            self.emit(f"for (int l = 0; l < W; ++l) {here}{target} = {entry};")
+            self.emit(f"for (int l = 0; l < W; ++l) {condition}{target} = {entry};")

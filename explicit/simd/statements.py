@@ -75,9 +75,9 @@ class Statements(Memory):
 
     def translate(self, function: Any, arguments: dict[str, Value]) -> str:
         """Translate a function of no result until the kinds of its variables change no more."""
-        known: tuple[int, ...] = ()
-        while known != self._known_so_far():
-            known = self._known_so_far()
+        sizes: tuple[int, ...] = ()
+        while sizes != self._known_so_far():
+            sizes = self._known_so_far()
             self.serial, self.instances, self.masks = 0, 0, 0
             self.lane_loops.clear()
             self.lines: list[str] = []
@@ -153,14 +153,16 @@ class Statements(Memory):
 
     def lookup(self, name: str) -> Value:
         """A variable of this function, or what its surroundings call so."""
-        found = self.scopes[-1].get(name)
-        if isinstance(found, Variable):
-            if found.birth != self.path[: len(found.birth)]:
-                self.outliving.add(found.key)  # lanes that went elsewhere since must keep theirs
-            items = tuple(Scalar(found.kind, c, found.varying, lane=found.lane) for c in found.names)
-            return Vector(items, found.bank) if found.vector else items[0]
-        if found is not None:
-            return found
+        variable = self.scopes[-1].get(name)
+        if isinstance(variable, Variable):
+            if variable.birth != self.path[: len(variable.birth)]:
+                self.outliving.add(variable.key)  # lanes that went elsewhere since must keep theirs
+            items = tuple(
+                Scalar(variable.kind, c, variable.varying, lane=variable.lane) for c in variable.names
+            )
+            return Vector(items, variable.bank) if variable.vector else items[0]
+        if variable is not None:
+            return variable
         return self.known(self.surroundings[-1][name])
 
     def assign_name(self, name: str, value: Value, node: ast.AST) -> None:
@@ -188,12 +190,12 @@ class Statements(Memory):
         if items[0].kind != variable.kind or len(items) != len(variable.names):
             raise self.refuse(node, f"{name} changes from {variable.kind} to {items[0].kind}")
         # Where fewer lanes are at work than when it got its first value, the others keep theirs.
-        elsewhere = variable.birth[: len(self.path)] != self.path
-        if any(item.varying for item in items) or (self.mask is not None and elsewhere):
+        outside = variable.birth[: len(self.path)] != self.path
+        if any(item.varying for item in items) or (self.mask is not None and outside):
             self.varying_names.add(key)
             variable.varying = True
         # Lanes that stay behind are out of step, but for those that leave a loop over lanes.
-        behind = self.mask is not None and elsewhere and self.lane_loops.get(self.mask) is not variable
+        behind = self.mask is not None and outside and self.lane_loops.get(self.mask) is not variable
         if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)
         if variable.bank and isinstance(value, Vector) and value.bank == variable.bank:
@@ -202,7 +204,7 @@ class Statements(Memory):
             if not variable.bank:
                 self.declared[target] = (PACK if variable.varying else SCALAR)[variable.kind]
             new = self.operand(item, variable.varying)
-            if self.mask is not None and elsewhere:
+            if self.mask is not None and outside:
                 self.emit(f"{target} = op::sel({self.mask}, {new}, {target});")
             else:
                 self.emit(f"{target} = {new};")
@@ -213,9 +215,9 @@ class Statements(Memory):
         constant = not array.lanes_inside and array.name not in self.written
         if array.ndim - array.given != 1 or not varying or not constant or array.header is not None:
             return array
-        wanted = self.row_headers.setdefault(f"{self.instance_names[-1]}_{name}", set())
-        header = _Header(wanted)
-        for k in sorted(wanted):
+        rows = self.row_headers.setdefault(f"{self.instance_names[-1]}_{name}", set())
+        header = _Header(rows)
+        for k in sorted(rows):
             header[k] = self.load(self.part(array, (literal(k, "i32"),), ast.Constant(k)))
         return replace(array, header=header)
 
@@ -230,7 +232,7 @@ class Statements(Memory):
             if not isinstance(value, tuple) or len(value) != len(target.elts):
                 raise self.refuse(node, "as many values as names are wanted")
             # Every right-hand side is a temporary or a name already, so the order does not matter.
-            for part, item in zip(target.elts, [self._held(v) for v in value], strict=True):
+            for part, item in zip(target.elts, [self._in_temporary(v) for v in value], strict=True):
                 self._assign(part, item, node)
         elif isinstance(target, ast.Name):
             self.assign_name(target.id, value, node)
@@ -243,11 +245,11 @@ class Statements(Memory):
         else:
             raise self.refuse(target, "cannot be assigned over lanes")
 
-    def _held(self, value: Value) -> Value:
+    def _in_temporary(self, value: Value) -> Value:
         if isinstance(value, Scalar) and value.const is None:
             return self.temporary(value.kind, value.code, value.varying, lane=value.lane)
         if isinstance(value, Vector) and not value.bank:
-            return Vector(tuple(self._held(item) for item in value.items))  # type: ignore[misc]
+            return Vector(tuple(self._in_temporary(item) for item in value.items))  # type: ignore[misc]
         return value
 
     def _do_augassign(self, node: ast.AugAssign) -> None:
@@ -263,9 +265,9 @@ class Statements(Memory):
 class _Header(dict[int, Value]):
     """Known entries of a row; asking for another notes it for the next round."""
 
-    def __init__(self, wanted: set[int]) -> None:
+    def __init__(self, rows: set[int]) -> None:
         super().__init__()
-        self.wanted = wanted
+        self.wanted = rows
 
     def __contains__(self, key: object) -> bool:
         if isinstance(key, int) and not dict.__contains__(self, key):
@@ -290,9 +292,9 @@ class Control(Statements):
                 self.block(node.orelse)
             self.emit("}")
         else:
-            taken = self._under(condition.code, node.body)  # the body may change what the condition reads
+            branch = self._under(condition.code, node.body)  # the body may change what the condition reads
             if node.orelse:
-                self._under(f"~{taken}", node.orelse)
+                self._under(f"~{branch}", node.orelse)
 
     def _under(self, condition: str, body: Sequence[ast.stmt]) -> str:
         """A body in the lanes where a condition holds, if there are any; returns their mask."""
@@ -375,9 +377,9 @@ class Control(Statements):
             counter=counter,
             kinds=self.declared,
         )
-        made = divided(loop)
-        if made is not None:
-            declared, self.lines[start:] = made
+        passes = divided(loop)
+        if passes is not None:
+            declared, self.lines[start:] = passes
             self.arrays.update((line, line) for line in declared)
 
     def _lane_counter(self, test: ast.expr) -> Variable | None:
@@ -396,7 +398,7 @@ class Control(Statements):
         if len(call.args) > 2 or call.keywords or node.orelse or not isinstance(node.target, ast.Name):
             raise self.refuse(node, "a range has one or two bounds, and its loop no else")
         # Held: the body may change what the bounds were made of.
-        bounds: list[Scalar] = [self._held(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
+        bounds: list[Scalar] = [self._in_temporary(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
         if any(bound.kind != "i32" for bound in bounds):
             raise self.refuse(call, "bounds are integers")
         first, last = bounds if len(bounds) == 2 else (literal(0, "i32"), bounds[0])

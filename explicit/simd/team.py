@@ -23,12 +23,12 @@ MOST_SEATS = 8
 """Most threads that share a simulation. There is room for the largest values of `lanes.WARPS`."""
 LINE = 32
 """Words from one to the next: two lines of a cache, for they are fetched in pairs."""
-MET, LATE, STATE, RANK, ALL, DONE, WORDS = (row * MOST_SEATS * LINE for row in range(7))
+MET, LATE, STATE, RANK, ALL, FINISHED, WORDS = (row * MOST_SEATS * LINE for row in range(7))
 """Places of words. By a thread's rank in the team: how often it has met the others, and whether it was late.
 By its seat: whether it is away (0), ready (1), chosen (2) or in the team (3), and its rank. Of all: how many
 they are, for one that comes the step, the steps until the bound is measured and the meetings so far, and
 whether one has to leave. Then whether the simulation is at its end."""
-SIZE, STEP, UNTIL, COUNT, LEFT = (ALL + k for k in range(5))
+SIZE, STEP, UNTIL, COUNT, LEAVING = (ALL + k for k in range(5))
 PATIENCE, READY = 1000, 5000
 """Looks at another thread's word before it is late, and of a thread that waits for a call before it gives its
 core away: 10 to 40 ns each."""
@@ -86,7 +86,7 @@ TEAM_CODE = f"""
             return __atomic_compare_exchange_n(word, &from, to, false, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE);
         }}
         static inline void away(const int* words, int time, naps nap) {{
-            for (; time > 0 && !get(words + {DONE}); time -= {PIECE}) nap({-(-PIECE // UNIT)});
+            for (; time > 0 && !get(words + {FINISHED}); time -= {PIECE}) nap({-(-PIECE // UNIT)});
         }}
         static inline void look() {{
 #if defined(__x86_64__)
@@ -115,7 +115,7 @@ TEAM_CODE = f"""
             int* const own = words + {LATE} + (members - 1) * {LINE};
             if (members > 1 && get(own)) set(own - {LINE}, 1);
             set(own, 0);
-            words[{LEFT}] = 0;
+            words[{LEAVING}] = 0;
             for (int seat = 1; seat < seats; ++seat) {{
                 int* const state = words + {STATE} + seat * {LINE};
                 int* const rank = words + {RANK} + seat * {LINE};
@@ -124,7 +124,7 @@ TEAM_CODE = f"""
                     set(words + {LATE} + *rank * {LINE}, 0);
                     *rank = -1;
                     set(state, 0);
-                    words[{LEFT}] = 1;
+                    words[{LEAVING}] = 1;
                 }} else if (now == 3 || (now == 1 && change(state, 1, 2))) {{
                     *rank = size++;
                 }}
@@ -144,11 +144,11 @@ TEAM_CODE = f"""
         // Wait to be called; false where the simulation is at its end.
         static inline bool called(int* words, int seat, int time, int looks, naps nap) {{
             int* const state = words + {STATE} + seat * {LINE};
-            while (!get(words + {DONE})) {{
+            while (!get(words + {FINISHED})) {{
                 set(state, 1);
-                for (int k = 0; k < looks && get(state) != 3 && !get(words + {DONE}); ++k) look();
+                for (int k = 0; k < looks && get(state) != 3 && !get(words + {FINISHED}); ++k) look();
                 if (!change(state, 1, 0)) {{
-                    while (get(state) != 3 && !get(words + {DONE})) look();
+                    while (get(state) != 3 && !get(words + {FINISHED})) look();
                     return get(state) == 3;
                 }}
                 away(words, time, nap);
@@ -181,7 +181,7 @@ INHERIT = """
 """.strip()
 REGROUP = f"""
     if (keeps_books && seats > 1) {{
-        if (words[{LEFT}]) {{
+        if (words[{LEAVING}]) {{
             {INHERIT}
         }}
         team_op::call(words, seats, STEP, UNTIL, meetings);
@@ -208,7 +208,7 @@ REGROUP = f"""
 DISBAND = f"""
     if (!keeps_books) return;
     {INHERIT}
-    if (seats > 1) team_op::set(words + {DONE}, 1);
+    if (seats > 1) team_op::set(words + {FINISHED}, 1);
     members = 1;
     member = 0;
 """
@@ -240,7 +240,7 @@ class Seats:
 
     def close(self) -> None:
         """Send away who waits for a call."""
-        self.words.numpy()[DONE] = 1
+        self.words.numpy()[FINISHED] = 1
 
 
 @cache
@@ -307,7 +307,7 @@ class SharedRun:
         return self.count
 
     def _join(self, seat: int) -> None:
-        begun = self._begun.result()
-        if begun is not None:
-            launch, seats = begun
+        admission = self._begun.result()
+        if admission is not None:
+            launch, seats = admission
             launch(seats.team(seat))

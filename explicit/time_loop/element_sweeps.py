@@ -87,7 +87,7 @@ def sweep_functions(
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     add_share, sum_first = lanes.add_share, lanes.sum_first
     first_element, end_element = lanes.first_element, lanes.end_element
-    lost, restrained = int(Share.POWER), int(Share.ARTIFICIAL)
+    viscous_power, restrained = int(Share.POWER), int(Share.ARTIFICIAL)
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, corner_stride, place_of = element.read_shape, layout.corner_stride, layout.element
@@ -124,7 +124,7 @@ def sweep_functions(
                 fields.corner_r[a * stride + at] = f_r[a]
                 fields.corner_y[a * stride + at] = f_y[a]
             worst = wp.max(worst, omega_squared)
-            power = add_share(power, lost, wp.float64(dissipated), e)
+            power = add_share(power, viscous_power, wp.float64(dissipated), e)
             artificial = add_share(artificial, restrained, wp.float64(controlled), e)
             e += n_workers()
         return wp.float64(worst), power, artificial
@@ -202,7 +202,7 @@ def relaxation_functions(
     read_shape, corner_stride, place_of = element.read_shape, layout.corner_stride, layout.element
     stress_point, sweep_energies = element.stress_point, sweeps.energies
     point = kind.point(law, precision, bound)
-    relax, held = point.relax, point.held
+    relax, branch_energy = point.relax, point.branch_energy
     n_points, per_point = int(element.n_points), int(point.memory)
     worth, index_of_rest = int(n_points * per_point), int(kind.index_of_rest)
     zero = real(0.0)
@@ -221,10 +221,10 @@ def relaxation_functions(
         measure: int,
     ):
         # The step that led here, and the time between the velocities before and after.
-        moved, interval = real(0.0), real(0.0)
+        previous_step, interval = real(0.0), real(0.0)
         if step >= 0:
             plan = Control.PLANS + Plan.SIZE * (step % 2)
-            moved = real(control[plan + Plan.STEP_BEFORE])
+            previous_step = real(control[plan + Plan.STEP_BEFORE])
             interval = real(control[plan + Plan.INTERVAL])
         most = real(0.0)
         n_elements, stride = body.n_elements, corner_stride(body.n_elements)
@@ -239,20 +239,20 @@ def relaxation_functions(
                 values(fields.v_r, q),
                 values(fields.v_y, q),
             )
-            done, stiffer, at = real(0.0), real(0.0), place_of(e)
+            work, stiffer, at = real(0.0), real(0.0), place_of(e)
             for g in range(n_points):
                 weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
                 f_r, f_y, more, omega_squared = relax(
                     weight, gradient_r, gradient_y, hoop, shape.inverse_mass_r, shape.inverse_mass_y,
                     solid.scale, row, branches, memory, g * per_point, n_elements, e,
-                    ur, uy, vr, vy, moved, interval, measure,
+                    ur, uy, vr, vy, previous_step, interval, measure,
                 )  # fmt: skip
                 for a in range(4):
                     fields.corner_r[a * stride + at] = fields.corner_r[a * stride + at] + f_r[a]
                     fields.corner_y[a * stride + at] = fields.corner_y[a * stride + at] + f_y[a]
-                done += more
+                work += more
                 stiffer += omega_squared
-            memory[worth * n_elements + e] = memory[worth * n_elements + e] + done
+            memory[worth * n_elements + e] = memory[worth * n_elements + e] + work
             most = wp.max(most, stiffer)
             e += n_workers()
         return wp.float64(most)
@@ -268,10 +268,10 @@ def relaxation_functions(
         fields: Fields,
         lane: int,
     ):
-        rest = branches[index_of_rest]
-        lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
+        long_term = branches[index_of_rest]
+        lasting = Solid(solid.scale * long_term, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
-        taken = empty_sum()
+        branch_sum = empty_sum()
         n_elements = body.n_elements
         e = sum_first(lane)
         while e < body.n_elements:
@@ -281,13 +281,13 @@ def relaxation_functions(
             stored = real(0.0)
             for g in range(n_points):
                 weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
-                stored += held(
+                stored += branch_energy(
                     weight, gradient_r, gradient_y, hoop,
                     solid.scale, row, branches, memory, g * per_point, n_elements, e, ur, uy,
                 )  # fmt: skip
-            taken = add_to(taken, wp.float64(stored + memory[worth * n_elements + e]), e)
+            branch_sum = add_to(branch_sum, wp.float64(stored + memory[worth * n_elements + e]), e)
             e += n_workers()
-        return elastic, hourglass, past, most, taken
+        return elastic, hourglass, past, most, branch_sum
 
     return RelaxationFunctions(sweep, energies, n_points * per_point + 1)
 
@@ -422,7 +422,7 @@ def failure_functions(
         lane: int,
         status: int,
     ):
-        best, found = wp.float64(least), int(-1)
+        best, place = wp.float64(least), int(-1)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
@@ -442,14 +442,14 @@ def failure_functions(
                 score = s
             elif status == diverged:
                 score = wp.dot(vr, vr) + wp.dot(vy, vy)
-            known = wp.float64(score)
-            if not wp.isfinite(known):
-                known = wp.float64(most)
-            if known > best:
-                best = known
-                found = e
+            finite = wp.float64(score)
+            if not wp.isfinite(finite):
+                finite = wp.float64(most)
+            if finite > best:
+                best = finite
+                place = e
             e += wp.block_dim()
-        return best, found
+        return best, place
 
     @wp.func
     def failed_element(

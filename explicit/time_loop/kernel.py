@@ -89,7 +89,7 @@ def time_loop_kernel(
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
     planning = next_step_functions(precision, structs, platens, record, lanes, relaxation is not None)
-    again = planning.again if spread else planning.as_read
+    refresh = planning.reload_step if spread else planning.keep_step
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
@@ -97,14 +97,15 @@ def time_loop_kernel(
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
-    enter, leave, tell, listen, inform = lanes.enter, lanes.leave, lanes.tell, lanes.listen, lanes.inform
+    enter, leave, announce = lanes.enter, lanes.leave, lanes.announce
+    listen, inform = lanes.listen, lanes.inform
     put_total, put_largest = lanes.put_total, lanes.put_largest
     put_share, joined = lanes.put_share, lanes.joined
     settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
     plans, relaxes = int(Control.PLANS), int(relaxation is not None)
-    lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
+    viscous_power, restraint_power = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
-    HALF, NOTHING = wp.float64(0.5), wp.float64(0.0)
+    HALF, ZERO = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
@@ -139,8 +140,8 @@ def time_loop_kernel(
                 until_measured = batch.measure_every
             until_measured -= 1
             worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
-            put_share(power, lost)
-            put_share(artificial, held_back)
+            put_share(power, viscous_power)
+            put_share(artificial, restraint_power)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if is_worker(lane) == 1:
@@ -163,15 +164,15 @@ def time_loop_kernel(
                     end_of_step(
                         body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                     )
-                tell(control, step)
+                announce(control, step)
             planned = read_step(control, step)
             sync()
             listen(control, step)
-            now = again(planned, control, step)
-            going = int(control[Control.GOING] > NOTHING)
+            now = refresh(planned, control, step)
+            going = int(control[Control.GOING] > ZERO)
             if going == 1 and step >= 0:
-                power = joined(power, lost, body.n_elements)
-                artificial = joined(artificial, held_back, body.n_elements)
+                power = joined(power, viscous_power, body.n_elements)
+                artificial = joined(artificial, restraint_power, body.n_elements)
                 kinetic = empty_sum()
                 if now.ledger == 1:
                     elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()

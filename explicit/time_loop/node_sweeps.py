@@ -71,16 +71,16 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
             k = int(position)
             share = position - wp.float64(k)
             early = state.bar_wave[sample, k % twice]
-            later = state.bar_wave[sample, (k + 1) % twice]
-            wave = early + share * (later - early)
+            following = state.bar_wave[sample, (k + 1) % twice]
+            wave = early + share * (following - early)
         return wave
 
     @wp.func
     def of_either(touch: Touch, kind: int):
-        new, held, slip = face_contact(touch)
+        new, status, slip = face_contact(touch)
         if kind == on_side:
-            new, held, slip = side_contact(touch)
-        return new, held, slip
+            new, status, slip = side_contact(touch)
+        return new, status, slip
 
     @wp.func
     def of_both(touch: Touch, kind: int):
@@ -106,10 +106,10 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
     ):
         """Admissible velocity of a boundary node, the platen it met (or 0) and its new touch mark."""
         new, platen, mark = vec2(free), int(0), int(touched)
-        before, held, slip = int(touched), int(touched > 0), real(0.0)
+        before, status, slip = int(touched), int(touched > 0), real(0.0)
         if touched > upper:
             before = touched - upper
-            held = released
+            status = released
         target, normal = real(to_lower), real(1.0)
         if before == upper or (before == 0 and free[1] > to_upper):
             platen = upper
@@ -125,13 +125,13 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
                 slip = state.slip[sample, node]
             release, stiffness = batch.release_stress[sample], batch.contact_stiffness[sample]
             touch = Touch(
-                free[0], free[1], target, normal, held, slip,
+                free[0], free[1], target, normal, status, slip,
                 friction, release, stiffness, body.surface_mass[node], interval, step,
             )  # fmt: skip
-            new, held, slip = contact_of(touch, kind)
+            new, status, slip = contact_of(touch, kind)
         if kind == on_side and (free[1] < to_lower or free[1] > to_upper):
             mark = platen
-        if held == released:
+        if status == released:
             mark = before + upper
         if remembers == 1:
             state.slip[sample, node] = slip

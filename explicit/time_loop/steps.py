@@ -184,10 +184,10 @@ class NextStepFunctions:
     a new size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
-    again: Any
-    """``again(planned, control, step) -> Step``: the same once more, where the record has come since."""
-    as_read: Any
-    """``as_read(planned, control, step) -> Step``: what was read before."""
+    reload_step: Any
+    """``reload_step(planned, control, step) -> Step``: read again, where the record has come since."""
+    keep_step: Any
+    """``keep_step(planned, control, step) -> Step``: what was read before."""
 
 
 @cache
@@ -218,8 +218,8 @@ def next_step_functions(
             control[k] = ZERO
         control[Control.TIME] = batch.start
         control[Control.GOING] = ONE
-        rest = platen_position(batch, batch.motion[sample], batch.start)
-        control[Control.PLANS + Plan.SIZE + Plan.FLYER_NEXT] = rest
+        platen = platen_position(batch, batch.motion[sample], batch.start)
+        control[Control.PLANS + Plan.SIZE + Plan.FLYER_NEXT] = platen
         control[Control.FORCE_DUE] = output.force_times[0]
         control[Control.SURFACE_DUE] = output.surface_times[0]
         control[Control.PLANNED_DUE] = output.surface_times[0]
@@ -337,14 +337,14 @@ def next_step_functions(
         )
 
     @wp.func
-    def again(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+    def reload_step(planned: Step, control: wp.array(dtype=wp.float64), step: int):
         return read(control, step)
 
     @wp.func
-    def as_read(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+    def keep_step(planned: Step, control: wp.array(dtype=wp.float64), step: int):
         return planned
 
-    return NextStepFunctions(start, first_step, check, next_step, read, again, as_read)
+    return NextStepFunctions(start, first_step, check, next_step, read, reload_step, keep_step)
 
 
 @cache
@@ -434,7 +434,10 @@ def end_of_step_function(
                 record_positions(body, output, sample, lane, row, back, fields)
                 if is_due(row, n_surface, batch.ledger_every):
                     external, moving = get_total(partials, Total.WORK), get_total(partials, Total.KINETIC)
-                    stored, held = get_total(partials, Total.ELASTIC), get_total(partials, Total.HOURGLASS)
+                    stored, hourglass = (
+                        get_total(partials, Total.ELASTIC),
+                        get_total(partials, Total.HOURGLASS),
+                    )
                     damping = get_total(partials, Total.DAMPING)
                     rubbing = get_total(partials, Total.FRICTION)
                     landing = get_total(partials, Total.LANDING)
@@ -443,7 +446,8 @@ def end_of_step_function(
                     if is_writer(lane) == 1:
                         record_ledger(
                             output, sample, row,
-                            external, moving, stored, held, damping, rubbing, landing, restraint, branches,
+                            external, moving, stored, hourglass, damping, rubbing, landing,
+                            restraint, branches,
                         )  # fmt: skip
                 row += 1
                 due = wp.float64(NEVER)

@@ -141,7 +141,7 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
             nonlocal last
             if time.monotonic() - last >= _EVERY:
                 last = time.monotonic()
-                print(f"{pace.done} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
+                print(f"{pace.finished} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
 
         yield print_pace
         return
@@ -151,7 +151,7 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("sweep", total=None, pace="")
-        yield lambda pace: progress.update(task, completed=pace.done, total=pace.total, pace=_pace(pace))
+        yield lambda pace: progress.update(task, completed=pace.finished, total=pace.total, pace=_pace(pace))
 
 
 def _pace(pace: "Pace") -> str:

@@ -33,7 +33,7 @@ from kolsky.inverse.forward import Forward, curve_replicates, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
 from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
-from kolsky.inverse.settings import Settings as Settings
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot

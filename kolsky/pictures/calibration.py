@@ -93,7 +93,7 @@ def calibration_in_background(
 
     Yields: gives what `calibration_of` gives, and raises what that raises.
     """
-    from dic.calibration.views import detection_begun
+    from dic.calibration.views import detect_in_background
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -111,7 +111,7 @@ def calibration_in_background(
             f"{_pictures_without_partner(numbers)}",
             cure="export the pairs with one number each",
         )
-    with detection_begun(series, targets) as joined:
+    with detect_in_background(series, targets) as joined:
 
         def solved(progress: Progress) -> "Calibration":
             views = joined(lambda done, total: progress("calibration", done, total))

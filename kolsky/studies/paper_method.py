@@ -304,7 +304,7 @@ class _Search:
             held=self.held,
             numerics=numerics,
             ledger=self.ledger,
-            progress=lambda pace: self.progress(stage, pace.done, pace.total),
+            progress=lambda pace: self.progress(stage, pace.finished, pace.total),
         )
         return surface_of(runs)
 

@@ -235,7 +235,7 @@ def _in_box(runner: Runner, answer: LinearisedOptimum, box: Box) -> ParameterPro
                 level=profile.level,
                 correlation=float(share),
                 interval=_ends(profile.interval),
-                alone=_ends(profile.alone),
+                alone=_ends(profile.conditional),
                 verdict=verdict.kind.value,
                 text=verdict.text,
                 error=float(error),

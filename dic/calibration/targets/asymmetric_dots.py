@@ -59,15 +59,15 @@ class AsymmetricDots:
         """
         dots = find_dots(picture, dark=self.dark)
         n = self.columns * self.rows
-        found, order = False, None
+        complete, order = False, None
         if len(dots.radius) >= n:
-            found, order = cv2.findCirclesGrid(
+            complete, order = cv2.findCirclesGrid(
                 eight_bits(picture),
                 (self.columns, self.rows),
                 flags=cv2.CALIB_CB_ASYMMETRIC_GRID | cv2.CALIB_CB_CLUSTERING,
                 blobDetector=_blob_detector(dots, self.dark),
             )
-        if not found or order is None:
+        if not complete or order is None:
             raise TargetNotFound(
                 f"{len(dots.radius)} dots are no asymmetric grid of {self.columns} x {self.rows}; is it "
                 "wholly in view, with a margin around it?"

@@ -112,28 +112,30 @@ def grow(
     used = set(seeds)
     rim, local = list(places), np.tile(np.asarray(steps, dtype=np.float64), (len(places), 1, 1))
     while rim:
-        here = points[[places[place] for place in rim]]
+        rim_points = points[[places[place] for place in rim]]
         near = NEAR * np.sqrt(np.min(np.sum(local * local, axis=2), axis=1))
-        distances, numbers = tree.query(here[:, None] + np.stack([local, -local], axis=2).reshape(-1, 4, 2))
-        fits, found = (distances <= near[:, None]).tolist(), numbers.tolist()
+        distances, numbers = tree.query(
+            rim_points[:, None] + np.stack([local, -local], axis=2).reshape(-1, 4, 2)
+        )
+        fits, candidates = (distances <= near[:, None]).tolist(), numbers.tolist()
         reached: list[tuple[int, int]] = []
         origins: list[tuple[int, int]] = []
         for k, (column, row) in enumerate(rim):
             for side, (right, down) in enumerate(SIDES):
-                beside = (column + right, row + down)
-                if beside in places or not fits[k][side] or found[k][side] in used:
+                neighbour = (column + right, row + down)
+                if neighbour in places or not fits[k][side] or candidates[k][side] in used:
                     continue
-                places[beside] = found[k][side]
-                used.add(found[k][side])
-                reached.append(beside)
+                places[neighbour] = candidates[k][side]
+                used.add(candidates[k][side])
+                reached.append(neighbour)
                 origins.append((k, side))
         if not reached:
             break
         k, side = np.array(origins).T
         local, axis, sign = local[k], side // 2, 1.0 - 2.0 * (side % 2)
-        step = sign[:, None] * (points[[places[place] for place in reached]] - here[k])
-        own = np.arange(len(k))
-        local[own, axis] = 0.5 * (local[own, axis] + step)
+        step = sign[:, None] * (points[[places[place] for place in reached]] - rim_points[k])
+        indices = np.arange(len(k))
+        local[indices, axis] = 0.5 * (local[indices, axis] + step)
         rim = reached
     return places
 
@@ -152,6 +154,6 @@ def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> 
     H, _ = cv2.findHomography(points, index, cv2.LMEDS)
     if H is None:
         return np.ones(len(points), dtype=bool)
-    there = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ H.T
-    off = np.hypot(*(there[:, :2] / there[:, 2:] - index).T)
+    projected = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ H.T
+    off = np.hypot(*(projected[:, :2] / projected[:, 2:] - index).T)
     return np.asarray(~(off <= limit))

@@ -37,9 +37,9 @@ class Charuco:
         positive(pitch=self.pitch, marker=self.marker)
         if not self.marker < self.pitch:
             raise ValueError(f"marker must be below the square's side {self.pitch} m, got {self.marker} m")
-        known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
-        if self.dictionary not in known:
-            raise ValueError(f"dictionary must be one of {', '.join(known)}, got {self.dictionary!r}")
+        dictionaries = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+        if self.dictionary not in dictionaries:
+            raise ValueError(f"dictionary must be one of {', '.join(dictionaries)}, got {self.dictionary!r}")
         markers = self._dictionary().bytesList.shape[0]
         if self.columns * self.rows // 2 > markers:
             raise ValueError(
@@ -89,6 +89,6 @@ class Charuco:
     def _step(self, pixels: NDArray[np.float64], ids: NDArray[Any]) -> float:
         """Median distance between neighbours in a row [px]."""
         order = np.argsort(ids)
-        beside = np.diff(ids[order]) == 1
+        adjacent = np.diff(ids[order]) == 1
         lengths = np.hypot(*np.diff(pixels[order], axis=0).T)
-        return float(np.median(lengths[beside])) if beside.any() else float(np.median(lengths))
+        return float(np.median(lengths[adjacent])) if adjacent.any() else float(np.median(lengths))

@@ -63,12 +63,12 @@ class Chessboard:
         )
         size, corners = (self.columns, self.rows), None
         for flags in (cv2.CALIB_CB_ACCURACY, cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE):
-            found, corners = cv2.findChessboardCornersSB(
+            complete, corners = cv2.findChessboardCornersSB(
                 small, size, flags=flags | cv2.CALIB_CB_NORMALIZE_IMAGE
             )
-            if found:
+            if complete:
                 break
-        if not found or corners is None or len(corners) != self.columns * self.rows:
+        if not complete or corners is None or len(corners) != self.columns * self.rows:
             raise TargetNotFound(
                 f"no chessboard of {self.columns} x {self.rows} inner corners" + self._other_count(small)
             )

@@ -108,16 +108,16 @@ class DottedCylinder:
         index = np.array([(*place, 1.0) for place in seeds.values()])
         steps = np.linalg.solve(index, dots.centre[list(seeds)])[:2]
         places = grow(dots.centre, seeds, steps)
-        kept = {
+        lattice = {
             place: number
             for place, number in places.items()
             if 0 <= place[0] < self.columns and 0 <= place[1] < self.rows
         }
-        kept = _facing(kept, dots.centre)
-        if len(kept) < 12:
-            raise TargetNotFound(f"{len(kept)} dots form a lattice with the anchors, 12 are needed")
-        ids = np.array([row * self.columns + column for column, row in kept])
-        numbers = np.array(list(kept.values()))[np.argsort(ids)]
+        lattice = _facing(lattice, dots.centre)
+        if len(lattice) < 12:
+            raise TargetNotFound(f"{len(lattice)} dots form a lattice with the anchors, 12 are needed")
+        ids = np.array([row * self.columns + column for column, row in lattice])
+        numbers = np.array(list(lattice.values()))[np.argsort(ids)]
         return Detection(np.sort(ids).astype(np.int64), dots.centre[numbers], dots.sigma[numbers])
 
 
@@ -125,8 +125,8 @@ def _facing(places: dict[tuple[int, int], int], centre: FloatArray) -> dict[tupl
     """Dots whose distance to both neighbours in their ring is not much below the largest of all rings."""
     widths = {}
     for (column, row), number in places.items():
-        beside = [places.get((column + sign, row)) for sign in (-1, 1)]
-        steps = [float(np.hypot(*(centre[k] - centre[number]))) for k in beside if k is not None]
+        neighbours = [places.get((column + sign, row)) for sign in (-1, 1)]
+        steps = [float(np.hypot(*(centre[k] - centre[number]))) for k in neighbours if k is not None]
         if steps:
             widths[column, row] = float(np.mean(steps))
     if not widths:

@@ -420,7 +420,7 @@ def _search(
     def share(worker: int) -> None:
         for first in range(worker * SHARE, n, workers * SHARE):
             # slots 1: the worker's own profile by the first index of its own view
-            inputs = [_own(job, worker, longest), 1, first, min(SHARE, n - first), 1]
+            inputs = [_part_of(job, worker, longest), 1, first, min(SHARE, n - first), 1]
             wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
 
     if workers == 1:
@@ -431,10 +431,10 @@ def _search(
     return np.asarray(job.found.numpy().reshape(n, OUTPUTS))
 
 
-def _own(job: Any, worker: int, longest: int) -> Any:
+def _part_of(job: Any, worker: int, longest: int) -> Any:
     """The job with the profile of one worker."""
-    other = CurveJob()
+    copy = CurveJob()
     for name in CurveJob.vars:
-        setattr(other, name, getattr(job, name))
-    other.profile = job.profile[worker * longest : (worker + 1) * longest]
-    return other
+        setattr(copy, name, getattr(job, name))
+    copy.profile = job.profile[worker * longest : (worker + 1) * longest]
+    return copy

@@ -276,9 +276,9 @@ def response(prefilter: float) -> FloatArray:
     impulse[LONGEST] = 1.0
     if prefilter:
         impulse = ndimage.gaussian_filter1d(impulse, prefilter, mode="mirror", truncate=REACH)
-    found = ndimage.spline_filter1d(impulse, order=5, mode="mirror")[LONGEST:]
-    last = int(np.flatnonzero(np.abs(found) > LEAST * np.abs(found).max())[-1])
-    side = found[: last + 1]
+    coefficients = ndimage.spline_filter1d(impulse, order=5, mode="mirror")[LONGEST:]
+    last = int(np.flatnonzero(np.abs(coefficients) > LEAST * np.abs(coefficients).max())[-1])
+    side = coefficients[: last + 1]
     return np.asarray(side / (2.0 * side.sum() - side[0]))
 
 
@@ -292,11 +292,11 @@ def on_host(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
     side = response(prefilter)
     taps = np.concatenate([side[:0:-1], side]).astype(np.float32)
     level = np.float32(grey.mean(dtype=np.float64))  # the rounding is that of the contrast, not of the light
-    found = cv2.sepFilter2D(
+    filtered = cv2.sepFilter2D(
         np.ascontiguousarray(grey - level), cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101
     )
     right = room(grey.shape[1]) - grey.shape[1] - PAD
-    return np.asarray(cv2.copyMakeBorder(found + level, PAD, PAD, PAD, right, cv2.BORDER_REFLECT_101))
+    return np.asarray(cv2.copyMakeBorder(filtered + level, PAD, PAD, PAD, right, cv2.BORDER_REFLECT_101))
 
 
 @wp.func
@@ -311,7 +311,7 @@ def _mirrored(k: wp.int32, n: wp.int32):
 
 @wp.kernel(enable_backward=False)
 def _along_rows(
-    grey: wp.array3d(dtype=wp.float32), side: wp.array(dtype=wp.float32), found: wp.array3d(dtype=wp.float32)
+    grey: wp.array3d(dtype=wp.float32), side: wp.array(dtype=wp.float32), result: wp.array3d(dtype=wp.float32)
 ):
     picture, row, column = wp.tid()
     columns = grey.shape[2]
@@ -321,7 +321,7 @@ def _along_rows(
             grey[picture, row, _mirrored(column - k, columns)]
             + grey[picture, row, _mirrored(column + k, columns)]
         )
-    found[picture, row, column] = total
+    result[picture, row, column] = total
 
 
 @wp.kernel(enable_backward=False)
@@ -330,7 +330,7 @@ def _along_columns(
     side: wp.array(dtype=wp.float32),
     level: wp.array(dtype=wp.float32),
     pad: wp.int32,
-    found: wp.array3d(dtype=wp.float32),
+    result: wp.array3d(dtype=wp.float32),
 ):
     picture, row, column = wp.tid()
     rows = half.shape[1]
@@ -340,7 +340,7 @@ def _along_columns(
         total = total + side[k] * (
             half[picture, _mirrored(r - k, rows), c] + half[picture, _mirrored(r + k, rows), c]
         )
-    found[picture, row, column] = total + level[picture]
+    result[picture, row, column] = total + level[picture]
 
 
 @cache
@@ -355,15 +355,17 @@ def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: An
     levels = np.array([grey.mean(dtype=np.float64) for grey in greys], dtype=np.float32)
     side = _side(prefilter, device.alias)
     contrast = np.stack([grey - level for grey, level in zip(greys, levels, strict=True)])
-    given: Any = wp.array(contrast, dtype=wp.float32, device=device)
+    contrast_on_device: Any = wp.array(contrast, dtype=wp.float32, device=device)
     level: Any = wp.array(levels, dtype=wp.float32, device=device)
-    half = wp.empty_like(given)
+    half = wp.empty_like(contrast_on_device)
     n, rows, columns = contrast.shape
     wide = (n, rows + 2 * PAD, room(columns))
-    found = wp.empty(wide, dtype=wp.float32, device=device)
-    wp.launch(_along_rows, dim=contrast.shape, inputs=[given, side], outputs=[half], device=device)
-    wp.launch(_along_columns, dim=wide, inputs=[half, side, level, PAD], outputs=[found], device=device)
-    return found
+    filtered = wp.empty(wide, dtype=wp.float32, device=device)
+    wp.launch(
+        _along_rows, dim=contrast.shape, inputs=[contrast_on_device, side], outputs=[half], device=device
+    )
+    wp.launch(_along_columns, dim=wide, inputs=[half, side, level, PAD], outputs=[filtered], device=device)
+    return filtered
 
 
 WORKER = "WORKER_NUMBER"
@@ -377,10 +379,10 @@ def select_device(name: str) -> Any:
     Raises ValueError if the machine has no such device; the message lists those it has.
     """
     _start()
-    known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
+    aliases = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
     alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
-    if alias not in known:
-        raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
+    if alias not in aliases:
+        raise ValueError(f"device must be one of {sorted(aliases)}, got {name!r}")
     return wp.get_device(alias)
 
 
@@ -426,8 +428,8 @@ def coefficients(greys: Sequence[NDArray[np.float32]], prefilter: float, device:
     if where.is_cuda:
         return on_device(greys, prefilter, where)
     planes = [on_host(grey, prefilter) for grey in greys]
-    found = planes[0][None] if len(planes) == 1 else np.stack(planes)
-    return wp.array(found, dtype=wp.float32, device=where, copy=False)
+    stacked = planes[0][None] if len(planes) == 1 else np.stack(planes)
+    return wp.array(stacked, dtype=wp.float32, device=where, copy=False)
 
 
 def addresses(parts: Sequence[Any]) -> Any:

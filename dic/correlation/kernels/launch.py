@@ -30,27 +30,27 @@ Launch = Callable[["Lane", int], None]
 """Launches the search of so many points of a lane on its stream."""
 
 
-def fill(given: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
+def fill(buffer: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
     """Write rows of columns one column after the other; the count of numbers written.
 
-    ``given``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
+    ``buffer``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
     """
     begin = 0
     for column in columns:
         some = column[rows].reshape(-1)
-        given[begin : begin + some.size] = some
+        buffer[begin : begin + some.size] = some
         begin += some.size
     return begin
 
 
-def split(found: FloatArray, n: int) -> tuple[FloatArray, ...]:
+def split(output: FloatArray, n: int) -> tuple[FloatArray, ...]:
     """Warps, covariances, correlations, updates and outcomes of n points, as views."""
     return (
-        found[: 12 * n].reshape(n, 12),
-        found[12 * n : 16 * n].reshape(n, 2, 2),
-        found[16 * n : 17 * n],
-        found[17 * n : 18 * n],
-        found[18 * n : 19 * n],
+        output[: 12 * n].reshape(n, 12),
+        output[12 * n : 16 * n].reshape(n, 2, 2),
+        output[16 * n : 17 * n],
+        output[17 * n : 18 * n],
+        output[18 * n : 19 * n],
     )
 
 
@@ -253,14 +253,14 @@ MOST_MASKS = 4
 
 def mask_on_device(mask: NDArray[np.uint8], device: Any) -> Any:
     """A mask on a device, sent there once as long as its pixels stay what they are, shape [n]."""
-    for kept, where, found in _masks:
-        if where == device and kept.shape == mask.shape and np.array_equal(kept, mask):
-            return found
-    kept = mask.copy()  # the caller's may change; a CPU reads this one where it is
-    found = wp.array(kept.reshape(-1), dtype=wp.uint8, device=device, copy=False)
-    _masks.insert(0, (kept, device, found))
+    for values, where, on_device in _masks:
+        if where == device and values.shape == mask.shape and np.array_equal(values, mask):
+            return on_device
+    values = mask.copy()  # the caller's may change; a CPU reads this one where it is
+    on_device = wp.array(values.reshape(-1), dtype=wp.uint8, device=device, copy=False)
+    _masks.insert(0, (values, device, on_device))
     del _masks[MOST_MASKS:]
-    return found
+    return on_device
 
 
 @cache
@@ -285,9 +285,9 @@ def _job(reference: PictureStack, deformed: PictureStack, settings: Correlation)
     """The job of a call, with all that does not change from call to call."""
     strides = tuple(stack.coefficients[0].shape[2] for stack in (reference, deformed))
     key = (settings, reference.device, reference.shape, deformed.shape, strides)
-    found = _jobs.known.get(key)
-    if found is not None:
-        return found
+    existing = _jobs.known.get(key)
+    if existing is not None:
+        return existing
     job = Job()
     for name, stack, stride in zip("fg", (reference, deformed), strides, strict=True):
         setattr(job, f"{name}_first", PAD * stride + PAD)
@@ -339,16 +339,16 @@ def search(
     if device.is_cuda:
         load_kernel(kernel, device.alias, BLOCK)
         return in_parts(columns, n, device, partial(_launch_on_device, kernel, job))
-    given, found = np.empty(sum(column.size for column in columns)), np.empty(OUTPUTS * n)
-    fill(given, columns, slice(None))
+    buffer, output = np.empty(sum(column.size for column in columns)), np.empty(OUTPUTS * n)
+    fill(buffer, columns, slice(None))
     if n:
-        job.points, job.given, job.found = n, given.ctypes.data, found.ctypes.data
+        job.points, job.given, job.found = n, buffer.ctypes.data, output.ctypes.data
         if batch.templates is not None:
-            kept = batch.templates
-            job.has_kept, job.known = 1, kept.known.ctypes.data
-            job.kept_pixels, job.kept_sums = kept.pixels.ctypes.data, kept.sums.ctypes.data
+            templates = batch.templates
+            job.has_kept, job.known = 1, templates.known.ctypes.data
+            job.kept_pixels, job.kept_sums = templates.pixels.ctypes.data, templates.sums.ctypes.data
         _launch_on_host(kernel, job, n, device, threads)
-    warp, covariance, zncc, iterations, outcome = split(found, n)
+    warp, covariance, zncc, iterations, outcome = split(output, n)
     return Match(
         warp=warp,
         covariance=covariance,
@@ -381,8 +381,8 @@ def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) ->
         return
     with ThreadPoolExecutor(threads) as pool:
         shares = [range(thread * SHARE, n, threads * SHARE) for thread in range(threads)]
-        for done in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
-            done.result()
+        for future in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
+            future.result()
 
 
 _loading = threading.Lock()
@@ -411,7 +411,7 @@ def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
 
 def _copy(job: Any) -> Any:
     """A job that reads and writes where another one does."""
-    other = Job()
+    copy = Job()
     for name in Job.vars:
-        setattr(other, name, getattr(job, name))
-    return other
+        setattr(copy, name, getattr(job, name))
+    return copy

@@ -142,7 +142,7 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, devi
     def every(array: FloatArray) -> FloatArray:
         return np.broadcast_to(array, (n, *array.shape[1:]))
 
-    def put(array: Any, kind: Any) -> Any:
+    def upload(array: Any, kind: Any) -> Any:
         return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)
 
     nodes = [every(np.stack([body.y, body.r, body.slope], axis=-1)) for body in bodies]
@@ -169,11 +169,11 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, devi
         ):  # fmt: skip
             painted[name][b] = value
     data = Bodies()
-    data.nodes = put(np.concatenate(nodes, axis=1), wp.vec3d)
-    data.along = put(np.concatenate([body.along for body in bodies]), wp.float64)
-    data.placed, data.painted = put(placed, Placed), put(painted, Painted)
-    data.bins = put(bins, wp.vec2i)
-    data.texels = put(np.concatenate([texture.grey.reshape(-1) for texture in textures]), wp.float32)
+    data.nodes = upload(np.concatenate(nodes, axis=1), wp.vec3d)
+    data.along = upload(np.concatenate([body.along for body in bodies]), wp.float64)
+    data.placed, data.painted = upload(placed, Placed), upload(painted, Painted)
+    data.bins = upload(bins, wp.vec2i)
+    data.texels = upload(np.concatenate([texture.grey.reshape(-1) for texture in textures]), wp.float32)
     return data
 
 

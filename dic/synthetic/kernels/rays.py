@@ -183,10 +183,10 @@ def haze_at(view: View, f: wp.int32, x: wp.float64, y: wp.float64):
     a = wp.float32(u - wp.float64(i))
     b = wp.float32(v - wp.float64(j))
     one = wp.float32(1.0)
-    moved = (one - b) * ((one - a) * view.haze[f, j, i] + a * view.haze[f, j, i + 1]) + b * (
+    shift = (one - b) * ((one - a) * view.haze[f, j, i] + a * view.haze[f, j, i + 1]) + b * (
         (one - a) * view.haze[f, j + 1, i] + a * view.haze[f, j + 1, i + 1]
     )
-    return wp.vec2d(wp.float64(moved[0]), wp.float64(moved[1]))
+    return wp.vec2d(wp.float64(shift[0]), wp.float64(shift[1]))
 
 
 @wp.func
@@ -200,9 +200,9 @@ def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
     x = (wp.float64(column) + half) / fine - half
     y = (wp.float64(row) + half) / fine - half
     if view.haze.shape[0] > 0:
-        moved = haze_at(view, f, x, y)
-        x = x + moved[0]
-        y = y + moved[1]
+        shift = haze_at(view, f, x, y)
+        x = x + shift[0]
+        y = y + shift[1]
     x = x + wp.float64(1.0)  # the first of `rays` is one pixel before the first that is rendered
     y = y + wp.float64(1.0)
     i = wp.clamp(wp.int32(wp.floor(x)), 0, view.rays.shape[1] - 2)
@@ -256,11 +256,11 @@ def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int
 @wp.func
 def outward(bodies: Bodies, q: wp.int32, x: wp.vec3d, d: wp.vec3d, k: wp.int32, share: wp.float64):
     """Normal of any length at a place of a body in its own frame: (x/r, -dr/dy, z/r), or along the axis."""
-    here = bodies.nodes[q, k]
+    node = bodies.nodes[q, k]
     after = bodies.nodes[q, k + 1]
     normal = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-    if wp.abs(after[0] - here[0]) > FLAT:
-        g = here[2] + share * (after[2] - here[2])
+    if wp.abs(after[0] - node[0]) > FLAT:
+        g = node[2] + share * (after[2] - node[2])
         rho = wp.max(wp.sqrt(x[0] * x[0] + x[2] * x[2]), FLAT)
         normal = wp.vec3d(x[0] / rho, -g, x[2] / rho)
     elif d[1] > wp.float64(0.0):
@@ -297,7 +297,7 @@ def bodies_ray(
     away = wp.float32(0.0)
     for q in range(begin[f], begin[f + 1]):
         nearest = FAR
-        seen = view.background
+        brightness = view.background
         for b in range(bodies.painted.shape[0]):
             e = wp.mul(bodies.placed[q, b].turn, d)
             o = bodies.placed[q, b].eye
@@ -309,8 +309,8 @@ def bodies_ray(
                 x = p + s * e
                 paint = reflectance(bodies, q, b, x, k, share)
                 normal = wp.mul(wp.transpose(bodies.placed[q, b].turn), outward(bodies, q, x, e, k, share))
-                seen = lit(view, bodies.painted[b].shine, paint, normal, -d)
-        light = light + weight[q] * seen
+                brightness = lit(view, bodies.painted[b].shine, paint, normal, -d)
+        light = light + weight[q] * brightness
         away = wp.float32(0.0)
         if nearest < FAR:
             away = wp.float32(nearest)
@@ -320,7 +320,7 @@ def bodies_ray(
 @wp.func
 def store(
     view: View,
-    here: wp.int32,
+    index: wp.int32,
     row: wp.int32,
     column: wp.int32,
     light: wp.float32,
@@ -329,9 +329,9 @@ def store(
     depth: wp.array3d(dtype=wp.float32),
 ):
     """Write a ray's light, and the depth of the ray in the middle of a pixel."""
-    grey[here, row, column] = light
+    grey[index, row, column] = light
     if row % view.fine == view.fine // 2 and column % view.fine == view.fine // 2:
-        depth[here, row // view.fine, column // view.fine] = away
+        depth[index, row // view.fine, column // view.fine] = away
 
 
 @wp.kernel(enable_backward=False)
@@ -346,10 +346,10 @@ def cast_bodies(
     depth: wp.array3d(dtype=wp.float32),
 ):
     """Rays of bodies: one a thread on a GPU, a row of them on a CPU."""
-    here, row, column = wp.tid()
+    index, row, column = wp.tid()
     for c in range(column, column + run):
-        light, away = bodies_ray(view, bodies, begin, weight, frame + here, row, c)
-        store(view, here, row, c, light, away, grey, depth)
+        light, away = bodies_ray(view, bodies, begin, weight, frame + index, row, c)
+        store(view, index, row, c, light, away, grey, depth)
 
 
 @wp.func
@@ -384,10 +384,10 @@ def cast_board(
     depth: wp.array3d(dtype=wp.float32),
 ):
     """Rays of a board: one a thread on a GPU, a row of them on a CPU."""
-    here, row, column = wp.tid()
+    index, row, column = wp.tid()
     for c in range(column, column + run):
-        light, away = board_ray(view, bodies, frame + here, row, c)
-        store(view, here, row, c, light, away, grey, depth)
+        light, away = board_ray(view, bodies, frame + index, row, c)
+        store(view, index, row, c, light, away, grey, depth)
 
 
 @wp.func
@@ -425,15 +425,15 @@ def across(
     `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of
     diameter coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
     """
-    here, row, column = wp.tid()
+    index, row, column = wp.tid()
     for c in range(column, column + run):
-        level, part = level_of(view, table, sharpest, step, depth[here, row // view.fine, c + view.pad])
+        level, part = level_of(view, table, sharpest, step, depth[index, row // view.fine, c + view.pad])
         above = wp.min(level + 1, table.shape[0] - 1)
         light = wp.float32(0.0)
         for i in range(table.shape[1]):
             w = table[level, i] + part * (table[above, i] - table[level, i])
-            light = light + w * grey[here, row, c * view.fine + i]
-        lines[here, row, c] = light
+            light = light + w * grey[index, row, c * view.fine + i]
+        lines[index, row, c] = light
 
 
 @wp.kernel(enable_backward=False)
@@ -448,12 +448,12 @@ def down(
     picture: wp.array3d(dtype=wp.float32),
 ):
     """The same along the columns."""
-    here, row, column = wp.tid()
+    index, row, column = wp.tid()
     for c in range(column, column + run):
-        level, part = level_of(view, table, sharpest, step, depth[here, row + view.pad, c + view.pad])
+        level, part = level_of(view, table, sharpest, step, depth[index, row + view.pad, c + view.pad])
         above = wp.min(level + 1, table.shape[0] - 1)
         light = wp.float32(0.0)
         for j in range(table.shape[1]):
             w = table[level, j] + part * (table[above, j] - table[level, j])
-            light = light + w * lines[here, row * view.fine + j, c]
-        picture[here, row, c] = light
+            light = light + w * lines[index, row * view.fine + j, c]
+        picture[index, row, c] = light

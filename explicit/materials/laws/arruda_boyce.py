@@ -57,8 +57,8 @@ class ArrudaBoyce(InvariantLaw):
         """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         rise = sum(i * (i - 1) * a * first ** (i - 2.0) for i, a in enumerate(self.factors, start=1))
-        nothing = np.zeros(first.shape)
-        return np.asarray(rise), nothing, nothing
+        zero = np.zeros(first.shape)
+        return np.asarray(rise), zero, zero
 
     def parameters(self) -> FloatArray:
         """The kernels' row: `factors`."""

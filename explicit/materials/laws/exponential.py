@@ -47,8 +47,8 @@ class _Exponential(InvariantLaw):
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
-        nothing = np.zeros(np.shape(x))
-        return np.asarray(self._C1 * self._k**2 * np.exp(self._k * x)), nothing, nothing
+        zero = np.zeros(np.shape(x))
+        return np.asarray(self._C1 * self._k**2 * np.exp(self._k * x)), zero, zero
 
     def parameters(self) -> FloatArray:
         """The kernels' row: C1, the exponent, and the factor of I2_bar - 3."""

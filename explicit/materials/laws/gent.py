@@ -53,8 +53,8 @@ class Gent(InvariantLaw):
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`; NaN past locking."""
         room = self._room(I1)
-        nothing = np.zeros(room.shape)
-        return np.asarray(0.5 * self.mu * self.Jm / room**2), nothing, nothing
+        zero = np.zeros(room.shape)
+        return np.asarray(0.5 * self.mu * self.Jm / room**2), zero, zero
 
     @staticmethod
     def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:

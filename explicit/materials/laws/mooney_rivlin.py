@@ -49,8 +49,8 @@ class MooneyRivlin(InvariantLaw):
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
-        nothing = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
-        return nothing, nothing + self.C11, nothing
+        zero = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
+        return zero, zero + self.C11, zero
 
     @staticmethod
     def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:

@@ -33,13 +33,13 @@ class NeoHookean(InvariantLaw):
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
-        nothing = np.zeros(np.shape(I1))
-        return nothing + 0.5 * self.mu, nothing
+        zero = np.zeros(np.shape(I1))
+        return zero + 0.5 * self.mu, zero
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
-        nothing = np.zeros(np.shape(I1))
-        return nothing, nothing, nothing
+        zero = np.zeros(np.shape(I1))
+        return zero, zero, zero
 
     @staticmethod
     def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:

@@ -56,8 +56,8 @@ class Polynomial(InvariantLaw):
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
-        nothing = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
-        return nothing + 2.0 * self.C20, nothing + self.C11, nothing + 2.0 * self.C02
+        zero = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
+        return zero + 2.0 * self.C20, zero + self.C11, zero + 2.0 * self.C02
 
     @staticmethod
     def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:

@@ -39,8 +39,8 @@ class _Polynomial(InvariantLaw):
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
-        nothing = np.zeros(np.shape(x))
-        return np.asarray(2.0 * self.C20 + x * 6.0 * self.C30), nothing, nothing
+        zero = np.zeros(np.shape(x))
+        return np.asarray(2.0 * self.C20 + x * 6.0 * self.C30), zero, zero
 
     def parameters(self) -> FloatArray:
         """The kernels' row: C10, C20, C30."""

@@ -110,10 +110,10 @@ class Expected:
     def of(cls, data: LinearData) -> "Expected":
         """Expected deviations from linear data."""
         try:
-            return cls(data.deviations, data.deviations_alone, data.correlation)
+            return cls(data.deviations, data.conditional_deviations, data.correlation)
         except SingularInformationError as error:
             nothing = np.full(len(data.names), np.inf)
-            return cls(nothing, data.deviations_alone, None, str(error))
+            return cls(nothing, data.conditional_deviations, None, str(error))
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Information:
         If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
         """
         try:
-            shares = self.data.shares_alone if alone else self.data.shares
+            shares = self.data.conditional_shares if alone else self.data.shares
         except SingularInformationError:
             shares = np.full_like(self.data.jacobian, np.nan)
         grid = self.sensitivity.grid

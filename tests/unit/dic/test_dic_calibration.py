@@ -484,7 +484,7 @@ def test_pairs_out_of_order_are_refused_with_the_order_that_would_fit(tmp_path, 
     monkeypatch.setattr(calibration, "_series", lambda *given: series)
     views = mixed(true_poses(N))
     seen = nullcontext(lambda progress: views)
-    monkeypatch.setattr(dic.calibration.views, "detection_begun", lambda *given: seen)
+    monkeypatch.setattr(dic.calibration.views, "detect_in_background", lambda *given: seen)
     with pytest.raises(InputError, match="do not fit two cameras") as refused:
         calibration.calibration_of(toml, section, lambda *told: None)
     order = ", ".join(str(k) for k in np.argsort(SHUFFLED))

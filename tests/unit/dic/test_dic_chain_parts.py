@@ -21,7 +21,7 @@ from dic.bodies.region import Region
 from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
 from dic.calibration.dots import _upper, centroids, quantiles
 from dic.calibration.targets import FiducialDots, TargetNotFound
-from dic.calibration.views import detect, detection_begun
+from dic.calibration.views import detect, detect_in_background
 from dic.camera import Camera
 from dic.chain import ChainError, ChainSettings, Clock
 from dic.chain.inputs import check_cameras, inspect_images
@@ -35,7 +35,7 @@ from dic.outcome import FrameOutcome
 from dic.stereo.diagnose import _median
 from dic.stereo.geometry import inverse, largest_eigenvalue
 from dic.surfaces.outline import outline
-from dic.tracking.rigid import _in_view, _nothing
+from dic.tracking.rigid import _in_view, _out_of_view
 from kolsky.base.process import single_threaded_libraries
 
 SHAPE = (96, 128)
@@ -343,7 +343,7 @@ def test_series_are_detected_as_picture_by_picture():
     blank = np.full((240, 320), 128, dtype=np.uint8)
     series = [Counted([board(), blank, board((0.1, 0.2, 0.3))]), Counted([board((0.0, 0.3, 0.0)), None])]
     told = []
-    with detection_begun(series, (GRID, GRID)) as views:
+    with detect_in_background(series, (GRID, GRID)) as views:
         found = views(lambda done, total: told.append((done, total)))
     assert [len(views) for views in found] == [3, 2]
     assert isinstance(found[0][1], TargetNotFound)
@@ -427,7 +427,7 @@ def test_subsets_that_cannot_be_in_view_are_those_the_search_finds_out_of_view()
         match = correlate(first, first, where, guess, settings, reference_warp=still)
         out = ~_in_view(where, guess, first.shape, settings)
         spared += int(out.sum())
-        empty = _nothing(guess)
+        empty = _out_of_view(guess)
         for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
             np.testing.assert_array_equal(getattr(match, name)[out], getattr(empty, name)[out])
     assert spared > 500

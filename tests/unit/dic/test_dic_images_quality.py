@@ -344,7 +344,9 @@ def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
         "_series",
         lambda toml, name, pattern: SimpleNamespace(n_frames=len(numbers[name]), numbers=numbers[name]),
     )
-    monkeypatch.setattr(dic.calibration.views, "detection_begun", lambda *given: pytest.fail("not reached"))
+    monkeypatch.setattr(
+        dic.calibration.views, "detect_in_background", lambda *given: pytest.fail("not reached")
+    )
     with pytest.raises(InputError, match="camera 1 has none numbered 0"):
         calibration.calibration_of(toml, section, lambda *told: None)
     numbers["camera_1"] = (10, 11, 12)

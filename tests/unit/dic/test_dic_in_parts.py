@@ -95,10 +95,10 @@ def test_cameras_inspected_by_two_processes_are_those_inspected_by_one(monkeypat
     for camera in (0, 1):
         np.testing.assert_array_equal(together.health[camera], alone.health[camera])
         assert together.grey[camera].sigma == alone.grey[camera].sigma
-        assert together.pictures[camera].held.keys() == alone.pictures[camera].held.keys()
-        for k, picture in alone.pictures[camera].held.items():
-            np.testing.assert_array_equal(together.pictures[camera].held[k], picture)
-            assert not together.pictures[camera].held[k].flags.writeable
+        assert together.pictures[camera].in_memory.keys() == alone.pictures[camera].in_memory.keys()
+        for k, picture in alone.pictures[camera].in_memory.items():
+            np.testing.assert_array_equal(together.pictures[camera].in_memory[k], picture)
+            assert not together.pictures[camera].in_memory[k].flags.writeable
     assert alone.health[0][4] != 0
     assert alone.health[1][5] != 0
 
@@ -124,7 +124,7 @@ def test_pictures_of_another_process_are_held_up_to_the_limit():
     own.frame(0)
     given = np.full((64, 64), 7, dtype=np.uint16)
     own.hold({0: given, 1: given, 2: given})
-    assert sorted(own.held) == [0, 1]
-    assert own.held[0][0, 0] != 7  # the one read here
+    assert sorted(own.in_memory) == [0, 1]
+    assert own.in_memory[0][0, 0] != 7  # the one read here
     assert decode_once(own) is own
     assert own.frame(1) is given

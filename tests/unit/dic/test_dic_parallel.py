@@ -354,7 +354,7 @@ def test_held_out_residuals_are_pooled_and_unknown_where_a_part_cannot_be_solved
 
 def agreed(n, move):
     """A match in which the first n of ten points moved by so much along y, the others were not found."""
-    found = rigid._nothing(np.zeros((10, 12)))
+    found = rigid._out_of_view(np.zeros((10, 12)))
     found.outcome[:] = int(PointOutcome.LOW_CORRELATION)
     found.outcome[:n] = int(PointOutcome.VALID)
     found.warp[:n, 1] = move

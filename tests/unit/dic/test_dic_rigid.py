@@ -63,7 +63,7 @@ def test_a_body_that_rides_into_view_has_calibrated_sigmas_in_all_frames(tilting
     true = np.concatenate([r - r[:STATIC].mean(axis=0), u - u[:STATIC].mean(axis=0)], axis=1)
     ratio = []
     for _ in range(6):
-        found = body_motion([seen(x, NOISE, view, rng)], FRAME, at=AT, rest=range(STATIC))
+        found = body_motion([seen(x, NOISE, view, rng)], FRAME, at=AT, rest_frames=range(STATIC))
         error = np.concatenate([found.rotation, found.displacement], axis=1) - true
         ratio.append(error / np.concatenate([found.rotation_sigma, found.displacement_sigma], axis=1))
         assert found.chi2_per_dof == pytest.approx(1.0, abs=0.05)  # 12 000 dof: 1.3 %
@@ -88,11 +88,11 @@ def test_points_of_a_second_picture_join_the_body_and_false_ones_leave_it():
     first, second = seen(x[:, low], NOISE, view[:, low], rng), seen(x[:, ~low], NOISE, view[:, ~low], rng)
     first.outcome[30:] = PointOutcome.LOW_CORRELATION  # the first picture's points are lost half-way
     second.position[40:, 0] += 1e-4
-    found = body_motion([first, second], FRAME, at=AT, rest=range(STATIC))
+    found = body_motion([first, second], FRAME, at=AT, rest_frames=range(STATIC))
     error = (found.displacement - u + u[:STATIC].mean(axis=0)) / found.displacement_sigma
     assert np.abs(error).max() < 4.5  # 180 values; 7e-6 each
     assert found.chi2_per_dof < 1.1
-    alone = body_motion([first], FRAME, at=AT, rest=range(STATIC))
+    alone = body_motion([first], FRAME, at=AT, rest_frames=range(STATIC))
     assert (alone.outcome[30:] == FrameOutcome.LOST).all()
     assert np.isnan(alone.displacement[30:]).all()
     assert (alone.n_points[30:] == 0).all()
@@ -103,8 +103,8 @@ def test_a_prior_of_small_turns_lends_attitude_to_narrow_views():
     u, r = motion(0.0)
     x = places(side(), u, r)
     data = seen(x, NOISE, x[..., 1] < TOP, rng)
-    free = body_motion([data], FRAME, at=AT, rest=range(STATIC))
-    held = body_motion([data], FRAME, at=AT, rest=range(STATIC), rotation_change=2e-5)
+    free = body_motion([data], FRAME, at=AT, rest_frames=range(STATIC))
+    held = body_motion([data], FRAME, at=AT, rest_frames=range(STATIC), rotation_change=2e-5)
     assert held.displacement_sigma[:, 1].mean() < 0.5 * free.displacement_sigma[:, 1].mean()
     error = (held.displacement - u) / held.displacement_sigma
     assert np.abs(error).max() < 4.0  # the prior is true here: nothing turns
@@ -148,12 +148,12 @@ def test_what_one_camera_sees_carries_the_motion_through_frames_the_other_does_n
     rest = range(STATIC)
     assert not (both.outcome[: STATIC + 1] == PointOutcome.VALID).any()
     with pytest.raises(ValueError, match="none of the rest frames"):
-        body_motion([both], FRAME, at=AT, rest=rest, shared=0.0)
+        body_motion([both], FRAME, at=AT, rest_frames=rest, shared=0.0)
     found = body_motion(
         [both],
         FRAME,
         at=AT,
-        rest=rest,
+        rest_frames=rest,
         shared=0.0,
         rig=rig,
         tracks=[(tracks[0], tracks[1])],
@@ -174,14 +174,14 @@ def test_bodies_that_cannot_be_followed_are_refused():
     nothing = seen(x, NOISE, np.zeros(x.shape[:2], dtype=bool), np.random.default_rng(0))
     for given, options, message in (
         ([], {}, "no points"),
-        ([data], {"rest": [FRAMES]}, "rest must name frames"),
+        ([data], {"rest_frames": [FRAMES]}, "rest_frames must name frames"),
         ([data], {"shared": 1.0}, "shared must be"),
         ([data], {"rotation_change": 0.0}, "rotation_change"),
         ([data], {"at": [0.0, np.nan, 0.0]}, "at must be"),
         ([nothing], {}, "no frame sees"),
     ):
         with pytest.raises(ValueError, match=message):
-            body_motion(given, FRAME, **({"at": AT, "rest": range(STATIC)} | options))
+            body_motion(given, FRAME, **({"at": AT, "rest_frames": range(STATIC)} | options))
 
 
 def test_the_covariance_of_a_motion_is_that_of_the_frames_with_a_pose():

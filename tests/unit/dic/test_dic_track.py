@@ -390,10 +390,10 @@ def test_neighbours_hand_on_a_homogeneous_deformation_exactly() -> None:
     warp[:, :2] = points @ (F - np.eye(2)).T
     beside = Neighbours.of(points)
     rows = np.arange(len(points))
-    guesses = beside.guesses(warp, rows)[beside.there]
-    exact = np.repeat(warp, beside.there.sum(axis=1), axis=0)
+    guesses = beside.guesses(warp, rows)[beside.exists]
+    exact = np.repeat(warp, beside.exists.sum(axis=1), axis=0)
     np.testing.assert_allclose(guesses, exact, rtol=0, atol=1e-12)  # rounding
-    assert beside.there[rows].sum(axis=1).min() >= 3  # a corner of the grid
+    assert beside.exists[rows].sum(axis=1).min() >= 3  # a corner of the grid
 
 
 def test_the_best_neighbour_is_the_found_one_with_the_highest_correlation() -> None:
@@ -428,7 +428,7 @@ def test_two_bodies_that_part_are_both_believed() -> None:
 def test_single_and_coinciding_points_have_neighbours_or_none() -> None:
     assert not Neighbours.of(np.array([[3.0, 4.0]])).there.any()
     twice = Neighbours.of(np.array([[3.0, 4.0], [3.0, 4.0], [8.0, 4.0]]))
-    assert all(i not in twice.index[i][twice.there[i]] for i in range(3))
+    assert all(i not in twice.index[i][twice.exists[i]] for i in range(3))
 
 
 @pytest.mark.parametrize(

@@ -196,8 +196,8 @@ def test_a_dask_worker_killed_in_the_middle_changes_no_bit(tmp_path: Path) -> No
         killed: list[int] = []
 
         def kill_one(pace: Pace) -> None:
-            if pace.done >= 100 and not killed:
-                killed.append(pace.done)
+            if pace.finished >= 100 and not killed:
+                killed.append(pace.finished)
                 workers[0].send_signal(signal.SIGKILL)
 
         with Ledger(tmp_path / "l.sqlite", ledger_sweep.MODEL) as book:

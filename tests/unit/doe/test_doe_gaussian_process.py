@@ -30,7 +30,7 @@ def runs(n: int = 14) -> tuple[FloatArray, FloatArray]:
 
 
 def given(kind: str, nugget: float = 1e-6) -> GaussianProcess:
-    return GaussianProcess.given(*runs(), Hyperparameters(kind, LENGTHS, nugget))
+    return GaussianProcess.with_hyperparameters(*runs(), Hyperparameters(kind, LENGTHS, nugget))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,7 +74,7 @@ def test_restricted_likelihood_is_that_of_contrasts(kind: str) -> None:
         covariance = variance * contrasts.T @ correlation @ contrasts
         total += multivariate_normal.logpdf(contrasts.T @ column, cov=covariance, allow_singular=False)
     # They differ by a constant of the design, which another correlation of the same design shares.
-    other = GaussianProcess.given(u, values, Hyperparameters(kind, 1.7 * LENGTHS, 1e-2))
+    other = GaussianProcess.with_hyperparameters(u, values, Hyperparameters(kind, 1.7 * LENGTHS, 1e-2))
     correlation = with_lengths(kind, squared_differences(u, u), 1.7 * LENGTHS) + 1e-2 * np.eye(len(u))
     again = 0.0
     for column, variance in zip(values.T, other.variance, strict=True):
@@ -109,7 +109,9 @@ def test_leave_one_out_is_the_refit(kind: str) -> None:
     whole = given(kind, nugget=1e-4)
     for i in (0, 7, 13):
         rest = np.arange(len(u)) != i
-        other = GaussianProcess.given(u[rest], values[rest], whole.hyperparameters, variance=whole.variance)
+        other = GaussianProcess.with_hyperparameters(
+            u[rest], values[rest], whole.hyperparameters, variance=whole.variance
+        )
         # The condition number is below 1e5.
         np.testing.assert_allclose(
             whole.loo_residuals[i], values[i] - other.predict(u[i : i + 1])[0], atol=1e-9
@@ -128,7 +130,7 @@ def test_at_a_run_the_mean_misses_by_the_nugget() -> None:
 
 def test_a_plane_is_reproduced_anywhere() -> None:
     u, _ = runs()
-    process = GaussianProcess.given(
+    process = GaussianProcess.with_hyperparameters(
         u, (2.0 + u @ [3.0, -1.0])[:, None], Hyperparameters(KINDS[0], LENGTHS, 1e-8)
     )
     at = np.array([[0.5, 0.5], [-2.0, 4.0]])

@@ -229,13 +229,13 @@ def test_a_straight_line():
     slope = 0.5 / np.sqrt(square)
     offset = 0.5 * np.sqrt(1.0 / 13.0 + mean**2 / square)
     np.testing.assert_allclose(data.deviations, [offset, slope], rtol=1e-12)
-    np.testing.assert_allclose(data.deviations_alone, [0.5 / np.sqrt(13.0), 0.5 / np.linalg.norm(x)])
+    np.testing.assert_allclose(data.conditional_deviations, [0.5 / np.sqrt(13.0), 0.5 / np.linalg.norm(x)])
     assert data.correlation[0, 1] == pytest.approx(-mean / np.sqrt((x**2).mean()), rel=1e-12)
     # The slope is the sum of (x - mean) y over the sum of squares: gain and shares in closed form.
     np.testing.assert_allclose(data.gain[1], (x - mean) / square, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(data.shares[:, 1], (x - mean) ** 2 / square, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(data.shares.sum(axis=0), 1.0)
-    np.testing.assert_allclose(data.shares_alone[:, 0], 1.0 / 13.0)
+    np.testing.assert_allclose(data.conditional_shares[:, 0], 1.0 / 13.0)
 
 
 def test_the_gain_moves_the_least_squares_estimate():
@@ -253,8 +253,8 @@ def test_what_is_not_seen_is_said_and_has_no_inverse():
     with pytest.raises(SingularInformationError):
         _ = data.deviations
     idle = LinearData(("p", "q"), np.column_stack([x, 0.0 * x]), x, np.ones(2))
-    assert idle.deviations_alone[1] == np.inf
-    assert (idle.shares_alone[:, 1] == 0.0).all()
+    assert idle.conditional_deviations[1] == np.inf
+    assert (idle.conditional_shares[:, 1] == 0.0).all()
 
 
 def test_the_best_places_for_a_line_are_its_ends():

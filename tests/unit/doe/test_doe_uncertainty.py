@@ -48,11 +48,11 @@ def test_quadratic_profile_is_gauss_newton() -> None:
         half = np.sqrt(LEVEL * C[j, j])
         np.testing.assert_allclose(profile.interval, best[j] + half * np.array([-1, 1]), atol=1e-6)
         np.testing.assert_allclose(
-            profile.alone, best[j] + np.sqrt(LEVEL) * alone[j] * np.array([-1, 1]), atol=1e-6
+            profile.conditional, best[j] + np.sqrt(LEVEL) * alone[j] * np.array([-1, 1]), atol=1e-6
         )
         exact = (profile.values - best[j]) ** 2 / C[j, j]
         np.testing.assert_allclose(profile.rise, exact, rtol=1e-6, atol=1e-6)
-        assert profile.elsewhere == ()
+        assert profile.other_optima == ()
         assert profile.not_converged == 0
     assert [v.kind for v in verdicts(likelihood, profiles)] == [VerdictKind.IDENTIFIED] * 2
     unit = likelihood.jacobian(profiles.optimum.unit_point, profiles.optimum.discrepancies)
@@ -146,7 +146,7 @@ def test_a_second_optimum_is_told_and_a_better_one_is_taken() -> None:
     assert profiles.restarts == 1
     assert profiles.optimum.point[0] == pytest.approx(1.0, abs=1e-6)
     # At -1 the second entry alone costs (0.05 * 2 / 0.1)^2 = 1 < 3.84: it fits as well.
-    assert min(abs(value + 1.0) for value in profiles["x"].elsewhere) < 0.05
+    assert min(abs(value + 1.0) for value in profiles["x"].other_optima) < 0.05
     (verdict,) = verdicts(likelihood, profiles)
     assert "fit as well" in verdict.text
 
@@ -309,8 +309,8 @@ def test_the_models_optimum_is_found_in_few_runs() -> None:
     # A grid that resolves the valley (0.2 sigma) over the box would have 10^5 points.
     assert len(found.points) <= 16 + 6 * 6
     last = found.rounds[-1]
-    assert last.moved <= CONVERGED_MOVE
-    assert last.predicted == pytest.approx(last.found, abs=1.0)  # far below the 3.84 of an interval
+    assert last.shift <= CONVERGED_MOVE
+    assert last.predicted == pytest.approx(last.confirmed, abs=1.0)  # far below the 3.84 of an interval
     # Every run is there, in the order it was made, and each is what the function gives.
     assert len(found.points) == 16 + sum(len(each.points) for each in found.rounds)
     np.testing.assert_array_equal(found.responses, model(found.points))

@@ -270,7 +270,7 @@ def constant(force: float) -> np.ndarray:
 
 
 def test_a_constant_force_on_a_bar_moves_its_face_by_force_over_impedance_and_echoes() -> None:
-    found = pulse_on_bars([PULSE_BAR], step=STEP, n=N, sensor=0.1, seen=0.05)
+    found = pulse_on_bars([PULSE_BAR], step=STEP, n=N, sensor=0.1, observed=0.05)
     trip = 2.0 * PULSE_BAR.travel_time
     path = 3.0 / PULSE_BAR.impedance * (PULSE_TIMES + 2.0 * np.maximum(PULSE_TIMES - trip, 0.0))
     # The first half step's force comes half a step late: 3 N / Z 0.5 us; travel times are rounded to 0.1 us.

@@ -38,7 +38,7 @@ from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.simd import kernel, lane_kernel
-from explicit.simd.kernel import kept
+from explicit.simd.kernel import cached_translation
 from explicit.time_loop.kernel import time_loop_kernel
 
 
@@ -65,9 +65,9 @@ def problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], 
 def test_every_time_loop_is_compiled_once(problem: Callable[[int], Problem]) -> None:
     told: list[tuple[int, int]] = []
     single, many = problem(1), problem(8)
-    assert compile_time_loops([single, single, many], threads=1, told=lambda *at: told.append(at)) == 2
+    assert compile_time_loops([single, single, many], threads=1, progress=lambda *at: told.append(at)) == 2
     assert told == [(0, 2), (1, 2), (2, 2)]
-    assert compile_time_loops([single, many], threads=1, told=lambda *at: told.append(at)) == 0
+    assert compile_time_loops([single, many], threads=1, progress=lambda *at: told.append(at)) == 0
     assert len(told) == 3
     # 9 runs on one thread are a pack and a single one: both are known
     assert compile_time_loops([problem(9)], threads=1) == 0
@@ -138,8 +138,8 @@ def never() -> str:
 
 
 def test_a_translation_is_made_once(folder: Path) -> None:
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
-    assert kept(kernel_of(1), "worker 8 fp64", never) == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", never) == "code"
     (file,) = (folder / "lanes").iterdir()
     assert file.read_text() == "code"
 
@@ -147,12 +147,12 @@ def test_a_translation_is_made_once(folder: Path) -> None:
 def test_another_constant_function_choice_or_source_is_another_translation(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept(kernel_of(1), "worker 8 fp64", lambda: "first")
-    assert kept(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
-    assert kept(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"
-    assert kept(kernel_of(1), "worker 16 fp64", lambda: "choice") == "choice"
+    cached_translation(kernel_of(1), "worker 8 fp64", lambda: "first")
+    assert cached_translation(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
+    assert cached_translation(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"
+    assert cached_translation(kernel_of(1), "worker 16 fp64", lambda: "choice") == "choice"
     monkeypatch.setattr(kernel, "_package", lambda: b"another source")
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "source") == "source"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "source") == "source"
     assert len(list((folder / "lanes").iterdir())) == 5
 
 
@@ -170,8 +170,8 @@ def test_the_source_of_the_package_is_hashed_whole(monkeypatch: pytest.MonkeyPat
 
 def test_a_cache_that_cannot_be_written_keeps_nothing(folder: Path) -> None:
     (folder / "lanes").write_text("no folder")
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
-    assert kept(kernel_of(1), "worker 8 fp64", lambda: "again") == "again"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
+    assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "again") == "again"
     assert [path.name for path in folder.iterdir()] == ["lanes"]
 
 
@@ -180,7 +180,7 @@ def test_what_fails_is_not_kept(folder: Path) -> None:
         raise TypeError("no meaning over lanes")
 
     with pytest.raises(TypeError, match="no meaning"):
-        kept(kernel_of(1), "worker 8 fp64", fails)
+        cached_translation(kernel_of(1), "worker 8 fp64", fails)
     assert not (folder / "lanes").exists()
 
 

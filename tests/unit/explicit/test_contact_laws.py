@@ -52,7 +52,7 @@ def touches(precision: str = "fp64", **change: Any) -> NDArray[Any]:
         "v_y": rng.normal(0.0, 1.0, N),
         "target": rng.normal(0.0, 0.5, N),
         "normal": rng.choice([1.0, -1.0], N),
-        "held": rng.choice([FREE, TOUCHED, RELEASED], N),
+        "status": rng.choice([FREE, TOUCHED, RELEASED], N),
         "friction": rng.choice([0.0, 0.3, 2.0], N),
         "release_stress": rng.choice([0.0, 4e4, np.inf], N),
         "stiffness": 10.0 ** rng.uniform(9.0, 14.0, N),
@@ -104,8 +104,8 @@ def test_a_node_that_leaves_is_pulled_by_bonds_only(name: str) -> None:
     rub, push, _, _, slip = resolve(name, made)
     leaves = ~pressed(made)
     if contact_law(name).carries_tension:
-        assert (push[leaves & (made["held"] == TOUCHED)] < 0.0).any()
-        leaves &= made["held"] != TOUCHED
+        assert (push[leaves & (made["status"] == TOUCHED)] < 0.0).any()
+        leaves &= made["status"] != TOUCHED
     assert (push[leaves] == 0.0).all()
     assert (rub[leaves] == 0.0).all()
     assert (slip[leaves] == 0.0).all()
@@ -133,8 +133,8 @@ def test_friction_opposes_within_its_bound(name: str) -> None:
 def test_memory_changes_by_letting_go_only(name: str) -> None:
     made = touches()
     _, _, _, held, _ = resolve(name, made)
-    changed = held != made["held"]
-    assert (made["held"][changed] == TOUCHED).all()
+    changed = held != made["status"]
+    assert (made["status"][changed] == TOUCHED).all()
     assert (held[changed] == RELEASED).all()
     if not contact_law(name).needs_release_stress:
         assert not changed.any()
@@ -175,7 +175,7 @@ def test_single_precision_says_the_same(name: str) -> None:
 
 
 def test_a_bond_breaks_at_its_tensile_stress_and_carries_less() -> None:
-    made = touches(held=TOUCHED, release_stress=5e4)
+    made = touches(status=TOUCHED, release_stress=5e4)
     rub, push, away, held, _ = resolve("bonded_release", made)
     leaves = ~pressed(made)
     stress = made["density"] * made["normal"] * (made["v_y"] - made["target"]) / made["interval"]

@@ -67,10 +67,10 @@ class Tacky:
         def tacky(touch: Touch):
             velocity = vec2(touch.v_r, touch.v_y)
             away = touch.normal * (touch.v_y - touch.target)
-            holds = touch.held == touched and touch.density * away / touch.interval < touch.release_stress
+            holds = touch.status == touched and touch.density * away / touch.interval < touch.release_stress
             if away < zero or holds:
                 velocity = vec2(zero, touch.target)
-            return velocity, touch.held, touch.slip
+            return velocity, touch.status, touch.slip
 
         return tacky
 '''

@@ -35,7 +35,7 @@ from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel, team
-from explicit.simd.team import DONE, ELEMENTS_EACH, MOST_SEATS, SharedRun, single_thread_team
+from explicit.simd.team import ELEMENTS_EACH, FINISHED, MOST_SEATS, SharedRun, single_thread_team
 from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
@@ -365,7 +365,7 @@ class Launches:
             if self.error:
                 raise self.error
         else:  # as the time loop does
-            while not team.words.numpy()[DONE]:
+            while not team.words.numpy()[FINISHED]:
                 time.sleep(1e-4)
 
 

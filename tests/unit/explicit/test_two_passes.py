@@ -32,7 +32,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         return lines
 
     monkeypatch.setattr(statements, "divided", watched)
-    monkeypatch.setattr(kernel, "kept", lambda time_loop, choice, translate: translate())
+    monkeypatch.setattr(kernel, "cached_translation", lambda time_loop, choice, translate: translate())
     lane_kernel.cache_clear()
     return found
 
@@ -146,7 +146,7 @@ def test_a_simulation_has_the_bits_of_one_pass(n: int, monkeypatch: pytest.Monke
     times = np.linspace(0.0, end, 9)
     sampling = Sampling(times, times)
     results = []
-    monkeypatch.setattr(kernel, "kept", lambda time_loop, choice, translate: translate())
+    monkeypatch.setattr(kernel, "cached_translation", lambda time_loop, choice, translate: translate())
     for change in (None, lambda loop: None):
         lane_kernel.cache_clear()
         if change is not None:

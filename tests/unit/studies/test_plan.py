@@ -184,7 +184,7 @@ def test_the_map_counts_as_many_points_as_the_shot_has(prepared, told):
     sigma = 1.0 / np.linalg.norm(slope / line.sigma[inside])
     outline = told.data.select(~told.is_force)
     # 15 %: even density instead of the shot's points, and slopes over 10 instead of 2 %.
-    assert outline.deviations_alone[0] == pytest.approx(sigma, rel=0.15)
+    assert outline.conditional_deviations[0] == pytest.approx(sigma, rel=0.15)
     assert instruments.outline_sigma == line.sigma[0]
 
 
