@@ -65,8 +65,7 @@ class Answer:
 def identified(question: Question) -> Answer:
     """Identify a shot with one thread; what a worker does."""
     from kolsky.identification import identify
-    from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.settings import Numerics, Settings
     from kolsky.shot.load import load_shot
 
     numerics = Numerics(mesh=question.mesh, device=question.device, threads=1)

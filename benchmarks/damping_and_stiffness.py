@@ -12,10 +12,10 @@ import numpy as np
 
 from doe import Box, CostSurrogate, nelder_mead
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.run_table import terms
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
 FACTORS = np.linspace(0.6, 1.3, 36)

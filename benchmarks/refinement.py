@@ -16,8 +16,9 @@ from kolsky.cli.texts import ranges
 from kolsky.inverse.coarse_search import adaptive_design, second_design
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
-from kolsky.inverse.problem import InverseProblem, Settings
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 

@@ -51,8 +51,7 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
     from doe import Box
     from doe.designs.space_filling import latin_hypercube
     from kolsky.identification import identify
-    from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.settings import Numerics, Settings
     from kolsky.pictures.measurement import measure_file, read_measurement
     from kolsky.results.hdf5 import write_identification
     from kolsky.shot.load import load_shot

@@ -19,8 +19,9 @@ from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
 from kolsky.cli.texts import ranges
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.problem import InverseProblem, Settings
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 

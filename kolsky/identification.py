@@ -23,9 +23,10 @@ from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.fit_quality import explains, fit_quality, near_right, residual_sources
 from kolsky.diagnosis.judgement import judged
 from kolsky.inverse.estimates import with_own_method
-from kolsky.inverse.problem import InverseProblem, Settings
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import search_shot
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Progress, Work
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from kolsky.base.process import process_pool
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Numerics, Settings
 
 RESULTS = Path(__file__).parent / "results"
 """Results that documents show."""

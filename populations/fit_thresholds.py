@@ -24,9 +24,8 @@ from scipy.stats import nct, norm
 
 from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, LATE, leading_lag, routes_apart
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.load import load_shot
 from populations.driver import command, results, write

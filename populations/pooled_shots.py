@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Numerics
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare

@@ -48,8 +48,7 @@ class Job:
 def run(job: Job) -> dict[str, Any]:
     """Identify one shot with its wrong input; what the package said of it."""
     from kolsky.identification import identify
-    from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.settings import Numerics, Settings
 
     row = next(row for row in ROWS if row.name == job.row)
     truth = json.loads((job.shot / "truth.json").read_text("utf-8"))

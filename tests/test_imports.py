@@ -46,7 +46,7 @@ HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 ALLOWED: dict[tuple[str, str], str] = {
     ("kolsky", "a name computed at run time"): "public names, loaded when first used",
     ("kolsky.report.figures", "a name computed at run time"): "files of this room, loaded with their page",
-    ("kolsky.report.notebook", "a name computed at run time"): "tables of a result, loaded with its type",
+    ("kolsky.report.result_folder", "a name computed at run time"): "tables of a result, loaded with its type",
     ("explicit", "a name computed at run time"): "public names, loaded when first used",
     ("dic", "a name computed at run time"): "public names, loaded when first used",
     ("doe", "a name computed at run time"): "public names, loaded when first used",
@@ -255,7 +255,7 @@ def test_every_exception_has_a_reason_and_is_used():
         ("kolsky.bars.signals.baseline", "from kolsky.bars.reduction import windows"),
         ("kolsky.bars.flyer.fit", "from kolsky.bars.reduction.faces import face_waves"),
         ("kolsky.results.hdf5", "from kolsky.studies.sweep import sweep"),
-        ("kolsky.report.notebook", "from kolsky.cli import terminal"),
+        ("kolsky.report.result_folder", "from kolsky.cli import terminal"),
         ("kolsky.cupboard", "import numpy\nfrom kolsky.base import errors"),
         ("dic.images.series", "from dic.tracking import frames"),
         ("dic.stereo.epipolar_search", "from dic.result import Body"),

@@ -17,8 +17,8 @@ from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import Observations, radius_at
 from kolsky.inverse.parameters import PARAMETERS, any_slides
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import COVERAGE, CauseFinding
+from kolsky.inverse.settings import Settings
 from kolsky.shot.inputs import INPUTS, Cause, Change
 from kolsky.shot.records import ForceChannel, Shot
 

@@ -11,10 +11,11 @@ from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import changed_vector, radii
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.shot.inputs import UNCHANGED, Cause, Change
 

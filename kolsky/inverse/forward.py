@@ -38,7 +38,7 @@ from kolsky.inverse.parameters import (
     require_effect,
     what_relaxes,
 )
-from kolsky.inverse.settings import Numerics as Numerics
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot, ShotBase
 
 

@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.relaxation.evidence import Evidence
 
 MOST_NODES = 24

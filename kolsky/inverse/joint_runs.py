@@ -23,10 +23,11 @@ from explicit.materials import marlow_from_curve
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import source_hash
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.forward import Forward, Numerics, in_surroundings
+from kolsky.inverse.forward import Forward, in_surroundings
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.problem import PreparedShot
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.inverse.work import Progress
 

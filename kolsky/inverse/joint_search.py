@@ -28,7 +28,7 @@ from scipy.special import ndtr, stdtrit
 from doe.least_squares import Whitening
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics, coarser_graded
+from kolsky.inverse.forward import coarser_graded
 from kolsky.inverse.joint_problem import (
     BLIND,
     SCATTER,
@@ -39,6 +39,7 @@ from kolsky.inverse.joint_problem import (
 )
 from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
 from kolsky.inverse.parameters import MOVED, PARAMETERS, any_slides
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.valleys import VALLEY, local_minima, valley_levels
 
 FACTORS = np.geomspace(0.6, 2.2, 10)

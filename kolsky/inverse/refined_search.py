@@ -23,13 +23,13 @@ from kolsky.inverse.coarse_search import (
     jacobian,
     search,
 )
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
+from kolsky.inverse.settings import Numerics
 
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""

@@ -13,13 +13,14 @@ from dic.processes import PendingResult
 from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns, Replicates, Runs, RunTable
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Work
 
 Mesh = tuple[int, int]

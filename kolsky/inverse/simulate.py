@@ -12,11 +12,11 @@ from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.base.records import CentreLine
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import LEAST_STEP, Prediction, predict, radius_at
 from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, require_effect
 from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.run_table import Terms, terms
+from kolsky.inverse.settings import Numerics
 from kolsky.material.slow_compression import FIRST, SlowCompression, SlowNumerics, slow_compression
 from kolsky.shot.curve import PAST_CURVE
 from kolsky.shot.records import Shot

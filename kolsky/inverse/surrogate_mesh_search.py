@@ -26,7 +26,6 @@ from kolsky.inverse.coarse_search import (
     jacobian,
     noise_of,
 )
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
@@ -40,6 +39,7 @@ from kolsky.inverse.path_noise import (
 )
 from kolsky.inverse.run_table import Replicates
 from kolsky.inverse.runner import Mesh, Runner
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.valleys import (
     VALLEY,
     from_search,

@@ -11,7 +11,8 @@ from functools import partial
 from numpy.typing import ArrayLike
 
 import explicit
-from kolsky.inverse.forward import Forward, Numerics, in_surroundings
+from kolsky.inverse.forward import Forward, in_surroundings
+from kolsky.inverse.settings import Numerics
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""

@@ -23,10 +23,10 @@ from doe.sensitivity import (
 )
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import terms
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
 from kolsky.studies.local_sensitivity import completed_runs
 

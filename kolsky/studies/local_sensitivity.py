@@ -15,9 +15,10 @@ import numpy as np
 import explicit
 from explicit.model import scale_of
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.observations import radius_at
 from kolsky.inverse.parameters import PARAMETERS, checked_value, has_effect, parameter
+from kolsky.inverse.settings import Numerics
 
 LEVELS = 10
 """Runs a parameter, beside the point itself: enough that ringing averages out of a slope."""

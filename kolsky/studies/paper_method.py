@@ -16,9 +16,9 @@ from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import filling, jsonable, write_json, write_table
 from kolsky.inverse import simulate as single
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.run_table import SCALE_FORCE, Terms
+from kolsky.inverse.settings import Numerics
 from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 from kolsky.studies import sweep as sweeping

@@ -30,11 +30,11 @@ from kolsky.base.files import (
     source_hash,
 )
 from kolsky.base.units import UnitError, quantity
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, parameter
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable, terms
+from kolsky.inverse.settings import Numerics
 from kolsky.readers.text import full_match
 from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot

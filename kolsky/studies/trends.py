@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from doe import Box, CostSurrogate, Design, ResponseSurrogate, full_factorial
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.run_table import Terms, terms
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
 from kolsky.studies.local_sensitivity import completed_runs
 

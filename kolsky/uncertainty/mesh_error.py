@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.inverse.forward import Numerics, coarser_graded, graded
+from kolsky.inverse.forward import coarser_graded, graded
 from kolsky.inverse.joint_problem import JointProblem, Stack
 from kolsky.inverse.joint_search import Optimum, shots_slide
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
 
 ORDER = 3.2

@@ -146,8 +146,7 @@ def test_times_of_odd_types_in_hdf5(kind: str, tmp_path: Path) -> None:
 def test_one_stray_frame_does_not_move_the_answer(tmp_path: Path) -> None:
     """One frame of the flyer 5.9 mm off: named, and m moves no more than a frame less may move it."""
     from kolsky.identification import identify
-    from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.problem import Settings
+    from kolsky.inverse.settings import Numerics, Settings
 
     coarse = Numerics(mesh=(4, 6), threads=1)
     settings = Settings(

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 import explicit
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.problem import PreparedShot
+from kolsky.inverse.settings import Numerics
 from kolsky.material.relaxation.evidence import RateModel
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from kolsky.base.apparatus import Specimen
 from kolsky.base.records import MaterialCurve
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics, material_law
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.forward import material_law
 from kolsky.inverse.result import Estimate
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
 from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
 from kolsky.material.slow_compression import SlowNumerics, slow_tests

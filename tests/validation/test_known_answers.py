@@ -10,9 +10,8 @@ import pytest
 
 from kolsky.diagnosis.fit_quality import leading_lag
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import AGREEMENT, PROFILE, SIMPLEX, Identification, Verdict
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import to_json
 from kolsky.shot.load import load_shot

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.simulate import simulate
 from kolsky.report.canvas import build
 from kolsky.report.figures import TRENDS

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.planning.plan import Plan, plan

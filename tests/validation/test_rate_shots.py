@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from kolsky.cli.commandline import app
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.relaxation.rate_fit import required_branches
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare

@@ -18,8 +18,7 @@ import kolsky
 from kolsky.base.records import FlyerMotion
 from kolsky.cli import app
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot import records
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot

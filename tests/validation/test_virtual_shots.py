@@ -9,9 +9,8 @@ import pytest
 
 from doe import Box, from_points
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
 from kolsky.studies.budget.factors import factors_of
 from kolsky.studies.budget.realisation import (

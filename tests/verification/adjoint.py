@@ -16,8 +16,8 @@ from explicit.adjoint import Gradient, Objective, by_curve_stress, by_table, for
 from explicit.adjoint.perturbed_runs import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.model import scale_of
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]

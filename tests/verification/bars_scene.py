@@ -66,8 +66,8 @@ def apparatus() -> Apparatus:
 @cache
 def open_01(mesh: tuple[int, int] = (16, 22)) -> tuple[Model, Samples]:
     """Model and parameters of the known-answer shot open-01."""
-    from kolsky.inverse.forward import Numerics
     from kolsky.inverse.problem import prepare_shot
+    from kolsky.inverse.settings import Numerics
     from kolsky.shot.load import load_shot
 
     shot = load_shot(Path(__file__).resolve().parents[2] / "runs" / "open-01")

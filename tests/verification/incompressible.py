@@ -25,9 +25,9 @@ from explicit import (
     run_nearly_incompressible,
 )
 from explicit.incompressible import COMPRESSIBLE
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
+from kolsky.inverse.settings import Numerics
 
 FloatArray = NDArray[np.float64]
 

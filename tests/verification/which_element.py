@@ -16,10 +16,10 @@ from scipy.optimize import minimize_scalar
 from doe import Box
 from explicit import Response
 from kolsky.inverse.coarse_search import search
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]

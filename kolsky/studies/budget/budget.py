@@ -17,7 +17,7 @@ from doe.ledger import ExecutorFactory, Ledger, Pace, Run, run_chunks
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import any_slides
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, Factor, design, slopes_of
 from kolsky.studies.budget.realisation import RealisationOutcome, Realisations, columns_of, names_of
 from kolsky.studies.budget.records import FEWEST, Budget, JointShares, Source, joint_shares, shares_of_squares

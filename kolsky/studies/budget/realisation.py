@@ -17,9 +17,10 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import regular, source_hash
 from kolsky.inverse.coarse_search import on_edge
 from kolsky.inverse.gauss_newton import Step, gauss_newton_step
-from kolsky.inverse.problem import DEFAULT, InverseProblem, Settings
+from kolsky.inverse.problem import DEFAULT, InverseProblem
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.search import search_shot
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from doe.information import LinearData, SingularInformationError
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.problem import PreparedShot
+from kolsky.inverse.settings import Numerics
 from kolsky.studies.local_sensitivity import (
     REACH,
     LocalSensitivity,

@@ -20,9 +20,9 @@ from doe.information import (
     costs,
 )
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
 from kolsky.studies.local_sensitivity import REACH
 from kolsky.studies.planning.information import (

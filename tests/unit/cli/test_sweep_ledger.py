@@ -20,8 +20,9 @@ from typer.testing import CliRunner
 from doe.ledger import Ledger
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 from kolsky.studies.sweep import ShotRuns, read_design
 

@@ -9,8 +9,8 @@ import pytest
 
 from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.cause_inputs import corrected
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import CauseFinding
+from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 

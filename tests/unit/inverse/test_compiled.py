@@ -7,8 +7,9 @@ import pytest
 
 import explicit
 from doe import Box
-from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.problem import Freed, InverseProblem
 from kolsky.inverse.runner import RUNS_OF_A_DESIGN, compile_for
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Work
 
 

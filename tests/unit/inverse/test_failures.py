@@ -19,9 +19,10 @@ from explicit import Outcome, Response
 from kolsky.base.files import write_tables
 from kolsky.cli import app
 from kolsky.identification import identify
-from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.problem import PreparedShot, Settings, prepare_shot
+from kolsky.inverse.forward import Forward
+from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification

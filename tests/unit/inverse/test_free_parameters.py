@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.inverse.problem import EXACT, HELD_AS_ASKED, SLIDES, Settings, choose
+from kolsky.inverse.problem import EXACT, HELD_AS_ASKED, SLIDES, choose
 from kolsky.inverse.search import not_identifiable
+from kolsky.inverse.settings import Settings
 
 
 def shot(faces: str = "bonded", side: str = "bonded", **uncertainty: float) -> Any:

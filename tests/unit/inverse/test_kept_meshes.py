@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"

@@ -14,7 +14,7 @@ from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, sear
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath, PathModes, credible, likely_amplitudes
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 
 REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 10.0, 1.0)

@@ -13,7 +13,7 @@ import pytest
 import explicit
 from doe import full_factorial
 from kolsky.base.files import write_table
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.parameters import (
     PARAMETERS,
     Parameter,
@@ -25,6 +25,7 @@ from kolsky.inverse.parameters import (
     require_effect,
 )
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.results.nomenclature import axis_label, in_words, name_of
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity

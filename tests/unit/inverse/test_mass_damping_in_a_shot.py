@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from explicit.arguments import nodal_mass
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"

@@ -9,13 +9,12 @@ import pytest
 
 from doe import Box
 from kolsky.base.records import ForceHistory
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Prediction, observe
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import EDGE, confirms, search_by_quadratic
 from kolsky.inverse.run_table import Runs
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics, Settings
 from tests.unit.inverse.test_several_parameters import problem_of
 
 BOX = Box(("stiffness_factor", "friction"), (0.8, 0.0), (1.6, 1.0), (False, False))

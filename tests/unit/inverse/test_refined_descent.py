@@ -10,7 +10,6 @@ from test_several_parameters import FINE, SHIFT, TRUTH, MadeUp, problem_of, ring
 
 from doe import Box
 from kolsky.inverse.coarse_search import jacobian
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.gauss_newton import (
     MISLED,
     MOST_RUNS,
@@ -26,9 +25,9 @@ from kolsky.inverse.gauss_newton import (
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import CONFIRMED, run_refined
 from kolsky.inverse.run_table import Runs
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 STEP = 1e-6 * np.array([1.0, 0.01])

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.gauss_newton import AMPLITUDES_STAY, MOST_MOVES, follow_on_refined, patterns_at_refined
 from kolsky.inverse.objective import FrontNoise
 from kolsky.inverse.path_noise import FrontPath, MovedFront, PathModes
+from kolsky.inverse.settings import Numerics
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
 SETTINGS = SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86))

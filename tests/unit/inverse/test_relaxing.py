@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from explicit.relaxation import BergstromBoyce, PronySeries
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.parameters import (
     PARAMETERS,
     parsed_kind,
@@ -21,7 +21,8 @@ from kolsky.inverse.parameters import (
     what_relaxes,
     with_relaxation,
 )
-from kolsky.inverse.problem import Settings, choose, prepare_shot
+from kolsky.inverse.problem import choose, prepare_shot
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.valleys import from_search, search_box, to_search
 from kolsky.schema.material import RelaxationSection, declared_relaxation
 from kolsky.shot.load import load_shot

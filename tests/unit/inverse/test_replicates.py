@@ -10,9 +10,10 @@ from doe import Box
 from kolsky.inverse import run_table
 from kolsky.inverse import runner as runner_module
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.problem import Freed, InverseProblem
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Work
 
 PATH: Any = "a path"

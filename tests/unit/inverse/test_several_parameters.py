@@ -10,7 +10,6 @@ from test_objective import objective
 from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.gauss_newton import (
     LONGEST,
     RefinedRun,
@@ -22,10 +21,10 @@ from kolsky.inverse.gauss_newton import (
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.run_table import Runs, RunTable
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
 from kolsky.inverse.valleys import from_search, search_box, to_search
 from kolsky.inverse.work import Work

@@ -16,10 +16,11 @@ from explicit.bars import Section, elastic_bar
 from kolsky.base.apparatus import Bar, ElasticBody
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
-from kolsky.inverse.forward import Forward, Numerics, mass_before
+from kolsky.inverse.forward import Forward, mass_before
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
-from kolsky.inverse.problem import PreparedShot, Settings, prepare_shot
+from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.records import Shot
 
 NUMERICS = Numerics(mesh=(5, 7), threads=1)

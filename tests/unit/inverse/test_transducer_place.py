@@ -12,9 +12,10 @@ from shot_folders import shot_in
 import kolsky
 from kolsky.base.apparatus import Bar
 from kolsky.base.errors import InputError
-from kolsky.inverse.forward import Numerics, at_transducer
+from kolsky.inverse.forward import at_transducer
 from kolsky.inverse.observations import predict
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.simulate import simulate
 
 BAR = Bar(15e-3, 0.5, 190e9, 8048.0)

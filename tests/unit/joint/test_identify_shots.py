@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
 from kolsky.cli.commandline import app
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.joint_result import (
     RANGE,
     CurveFound,
@@ -26,6 +25,7 @@ from kolsky.inverse.joint_result import (
 )
 from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.settings import Numerics
 from kolsky.joint_identification import identify_shots
 from kolsky.report.result_folder import write_results
 from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5

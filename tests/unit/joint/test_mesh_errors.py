@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Numerics
 from kolsky.uncertainty import mesh_error
 from kolsky.uncertainty.mesh_error import joint_mesh_change
 

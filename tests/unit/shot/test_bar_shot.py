@@ -11,9 +11,9 @@ from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.files import write_tables
 from kolsky.base.records import CentreLine
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.result import Verdict
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification

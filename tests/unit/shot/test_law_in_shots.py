@@ -11,8 +11,9 @@ from explicit.materials import LAWS
 from explicit.materials.law import not_positive
 from explicit.materials.laws import Yeoh
 from kolsky.base.errors import InputError
-from kolsky.inverse.forward import Numerics, curve_replicates, material_law
+from kolsky.inverse.forward import curve_replicates, material_law
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 from kolsky.shot.summary import summarise
 

@@ -12,7 +12,8 @@ import kolsky
 from kolsky.bars.flyer.path import fit_flyer
 from kolsky.base.apparatus import Bar, ElasticBody, Interface, Specimen
 from kolsky.base.records import FlyerMotion
-from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.forward import Forward
+from kolsky.inverse.settings import Numerics
 from kolsky.prediction.predict import predict, read_test
 from kolsky.shot import records
 from kolsky.shot.records import ModelSettings

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from doe.ledger import Run
 from kolsky.cli import app
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, design, factors_of, shifted, slopes_of
 from kolsky.studies.budget.realisation import Estimate, Realisations, phase, same_valley

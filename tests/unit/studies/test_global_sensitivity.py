@@ -10,7 +10,7 @@ import pytest
 
 from doe import Box
 from doe.surrogates import SurrogateError
-from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Numerics
 from kolsky.report.canvas import build
 from kolsky.report.figures import SENSITIVITY
 from kolsky.shot.load import load_shot

@@ -8,8 +8,8 @@ import pytest
 from synthetic import synthetic
 
 from doe import Box, CostSurrogate, Design, full_factorial
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.run_table import Terms
+from kolsky.inverse.settings import Numerics
 from kolsky.studies import paper_method
 from kolsky.studies import paper_method as method
 from kolsky.studies.paper_method import CostInterval, cost_interval

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from doe.information import LinearData
 from kolsky.cli import app
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.planning.information import (

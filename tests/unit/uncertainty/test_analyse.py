@@ -9,10 +9,10 @@ import pytest
 from doe import Box, ResponseSurrogate, full_factorial
 from kolsky.identification import identify
 from kolsky.inverse.coarse_search import CorrectedSurrogate
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.result import POSTERIOR, PROFILE, Identification
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
 from kolsky.uncertainty.profiles import full_likelihood, reduced_likelihood
 

@@ -7,8 +7,8 @@ import pytest
 
 from explicit import Outcome, Response
 from kolsky.identification import identify
-from kolsky.inverse.forward import GRADING, Numerics
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.forward import GRADING
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.results.tables import to_json
 from kolsky.shot.load import load_shot

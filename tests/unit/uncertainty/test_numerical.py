@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import Freed, InverseProblem, Settings
+from kolsky.inverse.problem import Freed, InverseProblem
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.work import Launch, Work
 from kolsky.uncertainty import mesh_error
 from kolsky.uncertainty.mesh_error import (

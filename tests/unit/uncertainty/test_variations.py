@@ -11,10 +11,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.identification import identify
 from kolsky.inverse.coarse_search import search
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, observe
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
 from kolsky.uncertainty.analyse import FORCE_BINS, SEARCHED, WINDOW_END, _halves, shorter_window, wider_bins
 

@@ -10,8 +10,9 @@ from synthetic import CHECKS, failed, synthetic
 
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.forward import Numerics, coarser_graded, graded
+from kolsky.inverse.forward import coarser_graded, graded
 from kolsky.inverse.result import Identification, Method, ParameterProfile, RouteDifference, Verdict
+from kolsky.inverse.settings import Numerics
 from kolsky.uncertainty.analyse import UncertaintyAnalysis, analysis_warnings
 from kolsky.uncertainty.mesh_error import LostRun
 from kolsky.uncertainty.warnings import collect_warnings

@@ -13,8 +13,7 @@ import warp as wp
 
 import explicit
 from explicit.device import select_device
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.problem import Settings
+from kolsky.inverse.settings import Numerics, Settings
 from kolsky.studies.budget.factors import factors_of
 from kolsky.studies.budget.realisation import Realisations
 from kolsky.virtual.calibration_pictures import rig_of
