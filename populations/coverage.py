@@ -21,6 +21,7 @@ from populations.coverage_problem import (
     BONDED,
     GROUP,
     SLIDING,
+    SURFACES,
     TRUTH_ELEMENTS,
     TRUTH_GRADING,
     FloatArray,
@@ -69,6 +70,8 @@ class Study:
     """Where the truths are run, ten of them as one batch."""
     seed: int = 1
     """Of the truths and of all noise."""
+    surface: str = ""
+    """Contact law of faces and side; empty: coulomb where the friction is free, else bonded."""
 
     def __post_init__(self) -> None:
         finest = max(self.mesh[0], self.refined_mesh[0])
@@ -81,7 +84,7 @@ class Study:
     @property
     def interface(self) -> str:
         """Contact law of faces and side."""
-        return SLIDING if "friction" in self.free else BONDED
+        return self.surface or (SLIDING if "friction" in self.free else BONDED)
 
 
 @dataclass(frozen=True)
@@ -227,6 +230,8 @@ def main() -> None:
     parser.add_argument(
         "--free", type=_free, default=("stiffness_factor",), help="m, or m,beta or m,poisson,beta or m,f,beta"
     )
+    words = "contact law of faces and side; coulomb where the friction is free, else bonded"
+    parser.add_argument("--surface", choices=SURFACES, default="", help=words)
     parser.add_argument("--experiments", type=int, default=200)
     parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the experiments")
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
@@ -234,6 +239,7 @@ def main() -> None:
     given = parser.parse_args()
     study = Study(
         free=given.free,
+        surface=given.surface,
         mesh=given.mesh,
         refined_mesh=given.refined_mesh,
         truth_mesh=given.truth_mesh,

@@ -44,7 +44,9 @@ TRUTH_ELEMENTS = ("fbar", "one_point")
 TRUTH_GRADING = 5.0
 """Largest over smallest element of the truth's mesh, twice that of the identification's: the edge of a bonded
 face is a singularity, which takes most of the elements' error (`python -m populations.truth_meshes`)."""
-BONDED, SLIDING = "bonded", "coulomb"
+BONDED, SLIDING, RELEASED = "bonded", "coulomb", "bonded_release"
+SURFACES = (BONDED, SLIDING, RELEASED)
+"""Contact laws of faces and side."""
 KNOTS = 4097
 """Knots of the flyer's exact path in the solver."""
 STRETCH = np.linspace(1.0, 0.36, 65)
@@ -109,6 +111,12 @@ class Truth:
     outline_sigma: float
     curve_sigma: float
     """Noise of the instruments, in the units of `FORCE_SIGMA` and its neighbours."""
+
+    @property
+    def release_stress(self) -> float:
+        """Of a surface that lets go [Pa]: 10 to 100 kPa, even in its logarithm, from the draw of friction."""
+        low, high = RANGES["friction"]
+        return float(1e4 * 10.0 ** ((self.friction - low) / (high - low)))
 
 
 RANGES = {
@@ -253,7 +261,8 @@ def simulate(
         side=interface,
         element=element,
     )
-    names = ["stiffness_factor", "poisson", "damping"] + (["friction"] if interface == SLIDING else [])
+    names = ["stiffness_factor", "poisson", "damping"]
+    names += {SLIDING: ["friction"], RELEASED: ["release_stress"]}.get(interface, [])
     response = explicit.run(
         model,
         explicit.Samples.of(
@@ -307,7 +316,12 @@ def experiment(
         name=f"experiment {number}",
         folder=Path(),
         specimen=Specimen(diameter=setup.diameter, length=setup.length, density=setup.density),
-        interface=Interface(faces=interface, side=interface, friction=truth.friction),
+        interface=Interface(
+            faces=interface,
+            side=interface,
+            friction=truth.friction,
+            release_stress=truth.release_stress if interface == RELEASED else 0.0,
+        ),
         support="rigid",
         transmission_bar=None,
         model=ModelSettings(truth.poisson, truth.damping, "deviatoric", 0.0),

@@ -46,7 +46,10 @@ HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 ALLOWED: dict[tuple[str, str], str] = {
     ("kolsky", "a name computed at run time"): "public names, loaded when first used",
     ("kolsky.report.figures", "a name computed at run time"): "files of this room, loaded with their page",
-    ("kolsky.report.result_folder", "a name computed at run time"): "tables of a result, loaded with its type",
+    (
+        "kolsky.report.result_folder",
+        "a name computed at run time",
+    ): "tables of a result, loaded with its type",
     ("explicit", "a name computed at run time"): "public names, loaded when first used",
     ("dic", "a name computed at run time"): "public names, loaded when first used",
     ("doe", "a name computed at run time"): "public names, loaded when first used",

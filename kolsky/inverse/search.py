@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import Box
+from doe.surrogates import SurrogateError
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
@@ -86,11 +87,17 @@ class Search:
         """The runs under other motions and curves."""
         return None if self.replication is None else self.replication()
 
-    def paper_route(self) -> Route:
-        """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried."""
-        if self.held is None:
-            return paper_route(self.problem.box, self.designs or self.runner.table)
-        return paper_route(self.held.runner.problem.box, self.held.runner.table, self.held.values)
+    def paper_route(self) -> Route | None:
+        """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried.
+
+        None if no surrogate can be fitted to that cost: a comparison must not cost the answer.
+        """
+        try:
+            if self.held is None:
+                return paper_route(self.problem.box, self.designs or self.runner.table)
+            return paper_route(self.held.runner.problem.box, self.held.runner.table, self.held.values)
+        except SurrogateError:
+            return None
 
 
 def search_shot(problem: InverseProblem, work: Work) -> Search:
@@ -114,20 +121,27 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
 def _search_rough(runner: Runner) -> Search:
     """Parameters of a surface that slides or lets go."""
     coarse = search_coarse(runner)
+    designs = _designs_so_far(runner) if runner.problem.box.dimension == 1 else None
     replication = runner.replicate(coarse.x) if runner.problem.settings.replicates else None
     runner = runner.under(front_with_noise(runner, None if replication is None else replication()))
     coarse = weigh_front_noise(coarse, runner.front)
-    return Search(runner, coarse, search_by_quadratic(runner, coarse), replication)
+    return Search(runner, coarse, search_by_quadratic(runner, coarse), replication, designs=designs)
 
 
 def _search_one(runner: Runner) -> Search:
     """One smooth parameter: like several, its first optimum from designs over the whole range."""
     wide = search_coarse(runner)
-    designs = RunTable(runner.problem.box.names)
-    designs.take(runner.table, {})
+    designs = _designs_so_far(runner)
     meshes = search_meshes_for_one(runner, wide)
     coarse, fine, _ = search_by_gauss_newton(runner.under(meshes.front), meshes.optima)
     return Search(runner.under(fine.front, fine.offsets), coarse, fine, meshes.replicates, designs=designs)
+
+
+def _designs_so_far(runner: Runner) -> RunTable:
+    """The runs of designs over the whole range: those on the refined mesh lie too near to each other."""
+    designs = RunTable(runner.problem.box.names)
+    designs.take(runner.table, {})
+    return designs
 
 
 def _search_several(runner: Runner) -> Search | dict[str, str]:

@@ -46,8 +46,8 @@ def budgeted_answer(found: Search, sources: Sources) -> Identification:
     prediction, gain = fine.check.prediction, fine.objective.gain(fine.jacobian)
     optima = search_routes(fine.box, fine.objective, fine.model)
     routes = [budgeted(box.names, one, sources) for one in optima]
-    if observations.has_shape:
-        routes.append(found.paper_route())
+    paper = found.paper_route() if observations.has_shape else None
+    routes += [] if paper is None else [paper]
     answers = estimates(
         box,
         fine.x,

@@ -328,6 +328,16 @@ def _method_warnings(result: Identification) -> Iterator[str]:
             yield f"{method.name} has no value of {name} to compare ({method.ended})"
 
 
+def _paper_warning(result: Identification) -> Iterator[str]:
+    """The route of the paper's cost, where it is missing."""
+    names = {route.name for route in result.routes}
+    if "shape only" in names and "paper" not in names:
+        yield (
+            "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs, so that the optimum of that"
+            " cost is left out; the answer does not depend on it"
+        )
+
+
 def bound_warnings(result: Identification) -> Iterator[str]:
     """An interval that leaves the design rests on no run there."""
     design = result.design
@@ -441,6 +451,7 @@ def collect_warnings(
             *_force_only_warning(result),
             *route_warnings(result),
             *_method_warnings(result),
+            *_paper_warning(result),
             *bound_warnings(result),
             *_past_curve_of(result, checks),
             *_conditioned_curve_warning(checks),

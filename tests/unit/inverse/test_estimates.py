@@ -3,14 +3,18 @@
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from doe import Box
+from doe.surrogates import SurrogateError
 from kolsky.inverse.coarse_search import at_inner_face, on_edge
 from kolsky.inverse.estimates import estimates, held_values
 from kolsky.inverse.result import Estimate, Method, Verdict, disagreements
+from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.search import Search
 
 BOX = Box.of({"stiffness_factor": (1.0, 2.0), "friction": (0.0, 4.0)})
 
@@ -136,3 +140,13 @@ def test_methods_agree_within_a_quarter_of_the_half_width() -> None:
     assert far[2] == pytest.approx(-0.255)
     (unknown,) = disagreements([method(float("nan"))])
     assert np.isnan(unknown[2])
+
+
+def test_a_cost_without_a_surrogate_leaves_the_papers_route_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*given: object) -> None:
+        raise SurrogateError("ill-conditioned")
+
+    monkeypatch.setattr("kolsky.inverse.search.paper_route", refuse)
+    problem = SimpleNamespace(box=Box.of({"stiffness_factor": (0.5, 2.0)}))
+    runner: Any = SimpleNamespace(problem=problem, table=RunTable(("stiffness_factor",)))
+    assert Search(runner, Mock(), Mock()).paper_route() is None

@@ -181,6 +181,13 @@ def test_force_and_shape_that_disagree() -> None:
     assert collect_warnings(unknown, checks=CHECKS, interface=BONDED) == ()
 
 
+def test_a_cost_of_the_paper_without_a_surrogate() -> None:
+    routes = tuple(route for route in clean().routes if route.name != "paper")
+    assert len(routes) == len(clean().routes) - 1
+    assert "no surrogate can be fitted to the cost Phi" in said(clean(routes=routes))
+    assert collect_warnings(clean(routes=routes[:1]), checks=CHECKS, interface=BONDED) == ()
+
+
 def test_an_interval_past_the_design() -> None:
     # Bounds 0.75 to 1.45; u = hypot(0.0019, 0.0016) = 0.00248.
     assert collect_warnings(estimate(value=1.4450), checks=CHECKS, interface=BONDED) == ()
