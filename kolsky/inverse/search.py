@@ -121,7 +121,7 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
 def _search_rough(runner: Runner) -> Search:
     """Parameters of a surface that slides or lets go."""
     coarse = search_coarse(runner)
-    designs = _designs_so_far(runner) if runner.problem.box.dimension == 1 else None
+    designs = _designs_so_far(runner)
     replication = runner.replicate(coarse.x) if runner.problem.settings.replicates else None
     runner = runner.under(front_with_noise(runner, None if replication is None else replication()))
     coarse = weigh_front_noise(coarse, runner.front)

@@ -333,8 +333,8 @@ def _paper_warning(result: Identification) -> Iterator[str]:
     names = {route.name for route in result.routes}
     if "shape only" in names and "paper" not in names:
         yield (
-            "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs, so that the optimum of that"
-            " cost is left out; the answer does not depend on it"
+            "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs: the optimum of that cost "
+            "is left out, and the answer does not depend on it"
         )
 
 
