@@ -300,7 +300,7 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
 
     The mesh, its grading and the element as they are, the rest as 48 bits of a digest, which a float holds.
     """
-    rest = replace(numerics, mesh=(0, 0), grading=0.0, element="", device="", threads=None)
+    rest = replace(numerics, mesh=(0, 0), grading=0.0, element="fbar", device="", threads=None)
     digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
     element = float(ELEMENTS.index(numerics.element))
     return (*map(float, numerics.mesh), numerics.grading, element, float(int.from_bytes(digest, "big")))

@@ -256,5 +256,5 @@ def compile_for(problem: InverseProblem, work: Work) -> None:
         also=[lambda: of(numerics.with_other_element(), 1)],
         device=numerics.device,
         threads=numerics.threads,
-        told=lambda done, total: work.progress("compile", done, total),
+        progress=lambda done, total: work.progress("compile", done, total),
     )
