@@ -81,7 +81,7 @@ class Chessboard:
         sigma = corner_sigma(picture, pixels, reach)
         return Detection(np.arange(len(pixels)), pixels, sigma)
 
-    def _other_count(self, image: cv2.typing.MatLike) -> str:
+    def _other_count(self, image: "cv2.typing.MatLike") -> str:
         """What to correct: the count of a board that is there, with one corner more or fewer a side."""
         for columns, rows in ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (0, 1), (1, -1), (-1, 1)):
             size = self.columns + columns, self.rows + rows
