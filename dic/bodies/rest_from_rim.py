@@ -115,7 +115,7 @@ def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
     Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
     they disagree one of them may show no rim, and which is not known: half of what they are apart is in
     the standard deviation, so that the place of either lies one from the mean. By more than a length allows
-    (`RestGeometry.known`), nothing counts from it.
+    (`RestGeometry.length_is_certain`), nothing counts from it.
     """
     apart = abs(ends[0] - ends[-1])
     return Rim(

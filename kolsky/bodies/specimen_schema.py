@@ -12,7 +12,8 @@ Displacement = Annotated[float, BeforeValidator(f.physical("m"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 
 
-ForceColumn = ColumnSection[Annotated[float, BeforeValidator(f.factor("N"))]]
+class ForceColumn(ColumnSection[Annotated[float, BeforeValidator(f.factor("N"))]]):
+    """A column of forces."""
 
 
 class MaterialSection(Section):

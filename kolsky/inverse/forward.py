@@ -242,7 +242,7 @@ def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> Pu
         Section(part.length, 0.5 * part.diameter, part.youngs_modulus, part.density, part.poisson)
         for part in body.parts
     )
-    places = {"sensor": body.transducer_depth, "seen": body.seen_at}
+    places = {"sensor": body.transducer_depth, "observed": body.seen_at}
     if body.model == "bar":
         return pulse_on_bars(sections, step=step, n=n, **places)
     pressed = min(radius, sections[0].radius)

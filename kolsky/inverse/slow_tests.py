@@ -53,8 +53,8 @@ def _frequency(text: object) -> float:
     return float(factors[text])
 
 
-FrequencyColumn = ColumnSection[Annotated[float, BeforeValidator(_frequency)]]
-"""A column of frequencies; once read, the factor that leads to rad/s."""
+class FrequencyColumn(ColumnSection[Annotated[float, BeforeValidator(_frequency)]]):
+    """A column of frequencies; once read, `unit` is the factor that leads to rad/s."""
 
 
 def _temperature_unit(text: object) -> float:
@@ -74,8 +74,8 @@ def _temperature(text: object) -> float:
     return value
 
 
-TemperatureColumn = ColumnSection[Annotated[float, BeforeValidator(_temperature_unit)]]
-"""A column of temperatures; once read, `unit` is what is added to lead to kelvin."""
+class TemperatureColumn(ColumnSection[Annotated[float, BeforeValidator(_temperature_unit)]]):
+    """A column of temperatures; once read, `unit` is what is added to lead to kelvin."""
 
 
 class SlowTest(Section):

@@ -173,10 +173,23 @@ def save_figures(
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically.
 
-    ``folder``: created if absent. ``shown``: result that the figures show. ``formats``: any of "pdf", "svg",
-    "png" (600 dots per inch) and "csv", the data that the figure shows. ``registry``: the figures; those of
-    `kolsky.report.figures.figures_of` if not given. Raises ValueError if a format is not one of these, and
-    TypeError if no figure shows things of this class.
+    Parameters
+    ----------
+    folder
+        Created if absent.
+    shown
+        Result that the figures show.
+    formats
+        Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
+    registry
+        The figures; those of `kolsky.report.figures.figures_of` if not given.
+
+    Raises
+    ------
+    ValueError
+        If a format is not one of these.
+    TypeError
+        If no figure shows things of this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]

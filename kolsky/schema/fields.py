@@ -367,12 +367,25 @@ class ColumnSection(Section, Generic[Unit]):
         return Column(name=self.column, factor=self.unit)
 
 
-TimeColumn = ColumnSection[TimeUnit]
-LengthColumn = ColumnSection[LengthUnit]
-VoltageColumn = ColumnSection[VoltageUnit]
-StressColumn = ColumnSection[StressUnit]
-RatioColumn = ColumnSection[RatioUnit]
-"""A column of plain ratios; the unit is "1" or "%"."""
+# Classes, not aliases: a worker elsewhere finds a class by its name, and all aliases have one name.
+class TimeColumn(ColumnSection[TimeUnit]):
+    """A column of times."""
+
+
+class LengthColumn(ColumnSection[LengthUnit]):
+    """A column of lengths."""
+
+
+class VoltageColumn(ColumnSection[VoltageUnit]):
+    """A column of voltages."""
+
+
+class StressColumn(ColumnSection[StressUnit]):
+    """A column of stresses."""
+
+
+class RatioColumn(ColumnSection[RatioUnit]):
+    """A column of plain ratios; the unit is "1" or "%"."""
 
 
 class ModeColumns(Section):

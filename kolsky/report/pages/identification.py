@@ -421,12 +421,23 @@ def write_report(
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``identification``: the
-    result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface", "support" and
-    "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256), "settings" and
-    "versions" have their own tables; every other entry is listed under "Further". ``recordings``: recordings
-    of the shot's own files; without them their sections are left out. ``processes``: number of processes that
-    draw the figures. Raises OSError if the file cannot be written; an older one is then unchanged.
+    Parameters
+    ----------
+    path
+        The file, replaced atomically if it exists; its folder must exist.
+    identification
+        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
+        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
+        "settings" and "versions" have their own tables; every other entry is listed under "Further".
+    recordings
+        Recordings of the shot's own files; without them their sections are left out.
+    processes
+        Number of processes that draw the figures.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
     """
     page_writer(render)(path, identification, recordings, processes=processes)
 

@@ -33,7 +33,7 @@ if __name__ == "__main__":
 """
 FORK = """
 import os, re, time
-from dic import forks
+from dic import processes
 
 here = os.getpid()
 
@@ -43,8 +43,8 @@ def draw():
     re.sub("(a+)+c", "", "a" * 28)  # a library that gives no other thread a turn
     return ""
 
-forks.can_fork = lambda: True
-forks.side_by_side([draw] * 40, processes=2)
+processes.can_fork = lambda: True
+processes.run_parallel([draw] * 40, processes=2)
 """
 PROGRAM = """
 import sys

@@ -118,9 +118,9 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (
             ["{f}"],
             {"stress_unit": "mm"},
-            "column 'Stress .kPa.' has the unit 'mm'; it must be a unit such as \"kPa\"",
+            "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress",
         ),
-        (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' has the unit '%'"),
+        (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' for the stress is in '%'"),
         (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
         (["tension:{f}"], {}, "it must be uniaxial, equibiaxial, planar, simple-shear"),
         (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
@@ -184,7 +184,7 @@ def test_a_lateral_strain_has_its_files_unit(tmp_path):
     )
     np.testing.assert_allclose(test.lateral, [0.998, 0.996, 0.992, 0.984])
     path.write_text("\n".join(["Strain (%),Stress (kPa),Side (mm)", *rows]) + "\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"column 'Side \(mm\)' has the unit 'mm'"):
+    with pytest.raises(InputError, match=r"column 'Side \(mm\)' for the lateral is in 'mm'"):
         read_tests([str(path)], Columns("tension-positive", strain="Strain", stress="Stress", lateral="Side"))
 
 

@@ -215,7 +215,7 @@ def body(errors: np.ndarray, sigma: float) -> TrackedBody:
 
 def gated(errors: np.ndarray, sigma: float = 1e-4) -> np.ndarray:
     """Which points of the last frame pass the gate that the other frames, at rest, ask for."""
-    rest = SimpleNamespace(rest=list(range(len(errors) - 1)))
+    rest = SimpleNamespace(frames=list(range(len(errors) - 1)))
     found = gate_epipolar(SimpleNamespace(rig=RIG), body(errors, sigma), rest)
     return found.reconstruction.outcome[-1] == PointOutcome.VALID
 

@@ -67,15 +67,15 @@ def test_cameras_that_disagree_widen_the_rim():
         found = combine_rims([0.0, apart], [3e-6, 4e-6])
         assert found.y == pytest.approx(0.5 * apart)
         assert found.sigma == pytest.approx(np.hypot(5e-6 / 2**0.5, 0.5 * apart))  # the mean of 9 and 16
-    assert not RestGeometry(length=6e-3, length_sigma=found.sigma, radius=5e-3).known
+    assert not RestGeometry(length=6e-3, length_sigma=found.sigma, radius=5e-3).length_is_certain
     alone = combine_rims([1e-6], [3e-6])
     assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
 
 
 def test_a_length_that_is_not_known_gives_no_place_at_rest():
     """One part in four hundred of 6 mm is 15 µm, more than the travel may be off by."""
-    assert RestGeometry(length=6e-3, length_sigma=14.9e-6, radius=5e-3).known
-    assert not RestGeometry(length=6e-3, length_sigma=15.1e-6, radius=5e-3).known
+    assert RestGeometry(length=6e-3, length_sigma=14.9e-6, radius=5e-3).length_is_certain
+    assert not RestGeometry(length=6e-3, length_sigma=15.1e-6, radius=5e-3).length_is_certain
 
 
 LOW = -1.0e-3

@@ -426,7 +426,7 @@ def test_two_bodies_that_part_are_both_believed() -> None:
 
 
 def test_single_and_coinciding_points_have_neighbours_or_none() -> None:
-    assert not Neighbours.of(np.array([[3.0, 4.0]])).there.any()
+    assert not Neighbours.of(np.array([[3.0, 4.0]])).exists.any()
     twice = Neighbours.of(np.array([[3.0, 4.0], [3.0, 4.0], [8.0, 4.0]]))
     assert all(i not in twice.index[i][twice.exists[i]] for i in range(3))
 

@@ -11,6 +11,7 @@ import pytest
 import kolsky
 from explicit.adjoint import forward_run
 from kolsky.report.figures import PLACES
+from kolsky.report.result_folder import RESULTS
 from tests.test_imports import MODULES, PACKAGES, ROOT, imports_of
 
 PAGE = (ROOT / "docs" / "python_only.md").read_text("utf-8")
@@ -32,14 +33,16 @@ def enclosing(name: str) -> list[str]:
 
 
 def entry_points() -> set[str]:
-    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`, and the
-    figures that a page loads by their registry's name."""
+    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`, and what
+    is loaded by a registry's name: figures of a page, writers of a result's files."""
     found = {name for name in MODULES if "kolsky.cli" in enclosing(name)} | {"kolsky"}
     found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
     for script in (ROOT / "runs").rglob("*.py"):
         found |= imported(script.stem, script)
     figures = {place.partition(".")[0] for places in PLACES.values() for place in places}
     found |= {f"kolsky.report.figures.{name}" for name in figures}
+    for files in RESULTS.values():  # written by the names of their functions
+        found |= {place.rpartition(".")[0] for place in files.files.values()}
     assert {kolsky._HOME[name] for name in kolsky.__all__} <= imported("kolsky", MODULES["kolsky"])
     return found
 

@@ -83,7 +83,7 @@ def test_nothing_known_is_run_and_failures_only_on_request(tmp_path: Path) -> No
         runs = run_chunks(watched, POINTS, chunk=3, ledger=book, progress=paces.append)
         assert asked == [1.0, 3.0, 5.0, 7.0]
         assert [run.outcome for run in runs] == ["OK", "BAD", "OK", "OK"]
-        assert [(p.done, p.total) for p in paces] == [(2, 4), (4, 4)]
+        assert [(p.finished, p.total) for p in paces] == [(2, 4), (4, 4)]
         assert paces[0].seconds_left == np.inf
         assert paces[1].seconds_left == 0.0
         assert run_chunks(watched, POINTS, chunk=3, ledger=book, retry=True)[1].reason == "x"

@@ -313,7 +313,7 @@ def test_a_mesh_is_a_bar_where_waves_are_long_and_its_march_in_time_where_not() 
     parts = [Section(0.03, **STEEL), Section(0.05, **(STEEL | {"radius": 5e-3}))]
     force = np.sin(np.pi * PULSE_TIMES / PULSE_TIMES[-1]) ** 2
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * STEP * (force[1:] + force[:-1]))])[None]
-    kind = {"step": STEP, "n": N, "sensor": 0.015, "seen": 0.01}
+    kind = {"step": STEP, "n": N, "sensor": 0.015, "observed": 0.01}
     mesh = pulse_on_mesh(parts, size=5e-3, radius=4e-3, **kind)
     line = pulse_on_bars(parts, **kind)
     for name, size in (("path", 0.03), ("seen", 0.03), ("section", 0.03)):

@@ -7,7 +7,7 @@ import pytest
 
 from kolsky.base.toml import key_lines as toml_lines
 from kolsky.base.units import UnitError, quantity, unit_factor
-from kolsky.readers.header import _number, key_lines, likely_unit, split_unit
+from kolsky.readers.header import _number, _Stated, key_lines, likely_unit, split_unit
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm of POSIX")
 
@@ -44,7 +44,7 @@ def test_keys_of_tables_are_found_as_before() -> None:
 
 def test_an_exponent_beyond_all_numbers_is_no_traceback() -> None:
     assert _number("1e999999999", ".") is not None
-    assert _number("20 ns") == (20.0, "ns", 1.0)
+    assert _number("20 ns", ".") == _Stated(20.0, 1.0, "ns")
     assert _number("4.0E-10") == (4e-10, "", pytest.approx(1e-11, rel=1e-15))
 
 
