@@ -74,7 +74,7 @@ def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_pa
     assert {"kolsky.readers", "explicit", "dic.stereo"} < pages  # every package
     assert "kolsky.report.scene.scene_data" in pages  # howto/films.md refers to it
     assert "kolsky.cli.options" not in pages  # nobody does
-    assert len(pages) < 0.5 * len(modules)
+    assert len(pages) < 0.6 * len(modules)  # the others hold what nobody refers to
     # a page documents its module, whatever names the package offers
     page = (stale.parent / "explicit.run_batch.rst").read_text(encoding="utf-8")
     assert ".. automodule:: explicit.run_batch\n" in page

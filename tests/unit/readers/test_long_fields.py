@@ -45,7 +45,7 @@ def test_keys_of_tables_are_found_as_before() -> None:
 def test_an_exponent_beyond_all_numbers_is_no_traceback() -> None:
     assert _number("1e999999999", ".") is not None
     assert _number("20 ns", ".") == _Stated(20.0, 1.0, "ns")
-    assert _number("4.0E-10") == (4e-10, "", pytest.approx(1e-11, rel=1e-15))
+    assert _number("4.0E-10", ".") == _Stated(4e-10, pytest.approx(1e-11, rel=1e-15), "")  # type: ignore[arg-type]
 
 
 def test_a_header_of_long_lines() -> None:
