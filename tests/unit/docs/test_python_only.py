@@ -33,7 +33,7 @@ def enclosing(name: str) -> list[str]:
 
 
 def entry_points() -> set[str]:
-    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`, and what
+    """The commands, what `python -m` runs, what scripts of `runs/` import, the names of `kolsky`, and what
     is loaded by a registry's name: figures of a page, writers of a result's files."""
     found = {name for name in MODULES if "kolsky.cli" in enclosing(name)} | {"kolsky"}
     found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
