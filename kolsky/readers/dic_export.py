@@ -16,7 +16,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
 from kolsky.readers.sheet import Sheet, find_table
-from kolsky.readers.text import LONGEST_FIELD, read_text
+from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,7 @@ UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
 """Units of length that may be stated, in metres."""
 FILES_LIMIT = 10_000
 """Most frames of one export."""
+_HEADING_UNIT = re.compile(r".*[\[(]([^\[\]()]*)[\])]\s*")
 _UNIT = re.compile(r"\s*\[[^\[\]]*\]\s*$|\s*\([^()]*\)\s*$")
 
 
@@ -146,7 +147,7 @@ def read(
     paths: Sequence[Path],
     layout: str,
     *,
-    unit: str = "mm",
+    unit: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
 ) -> DicExport:
@@ -157,20 +158,20 @@ def read(
     with the displacements.
 
     ``paths``: the files; their names have the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``: unit
-    of length of coordinates and displacements. ``delimiter``, ``decimal``: as in
-    `kolsky.readers.contents.Layout`; found if None. Raises InputError if a file cannot be read or lacks a
-    column, names have no frame numbers, a point is there twice, rows cannot be told apart, or coordinates are
-    of neither kind.
+    of length of coordinates and displacements; None for that of the headings, or mm where they have none.
+    ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; found if None. Raises InputError if a
+    file cannot be read or lacks a column, a heading has another unit than the declared one, names have no
+    frame numbers, a point is there twice, rows cannot be told apart, or coordinates are of neither kind.
     """
-    if layout not in LAYOUTS or unit not in UNITS:
+    if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(
             paths[0],
-            f"is said to be of '{layout}' in '{unit}'",
+            f"is said to be of '{layout}'" + (f" in '{unit}'" if unit is not None else ""),
             allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
         )
     numbers = _frame_numbers(paths)
     order = np.argsort(numbers)
-    files = [_one(paths[i], layout, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
+    files = [_one(paths[i], layout, unit, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
     programs = {file.program for file in files}
     if len(programs) > 1:
         raise InputError(
@@ -181,8 +182,8 @@ def read(
     u, state = coordinates.copy(), np.full(coordinates.shape[:2], int(PointState.MISSING))
     for i, file in enumerate(files):
         places = [index[key] for key in file.keys]
-        coordinates[i, places] = file.coordinates * UNITS[unit]
-        u[i, places] = file.displacements * UNITS[unit]
+        coordinates[i, places] = file.coordinates
+        u[i, places] = file.displacements
         state[i, places] = file.state
     u[state != PointState.VALID] = np.nan
     X = _reference(files[0].path, coordinates, u)
@@ -207,18 +208,21 @@ class _File:
     program: str
     keys: tuple[object, ...]
     coordinates: FloatArray
+    """[m]."""
     displacements: FloatArray
+    """[m]."""
     state: IntArray
 
 
-def _one(path: Path, layout: str, declared: Layout) -> _File:
+def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
     """The points of one frame."""
     sha256, lines, _ = read_text(path, declared)
     # Columns that are NaN or empty in most rows still are columns of numbers.
     table = find_table(path, lines, declared, sparse=True)
     names = tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in table.names)
     sheet = table.sheet(path, names, ())
-    chosen = next((form for form in LAYOUTS[layout] if _has(sheet, form)), None)
+    fitting = [form for form in LAYOUTS[layout] if _has(sheet, (*form.coordinates, *form.displacements))]
+    chosen = next((form for form in fitting if _has(sheet, form.key)), fitting[0] if fitting else None)
     if chosen is None:
         forms = " or ".join(
             ", ".join((*form.key, *form.coordinates, *form.displacements)) for form in LAYOUTS[layout]
@@ -233,7 +237,11 @@ def _one(path: Path, layout: str, declared: Layout) -> _File:
     def columns(wanted: tuple[str, ...]) -> FloatArray:
         return np.stack([sheet.values(sheet.column(name, "column"), gaps=True) for name in wanted], axis=-1)
 
-    coordinates, displacements = columns(chosen.coordinates), columns(chosen.displacements)
+    def lengths(wanted: tuple[str, ...]) -> FloatArray:
+        headings = [table.names[sheet.column(name, "column")] for name in wanted]
+        return columns(wanted) * [UNITS[_length_unit(path, heading, unit)] for heading in headings]
+
+    coordinates, displacements = lengths(chosen.coordinates), lengths(chosen.displacements)
     state = np.full(len(coordinates), int(PointState.VALID))
     for name in (name for name in chosen.rejected if name in sheet.names):
         state[columns((name,))[:, 0] < 0.0] = int(PointState.REJECTED)
@@ -250,11 +258,26 @@ def _one(path: Path, layout: str, declared: Layout) -> _File:
     return _File(path, sha256, chosen.program, keys, coordinates, displacements, state)
 
 
-def _has(sheet: Sheet, form: ExportLayout) -> bool:
-    needed = (*form.coordinates, *form.displacements)
-    return all(name in sheet.names for name in needed) and (
-        not form.key or all(name in sheet.names for name in form.key) or form.program == "VIC-3D"
-    )
+def _length_unit(path: Path, heading: str, declared: str | None) -> str:
+    """Unit of a column of lengths: that of its heading, else the declared one, else mm.
+
+    Raises InputError if both are there and differ.
+    """
+    brackets = full_match(_HEADING_UNIT, heading)
+    stated = brackets.group(1).strip() if brackets is not None else ""
+    if stated not in UNITS:
+        return declared or "mm"
+    if declared is not None and UNITS[declared] != UNITS[stated]:
+        raise InputError(
+            path,
+            f"has the unit '{stated}' in its column '{heading}', and unit = \"{declared}\" is declared",
+            cure=f'declare unit = "{stated}", or leave unit out',
+        )
+    return stated
+
+
+def _has(sheet: Sheet, names: Sequence[str]) -> bool:
+    return all(name in sheet.names for name in names)
 
 
 def _frame_numbers(paths: Sequence[Path]) -> IntArray:

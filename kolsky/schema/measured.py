@@ -156,7 +156,7 @@ class SurfaceSection(Section):
 
     pattern: f.FilePattern
     program: Annotated[str, BeforeValidator(_program)]
-    unit: Literal["m", "mm", "um", "µm", "in"] = "mm"
+    unit: Literal["m", "mm", "um", "µm", "in"] | None = None
     delimiter: str | None = None
     decimal: str | None = None
     y: Axis

@@ -1,13 +1,20 @@
 """Small files of real kinds that were once read wrongly: each gives the right value by its command."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from kolsky.base.errors import InputError
 from kolsky.cli import app
+from kolsky.readers.dic_export import matching, read
+from kolsky.shot.load import load_shot
+
+ROOT = Path(__file__).resolve().parents[2]
 
 CLOCKS = {
     "clock/rate_in_khz.csv": (0.0, 1.25e-6),
@@ -62,3 +69,60 @@ def test_one_column_of_decimal_commas(shared):
 def test_names_and_units_of_columns(name, columns, shared):
     found = channels(shared / "data/cases/tables" / name)
     assert {channel["name"]: channel["unit"] for channel in found} == columns
+
+
+def fitted(path: Path, folder: Path, *options: str) -> float:
+    """Shear modulus of a neo-Hookean fit [kPa]."""
+    words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--json", "--out", str(folder)]
+    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, *options])
+    assert run.exit_code == 0, run.output
+    (law,) = json.loads(run.stdout)["laws"]
+    return 1e-3 * float(law["fit"]["constants"]["mu"])
+
+
+def test_a_short_table_under_remarks_is_fitted(shared, tmp_path):
+    path = shared / "data/cases/tables/short_under_remarks.txt"
+    assert fitted(path, tmp_path, "--stretch", "stretch", "--stress", "stress") == pytest.approx(
+        120.0, rel=1e-3
+    )
+
+
+def test_of_a_cycle_the_loading_is_taken_or_its_turn_named(shared, tmp_path):
+    path = shared / "data/cases/tables/cycle.csv"
+    columns = ("--strain", "nominal strain", "--stress", "nominal stress")
+    assert fitted(path, tmp_path, *columns, "--loading") == pytest.approx(300.0, rel=1e-3)
+    words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--out", str(tmp_path)]
+    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, *columns])
+    assert run.exit_code == 2
+    assert "turns back behind point 60" in run.stderr
+
+
+def test_the_unit_of_an_exports_headings(shared):
+    files = matching(shared / "data/cases/dic_units", "*.csv")
+    export = read(files, "matchid")
+    u = export.u[..., 0]
+    assert u == pytest.approx(u[:, :1] + 0.0 * u)
+    assert 1e3 * u[:, 0] == pytest.approx([0.0, 0.1, 0.2], abs=1e-9)
+    with pytest.raises(
+        InputError, match=r"unit 'm' in its column 'coor.X \[m\]', and unit = \"mm\" is declared"
+    ):
+        read(files, "matchid", unit="mm")
+
+
+def test_a_workbook_may_stand_as_the_curve_of_a_shot(shared, tmp_path):
+    shot = tmp_path / "shot"
+    shutil.copytree(ROOT / "runs/open-01", shot, ignore=shutil.ignore_patterns("results"))
+    shutil.copy(shared / "data/cases/tables/quasi_static.xlsx", shot)
+    text = (shot / "shot.toml").read_text(encoding="utf-8")
+    for old, new in {
+        'file = "quasi_static.csv"': 'file = "quasi_static.xlsx"',
+        '{ column = "nominal strain (-)", unit = "1" }': '{ column = "Strain", unit = "%" }',
+        '{ column = "nominal stress (Pa)", unit = "Pa" }': '{ column = "Stress", unit = "MPa" }',
+    }.items():
+        assert old in text
+        text = text.replace(old, new)
+    (shot / "shot.toml").write_text(text, encoding="utf-8")
+    curve = load_shot(shot).curve
+    at = int(np.argmin(np.abs(curve.stretch - 0.99)))  # row 7 of the workbook: -1 %, -0.000749 MPa
+    assert (curve.stretch[at], curve.stress[at]) == pytest.approx((0.99, -749.0))
+    assert len(curve.stretch) == 63

@@ -70,6 +70,9 @@ class Columns:
     ] = ""
     lateral_strain: Annotated[bool, Option("The lateral column is a nominal strain.")] = False
     """A strain is positive where the specimen gets wider."""
+    loading: Annotated[
+        bool, Option("Take the loading alone: up to the first point where the strain turns back.")
+    ] = False
     header_line: HeaderLine = None
 
     def __post_init__(self) -> None:

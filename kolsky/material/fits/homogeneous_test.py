@@ -163,9 +163,15 @@ def read_homogeneous_test(
         wanted["lateral"] = WantedColumn(columns.lateral, "1", pure=True, option="in its heading")
     values, sha256 = read_columns(path, wanted, Layout(header_line=columns.header_line))
     sign = 1.0 if columns.convention == "tension-positive" else -1.0
+    if columns.loading:
+        end = turning_point(values["deformation"])
+        values = {what: column[: None if end is None else end + 1] for what, column in values.items()}
     lateral = values.get("lateral")
     if lateral is not None and columns.lateral_strain:
         lateral = lateral + 1.0
+    _check_loading(path, values["deformation"])
+    if columns.strain and columns.strain_unit is None and not by_force:
+        _check_strain_unit(path, columns.strain, values["deformation"])
     if by_force:
         assert columns.length is not None
         assert columns.section is not None
@@ -186,6 +192,53 @@ def read_homogeneous_test(
     except ValueError as error:
         raise InputError(path, str(error), cure="check columns, units and --convention") from None
     return test, sha256
+
+
+TURNED_BACK = 0.05
+"""Share of the whole range that a strain may go back and still count as scatter of one loading [-]."""
+LARGEST_STRAIN = 5.0
+"""Largest strain of a column without a unit that is taken for a plain ratio [-]; above, the unit is asked."""
+
+
+def turning_point(strain: FloatArray) -> int | None:
+    """Index of the last point before a strain turns back over what it has covered; None if it does not.
+
+    It goes one way if it never goes back by more than `TURNED_BACK` of its range, upward or downward. A
+    compression with a tension below it jumps back, and has no three points within what was covered.
+    """
+    allowed = TURNED_BACK * float(np.ptp(strain))
+    ways = []
+    for way in (strain, -strain):
+        behind = np.maximum.accumulate(way) - way
+        beyond = np.flatnonzero(behind > allowed)
+        if not beyond.size:
+            return None
+        ways.append(int(np.argmax(way[: beyond[0]])))
+    row = max(ways)
+    low, high = strain[: row + 1].min() + allowed, strain[: row + 1].max() - allowed
+    after = strain[row + 1 :]
+    return row if np.count_nonzero((after > low) & (after < high)) >= 3 else None
+
+
+def _check_loading(path: Path, strain: FloatArray) -> None:
+    row = turning_point(strain)
+    if row is not None:
+        raise InputError(
+            path,
+            f"is no single loading: the strain turns back behind point {row + 1}, at {strain[row]:.6g}",
+            cure="--loading takes the points up to there; or give a file of the loading alone, in order",
+        )
+
+
+def _check_strain_unit(path: Path, column: str, strain: FloatArray) -> None:
+    largest = float(np.abs(strain).max())
+    if largest > LARGEST_STRAIN:
+        raise InputError(
+            path,
+            f"column '{column}' has strains up to {largest:.6g} without a unit, as plain ratios a stretch of"
+            f" {1.0 + largest:.6g}",
+            cure='say what it is: --strain-unit "%", or --strain-unit 1',
+        )
 
 
 def with_table_headings(path: Path, columns: Columns) -> Columns:
