@@ -24,6 +24,8 @@ COLUMNS = {"convention": "tension-positive", "strain": "strain", "stress": "stre
         (np.concatenate([UP[::-1], UP[1:]]), 20),
         (np.concatenate([UP, UP[-2::-1], UP]), 20),
         (UP + 0.019 * np.cos(np.pi * np.arange(21)), None),  # goes back by less than a twentieth of 0.838
+        (np.concatenate([UP[:11], [0.37, 0.375, 0.38], UP[11:]]), None),  # by 0.03, a twentieth is 0.04
+        (np.concatenate([UP, UP[-2::-1], 1.2 * UP]), 20),
         (np.concatenate([-UP, UP]), None),  # a tension below a compression
     ],
 )

@@ -76,6 +76,7 @@ def test_a_rate_or_interval_keeps_its_unit_wherever_it_stands(
         ({"Sample rate": ["800 mS/s"]}, ".", "unit 'mS/s'"),
         ({"dt [ms]": ["1 us"]}, ".", "two units, us and ms"),
         ({"Sample rate": ["800 kHz"], "dt": ["1.25 ms"]}, ".", "contradict each other"),
+        ({"Sample rate": ["800 kHz"], "dt": ["1.3 us"]}, ".", "contradict each other"),  # by 4 %
         ({"Sample rate": ["800 (auto)"]}, ".", "no number that can be read"),
     ],
 )
@@ -123,6 +124,9 @@ def test_a_declared_interval_is_checked_against_the_header(tmp_path: Path) -> No
     assert read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1.25e-6))
     with pytest.raises(InputError, match=r"interval 1e-06 s, its own words are 1.25e-06 s"):
         read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1e-6))
+    path.write_text(f"dt [ms],0.001\nCH1 (V)\n{SIGNAL}\n")  # one figure, which allows half of itself
+    with pytest.raises(InputError, match=r"interval 1.2e-06 s, its own words are 1e-06 s"):
+        read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1.2e-6))
 
 
 def test_a_clock_in_doubt_is_named_where_no_column_has_the_times(tmp_path: Path) -> None:
