@@ -12,8 +12,10 @@ Displacement = Annotated[float, BeforeValidator(f.physical("m"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 
 
-class ForceColumn(ColumnSection[Annotated[float, BeforeValidator(f.factor("N"))]]):
+class ForceColumn(ColumnSection):
     """A column of forces."""
+
+    unit: Annotated[float, BeforeValidator(f.factor("N"))]
 
 
 class MaterialSection(Section):
@@ -98,7 +100,7 @@ class TestSection(Section):
         """Independent moving ends: 2 of a cross, else 1."""
         return 2 if self.shape == "cross" else 1
 
-    def columns(self, key: str) -> list[ColumnSection[float]]:
+    def columns(self, key: str) -> list[ColumnSection]:
         """Columns of the displacement or the force, one for each end."""
         found = getattr(self, key)
         return found if isinstance(found, list) else [found]

@@ -23,8 +23,8 @@ from doe.surrogates.quality import Fitness, fitness
 from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective, Part
-from kolsky.inverse.observations import Observations, Prediction
-from kolsky.inverse.path_noise import SMALLEST_MODE, FrontPath
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.path_noise import FrontPath, data_change, front_modes, noise_of
 from kolsky.inverse.result import AGREEMENT
 from kolsky.inverse.run_table import CompletedRuns, Replicates
 from kolsky.inverse.runner import Runner
@@ -322,40 +322,6 @@ def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
     return ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}")
-
-
-def replicate_uncertainty(moves: FloatArray) -> FloatArray:
-    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
-
-    ``moves``: optimum of each replicate minus that of the reference, shape [n, d]. Returns: in the
-    parameters' units, shape [d].
-    """
-    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
-
-
-def data_change(prediction: Prediction) -> FloatArray:
-    """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
-
-    A point that a run does not reach adds nothing.
-    """
-    vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
-    return np.nan_to_num(vectors - vectors[0])
-
-
-def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
-    """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
-
-    ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
-    deviations of the data, shape [k].
-    """
-    _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
-    kept = size > SMALLEST_MODE
-    return np.asarray(size[kept, None] * patterns[kept] * noise)
-
-
-def noise_of(observations: Observations) -> FloatArray:
-    """Measured standard deviations of bins and all points, shape [n_bins + Q]."""
-    return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
 
 
 def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath:

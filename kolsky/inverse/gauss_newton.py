@@ -23,14 +23,7 @@ from scipy.optimize import lsq_linear
 from doe import Box, from_points, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import (
-    CoarseOptimum,
-    CorrectedSurrogate,
-    data_change,
-    jacobian,
-    noise_of,
-    surrogate_kind,
-)
+from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
 from kolsky.inverse.forward import coarser_graded
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
@@ -40,7 +33,9 @@ from kolsky.inverse.path_noise import (
     MovedFront,
     PathModes,
     credible,
+    data_change,
     likely_amplitudes,
+    noise_of,
     rms_amplitude,
 )
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, run_refined

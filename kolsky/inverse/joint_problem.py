@@ -18,12 +18,12 @@ from scipy.optimize import lsq_linear
 
 from doe.least_squares import Whitening, least_squares
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.inverse.coarse_search import front_modes, noise_of
 from kolsky.inverse.joint_result import JointSettings, Slow
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
 from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.path_noise import front_modes, noise_of
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
 

@@ -18,6 +18,7 @@ import numpy as np
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import FrontNoise, Objective
+from kolsky.inverse.observations import Observations, Prediction
 
 SMALLEST_MODE = 0.3
 """A mode that moves the whole data vector by less, in units of its noise, is left out."""
@@ -118,6 +119,40 @@ class FrontPath:
     def with_noise(self, patterns: FloatArray, offset: FloatArray | None = None) -> FrontPath:
         """The same path with other patterns."""
         return replace(self, noise=FrontNoise(patterns, offset))
+
+
+def replicate_uncertainty(moves: FloatArray) -> FloatArray:
+    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
+
+    ``moves``: optimum of each replicate minus that of the reference, shape [n, d]. Returns: in the
+    parameters' units, shape [d].
+    """
+    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
+
+
+def data_change(prediction: Prediction) -> FloatArray:
+    """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
+
+    A point that a run does not reach adds nothing.
+    """
+    vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
+    return np.nan_to_num(vectors - vectors[0])
+
+
+def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
+    """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
+
+    ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
+    deviations of the data, shape [k].
+    """
+    _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
+    kept = size > SMALLEST_MODE
+    return np.asarray(size[kept, None] * patterns[kept] * noise)
+
+
+def noise_of(observations: Observations) -> FloatArray:
+    """Measured standard deviations of bins and all points, shape [n_bins + Q]."""
+    return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
 
 
 def rms_amplitude(amplitudes: FloatArray) -> float:

@@ -24,7 +24,6 @@ from kolsky.inverse.coarse_search import (
     front_with_noise,
     jacobian,
     on_edge,
-    replicate_uncertainty,
     search_coarse,
     weigh_front_noise,
 )
@@ -32,6 +31,7 @@ from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import ExtraRun, linear_step, search_by_gauss_newton
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.path_noise import replicate_uncertainty
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
 from kolsky.inverse.result import Estimate, HeldAnswer, Route

@@ -53,8 +53,10 @@ def _frequency(text: object) -> float:
     return float(factors[text])
 
 
-class FrequencyColumn(ColumnSection[Annotated[float, BeforeValidator(_frequency)]]):
+class FrequencyColumn(ColumnSection):
     """A column of frequencies; once read, `unit` is the factor that leads to rad/s."""
+
+    unit: Annotated[float, BeforeValidator(_frequency)]
 
 
 def _temperature_unit(text: object) -> float:
@@ -74,8 +76,10 @@ def _temperature(text: object) -> float:
     return value
 
 
-class TemperatureColumn(ColumnSection[Annotated[float, BeforeValidator(_temperature_unit)]]):
+class TemperatureColumn(ColumnSection):
     """A column of temperatures; once read, `unit` is what is added to lead to kelvin."""
+
+    unit: Annotated[float, BeforeValidator(_temperature_unit)]
 
 
 class SlowTest(Section):
@@ -203,7 +207,7 @@ def read_slow_list(source: Path | TomlFile) -> SlowList:
     return SlowList(tuple(tests), sweeps, files, None if declared.law is None else declared.law.law)
 
 
-def _column(section: ColumnSection[float] | None) -> Column:
+def _column(section: ColumnSection | None) -> Column:
     assert section is not None  # the schema saw to it
     return section.as_column()
 

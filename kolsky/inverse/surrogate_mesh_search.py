@@ -18,14 +18,7 @@ import numpy as np
 from doe import from_points, latin_hypercube
 from doe.least_squares import Whitening, least_squares
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import (
-    CoarseOptimum,
-    CorrectedSurrogate,
-    data_change,
-    front_modes,
-    jacobian,
-    noise_of,
-)
+from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
@@ -34,7 +27,10 @@ from kolsky.inverse.path_noise import (
     MovedFront,
     PathModes,
     credible,
+    data_change,
+    front_modes,
     likely_amplitudes,
+    noise_of,
     rms_amplitude,
 )
 from kolsky.inverse.run_table import Replicates

@@ -24,10 +24,10 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.coarse_search import data_change, front_modes, noise_of
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.path_noise import data_change, front_modes, noise_of
 from kolsky.inverse.problem import InverseProblem, PreparedShot
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics

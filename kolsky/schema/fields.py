@@ -3,7 +3,7 @@ out."""
 
 from collections.abc import Callable, Iterable
 from pathlib import PurePosixPath
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -353,39 +353,48 @@ class Section(BaseModel):
                 )
 
 
-Unit = TypeVar("Unit", bound=float)
+class ColumnSection(Section):
+    """A column of a text file; once read, `unit` is the factor that leads to SI.
 
-
-class ColumnSection(Section, Generic[Unit]):
-    """A column of a text file; once read, `unit` is the factor that leads to SI."""
+    Its classes say by the type of `unit` what the column holds.
+    """
 
     column: Name
-    unit: Unit
+    unit: float
 
     def as_column(self) -> Column:
         """The declaration as readers take it."""
         return Column(name=self.column, factor=self.unit)
 
 
-# Classes, not aliases: a worker elsewhere finds a class by its name, and all aliases have one name.
-class TimeColumn(ColumnSection[TimeUnit]):
+class TimeColumn(ColumnSection):
     """A column of times."""
 
+    unit: TimeUnit
 
-class LengthColumn(ColumnSection[LengthUnit]):
+
+class LengthColumn(ColumnSection):
     """A column of lengths."""
 
+    unit: LengthUnit
 
-class VoltageColumn(ColumnSection[VoltageUnit]):
+
+class VoltageColumn(ColumnSection):
     """A column of voltages."""
 
+    unit: VoltageUnit
 
-class StressColumn(ColumnSection[StressUnit]):
+
+class StressColumn(ColumnSection):
     """A column of stresses."""
 
+    unit: StressUnit
 
-class RatioColumn(ColumnSection[RatioUnit]):
+
+class RatioColumn(ColumnSection):
     """A column of plain ratios; the unit is "1" or "%"."""
+
+    unit: RatioUnit
 
 
 class ModeColumns(Section):

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import replicate_uncertainty
 from kolsky.inverse.estimates import RouteOptimum
 from kolsky.inverse.joint_problem import JointProblem, ShotData
 from kolsky.inverse.joint_runs import JointRuns
@@ -23,6 +22,7 @@ from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import MOVED, PARAMETERS, has_effect
+from kolsky.inverse.path_noise import replicate_uncertainty
 from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference

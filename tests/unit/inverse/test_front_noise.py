@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kolsky.inverse.coarse_search import data_change, front_modes
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.path_noise import data_change, front_modes
 
 
 def test_modes_have_the_replicates_mean_square() -> None:
