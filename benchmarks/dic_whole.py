@@ -110,7 +110,7 @@ def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], A
             wall, processor = time.perf_counter(), sum(os.times()[:4])
             told = StringIO()
             with redirect_stdout(told), redirect_stderr(StringIO()):
-                dic(shot, out=folder / "out", again=True, device=device)
+                dic(shot, out=folder / "out", repeat=True, device=device)
             whole = Whole(
                 wall=time.perf_counter() - wall,
                 processor=sum(os.times()[:4]) - processor,
