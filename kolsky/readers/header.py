@@ -195,7 +195,7 @@ class HeaderClock:
         if abs(interval - self.interval) > min(self.interval_digit, _AGREE * self.interval) + 1e-9 * interval:
             raise InputError(
                 path,
-                f"is said to have the interval {interval:.9g} s, its own words are {self.interval:.9g} s"
+                f"is said to have the interval {interval:.9g} s, its header states {self.interval:.9g} s"
                 f" ({self.source})",
                 cure="leave interval out, or correct it; where the header is wrong, correct it in the file",
             )
@@ -217,9 +217,9 @@ def clock_unit(text: str) -> tuple[str, float] | None:
     """
     plain = text.strip().strip("()[].").strip()
     per_sample = _INTERVAL_UNIT.fullmatch(plain)
-    known = si_unit(per_sample.group(1) if per_sample else plain)
-    if known is not None and known[0] == "s":
-        return known
+    unit = si_unit(per_sample.group(1) if per_sample else plain)
+    if unit is not None and unit[0] == "s":
+        return unit
     rate = _RATE_UNIT.fullmatch(plain.replace(" ", ""))
     if rate is None:
         return None
@@ -397,10 +397,10 @@ def _of_channel(
     beside = next((field for field in fields if clock_unit(field) is not None), None)
     words = [word for word in (chosen.word, beside, unit) if word]
     units = [clock_unit(word) for word in words]
-    for word, known in zip(words, units, strict=True):
-        if known is None:
+    for word, clock in zip(words, units, strict=True):
+        if clock is None:
             return f"{key} = {fields[0][:60]} has the unit '{word}', which is none of a clock"
-        if known != units[0]:
+        if clock != units[0]:
             return f"{key} = {fields[0][:60]} has two units, {' and '.join(words)}"
     return replace(chosen, unit=units[0] if units else None)
 

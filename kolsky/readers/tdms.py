@@ -155,20 +155,20 @@ def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
     stream.seek(0)
     reader = Segments(stream)
     reader.read_metadata()
-    found: dict[str, list[_Waveform]] = {}
+    waveforms: dict[str, list[_Waveform]] = {}
     samples: dict[str, int] = {}
-    known: dict[str, dict[str, Any]] = {}
+    properties: dict[str, dict[str, Any]] = {}
     for segment, stated in zip(reader._segments, reader.properties, strict=True):
         for item in segment.ordered_objects:
-            own = dict(stated.get(item.path) or {})
-            known.setdefault(item.path, {}).update(own)
+            restated = dict(stated.get(item.path) or {})
+            properties.setdefault(item.path, {}).update(restated)
             parts = ObjectPath.from_string(item.path)
             if not item.has_data or parts.channel is None:
                 continue
             name = f"{parts.group}/{parts.channel}"
-            now = known[item.path]
-            if "wf_start_time" in now and ("wf_start_time" in own or name not in found):
-                found.setdefault(name, []).append(
+            now = properties[item.path]
+            if "wf_start_time" in now and ("wf_start_time" in restated or name not in waveforms):
+                waveforms.setdefault(name, []).append(
                     _Waveform(
                         now["wf_start_time"],
                         float(now.get("wf_start_offset", 0.0)),
@@ -177,7 +177,7 @@ def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
                     )
                 )
             samples[name] = samples.get(name, 0) + item.number_values * segment.num_chunks
-    return found
+    return waveforms
 
 
 def _since(begin: Any, origin: Any) -> float:

@@ -246,7 +246,7 @@ def find_dialect(
     characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
-    found: list[Dialect] = []
+    dialects: list[Dialect] = []
     for count in (_LINES_COMPARED, *_FEWER_LINES):
         tail = [
             dialect
@@ -255,16 +255,16 @@ def find_dialect(
             if sign != character and (dialect := _columns(filled[-count:], character, sign)) is not None
         ]
         # Remarks of two words look like columns between blanks: fewer lines may show another delimiter.
-        least = max(map(_share_of_numbers, found), default=(0.0, 0))
+        least = max(map(_share_of_numbers, dialects), default=(0.0, 0))
         others = [d for d in tail if d.delimiter != BLANKS.character and _share_of_numbers(d) >= least]
-        found = others if found and others else found or tail
-        if any(d.delimiter != BLANKS.character for d in found):
+        dialects = others if dialects and others else dialects or tail
+        if any(d.delimiter != BLANKS.character for d in dialects):
             break
-    if decimal is None and delimiter is None and any(_is_one_number(filled, lines, d) for d in found):
+    if decimal is None and delimiter is None and any(_is_one_number(filled, lines, d) for d in dialects):
         tab = DELIMITERS[0].character
-        found = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
-    several = [d for d in found if d.fields > 1] or found
-    if delimiter is not None and found and found[0].fields == 1:
+        dialects = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
+    several = [d for d in dialects if d.fields > 1] or dialects
+    if delimiter is not None and dialects and dialects[0].fields == 1:
         better = _better_delimiter(filled, characters[0])
         if better is not None:
             name = better.facts["delimiter"]

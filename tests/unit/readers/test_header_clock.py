@@ -122,10 +122,10 @@ def test_a_declared_interval_is_checked_against_the_header(tmp_path: Path) -> No
     path = tmp_path / "a.csv"
     path.write_text(f"Sample rate: 800 kHz\nCH1 (V)\n{SIGNAL}\n")
     assert read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1.25e-6))
-    with pytest.raises(InputError, match=r"interval 1e-06 s, its own words are 1.25e-06 s"):
+    with pytest.raises(InputError, match=r"interval 1e-06 s, its header states 1.25e-06 s"):
         read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1e-6))
     path.write_text(f"dt [ms],0.001\nCH1 (V)\n{SIGNAL}\n")  # one figure, which allows half of itself
-    with pytest.raises(InputError, match=r"interval 1.2e-06 s, its own words are 1e-06 s"):
+    with pytest.raises(InputError, match=r"interval 1.2e-06 s, its header states 1e-06 s"):
         read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1.2e-6))
 
 
