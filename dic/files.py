@@ -40,12 +40,24 @@ def scratch(folder: Path) -> Iterator[Path]:
         if lock is None or directory.exists():
             break
         os.close(lock)
+    _scratch.add(directory)
     try:
         yield directory
     finally:
         shutil.rmtree(directory, ignore_errors=True)
+        _scratch.discard(directory)
         if lock is not None:
             os.close(lock)
+
+
+_scratch: set[Path] = set()
+"""Folders of `scratch` whose blocks have not ended."""
+
+
+def remove_scratch() -> None:
+    """Remove every folder of `scratch`: for a process that ends without leaving its blocks."""
+    for directory in tuple(_scratch):
+        shutil.rmtree(directory, ignore_errors=True)
 
 
 def remove_abandoned(folder: Path) -> None:

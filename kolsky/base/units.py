@@ -154,8 +154,8 @@ def quantity(text: str, unit: str) -> float:
 
 
 def in_us(seconds: float) -> str:
-    """A time [s] as a user writes it, e.g. "25 us"."""
-    return f"{seconds * 1e6:.7g} us"
+    """A time [s] as a user writes it, e.g. "25 us"; on a clock that runs for long "58.300025000 s"."""
+    return f"{seconds * 1e6:.7g} us" if abs(seconds) < 1.0 else f"{seconds:.9f} s"
 
 
 def _times(number: float, factor: float) -> float:

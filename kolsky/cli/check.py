@@ -1,5 +1,6 @@
 """`kolsky check` and `channels`: what was read from a shot, or from one recorder's file."""
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,11 +17,11 @@ if TYPE_CHECKING:
 
 
 def check(shot: ShotPath, out: Out = None) -> None:
-    """Read a shot, reject impossible values, and show how its files were read.
+    """Read a shot, compare its inputs, reject contradictions, and show how its files were read.
 
     For a test between bars it shows the files, the strains at the gauges, arrivals and windows, without a
-    reduction. It also writes a page with the signals on one clock, the window and the outline at three
-    times; with --json it does not.
+    reduction. It also writes a page with the signals on one clock, the window, the outline at three times
+    and the quasi-static curve; with --json it does not.
     """
     from kolsky.shot import summary
     from kolsky.shot.load import check_shot
@@ -30,6 +31,8 @@ def check(shot: ShotPath, out: Out = None) -> None:
         print_json(summary.as_json(loaded))
         return
     summary.print_table(loaded)
+    for remark in summary.remarks(loaded):
+        print(one_line(f"warning: {remark}"), file=sys.stderr)
     from kolsky.base.files import filling, usable_folder
     from kolsky.report.pages.check import PAGE, write_page
     from kolsky.schema.shot_file import folder_of

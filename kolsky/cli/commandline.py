@@ -4,10 +4,11 @@ import errno
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
-from threading import Timer
+from threading import Thread, Timer
 from types import FrameType
 from typing import Annotated
 
@@ -135,6 +136,33 @@ def _repeat_ignored_signals(received: list[int]) -> None:
     sys.unraisablehook = repeat
 
 
+TIME_TO_END = 3.0
+"""Time in which a command that was told to end cleans up by itself [s]; then a simulation that takes no
+signals is cut off."""
+
+
+def _end_in_time() -> None:
+    """End the process some seconds after SIGTERM, though a compiled loop keeps Python from its handlers.
+
+    The system writes the signal's number into a pipe at once; a thread waits there.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))  # the pipe is this process's
+
+    def wait() -> None:
+        while int(signal.SIGTERM) not in os.read(reading, 64):
+            pass
+        time.sleep(TIME_TO_END)
+        from dic.files import remove_scratch
+
+        remove_scratch()
+        os._exit(SIGNAL_CODE + int(signal.SIGTERM))
+
+    Thread(target=wait, daemon=True).start()
+
+
 def main() -> None:
     """Entry point of the `kolsky` command."""
     for stream in (sys.stdout, sys.stderr):
@@ -145,6 +173,8 @@ def main() -> None:
     received: list[int] = []
     _repeat_ignored_signals(received)
     signal.signal(signal.SIGTERM, _ending(received))
+    if os.name == "posix":
+        _end_in_time()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores it
         signal.signal(signal.SIGINT, _ending(received))
     try:

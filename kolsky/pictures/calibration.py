@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,18 @@ from kolsky.pictures.picture_set import CAMERAS
 from kolsky.schema.fields import Section
 from kolsky.schema.pictures import CalibrationSection, TargetSection
 from kolsky.schema.shot_file import shot_toml
+
+EXAMPLES = {
+    "pitch": '"4 mm"',
+    "step": '"4 mm"',
+    "diameter": '"2 mm"',
+    "hollow": "[[2, 2], [11, 2], [2, 7]]",
+    "radius": '"8 mm"',
+    "arc": '"2 mm"',
+    "size": '"1 mm"',
+    "marker": '"3 mm"',
+}
+"""Values of [calibration.target] that a target needs, as a shot file has them."""
 
 
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
@@ -60,8 +72,17 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
             return target, target
         return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
     except TypeError:
-        missing = [name for name in wanted if name not in given]
-        raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
+        missing = [
+            name
+            for name, field in wanted.items()
+            if name not in given and field.default is MISSING and field.default_factory is MISSING
+        ]
+        raise toml.error(
+            f"{key}.{missing[0]}",
+            f'is missing; the target "{section.kind}" needs it'
+            + (f", and {', '.join(missing[1:])}" if missing[1:] else ""),
+            cure=f"add it as measured on the target, e.g. {missing[0]} = {EXAMPLES[missing[0]]}",
+        ) from None
     except ValueError as error:
         raise toml.error(key, f"is impossible: {error}") from None
 

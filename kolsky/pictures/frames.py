@@ -3,6 +3,7 @@
 Single displacements that cannot be those of a flyer (exchanged frames, lost digits) are detected.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,12 +103,17 @@ def read_frames(toml: ShotToml) -> FrameTable:
 
 
 def flyer_motion(
-    folder: Path, frames: FrameTable, section: FlyerSection, toml: ShotToml
+    folder: Path,
+    frames: FrameTable,
+    section: FlyerSection,
+    toml: ShotToml,
+    *,
+    check: Callable[[FlyerMotion], object] = lambda flyer: None,
 ) -> tuple[FlyerMotion, str]:
     """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
 
-    Raises InputError if the file cannot be read, its frames and times are not those of [frames], or the flyer
-    rests.
+    ``check``: called with the motion before it is asked for a flyer's rest and way. Raises InputError if the
+    file cannot be read, its frames and times are not those of [frames], or the flyer rests.
     """
     table = read_frame_table(
         folder / section.file,
@@ -131,6 +137,7 @@ def flyer_motion(
         sigma=np.where(stray, np.abs(off), flyer.sigma),
         notes=tuple(_stray_note(table, int(row), off[row]) for row in np.flatnonzero(stray)),
     )
+    check(flyer)
     flyer_moves(table, flyer, section.sigma, toml, stray=stray)
     return flyer, table.sha256
 

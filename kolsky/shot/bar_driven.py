@@ -11,6 +11,7 @@ from kolsky.base.records import CentreLine
 from kolsky.schema.shot_file import BarDrivenShotFile, Source, parsed
 from kolsky.shot.bars import load_waves
 from kolsky.shot.curve import shot_fields
+from kolsky.shot.plausibility import with_warnings
 from kolsky.shot.records import Shot, ShotBase, fields_of
 
 REACH = 0.9
@@ -90,8 +91,9 @@ def load_bar_driven(source: Source) -> Shot:
             transmission_bar=Bar(**vars(given.bars["transmission"])),
             force=bar_force(result.reduction, result.faces),
         )
-        return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
+        shot = driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:
         raise InputError(
             file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
         ) from error
+    return with_warnings(shot)

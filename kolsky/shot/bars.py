@@ -23,11 +23,14 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
 from kolsky.base.toml import TomlFile
+from kolsky.base.units import in_us
+from kolsky.readers.contents import clock_words
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
+from kolsky.shot.plausibility import Evidence, gate
 
 
 def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
@@ -228,9 +231,17 @@ def _record(
     folder = file.path.parent
     gauges = _gauges_of(declared)
     _all_there(file, declared, gauges, folder)
+    gate(Evidence(file=file, declared=declared))
     bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
     _on_its_bar(file, gauges, bars)
     recordings, hashes = _recordings_of(file, declared, gauges, folder)
+    clocks = {
+        f"recorders.{name}": recording.time
+        for key, gauge in gauges.items()
+        for name, recording in zip(gauge.recorders, recordings[key], strict=True)
+    }
+    transit = min(bar.length / bar.wave_speed for bar in bars.values())
+    gate(Evidence(file=file, declared=declared, recorders=clocks, bar_transit=transit))
     stations = {}
     for key, gauge in gauges.items():
         try:
@@ -459,12 +470,14 @@ def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -
     first = station.recordings[0]
     files = ", ".join(dict.fromkeys(r.path.name for r in station.recordings))
     signs = station.compression if isinstance(station.compression, tuple) else (station.compression,)
+    interval = float(first.time[-1] - first.time[0]) / (first.time.size - 1)
     rows: list[Row] = [
         (section, "file", files, ""),
         (section, "channels", ", ".join(r.channel for r in station.recordings), ""),
         (section, "unit, as read", first.unit, ""),
         (section, "samples", int(first.value.size), ""),
-        (section, "sample interval", float(first.time[-1] - first.time[0]) / (first.time.size - 1), "s"),
+        (section, "clock", clock_words(interval, int(first.value.size)), ""),
+        (section, "sample interval", interval, "s"),
         (section, "record start", float(first.time[0]) + station.clock_offset, "s"),
         (section, "record end", float(first.time[-1]) + station.clock_offset, "s"),
         (section, "distance", station.position, "m"),
@@ -502,5 +515,5 @@ def _wave_rows(shot: CheckedBars) -> list[Row]:
     rows.append(("waves", "windows by", shot.windows.source, ""))
     for name in WAVES:
         first, last = getattr(shot.windows, name)
-        rows.append(("waves", f"{name} window", f"{1e6 * first:.6g} to {1e6 * last:.6g} us", ""))
+        rows.append(("waves", f"{name} window", f"{in_us(first)} to {in_us(last)}", ""))
     return rows

@@ -138,7 +138,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
         np.abs(strain) > LARGEST_STRAIN,
         strain,
         f"the strain {{value:.6g}} is no strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
-        "check curve.strain in the shot file: is it the right column and unit?",
+        _strain_cure(strain, section),
     )
     _rows(
         table,
@@ -183,6 +183,17 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
             f"has {np.count_nonzero(strain)} points away from rest; it must be at least {SMALLEST_CURVE}",
             cure="export the whole loading ramp",
         )
+
+
+def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
+    """What to do about strains that are too large: per cent by their size, else another column."""
+    largest = float(np.abs(strain).max())
+    percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
+    return (
+        f'are they per cent? Then write curve.strain.unit = "%": the largest is {0.01 * largest:.4g}; or is'
+        if percent
+        else "is"
+    ) + " curve.strain the right column?"
 
 
 def _rows(table: Table, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:

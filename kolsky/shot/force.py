@@ -14,25 +14,31 @@ from kolsky.base.units import in_us
 from kolsky.readers.recordings import read_recordings, read_scope
 from kolsky.schema.measured import ForceSection
 from kolsky.schema.shot_file import ShotToml
+from kolsky.shot.plausibility import Evidence, gate
 from kolsky.shot.records import ForceChannel, IncidentForce
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+QUIET_SIGMAS = 6.0
+"""Difference of a quiet span's halves in its standard deviations: white noise exceeds it once in 5e8, noise
+of a recorder with a filter, whose successive samples agree, stays below."""
 SMALLEST_BASELINE = 20
 """Samples needed for the zero and the noise of the force."""
 
 
-def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
-    """[force]: the recorder's channel with its transducer; `rest` is the last frame before the test [s].
+def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatArray) -> ForceChannel:
+    """[force]: the recorder's channel with its transducer.
 
-    Raises InputError if the file cannot be read, or the channel is clipped or a clock, or its baseline does
-    not lie before the test.
+    ``rest``: the last frame before the test [s]. ``frame_time``: times of all frames [s]. Raises InputError
+    if the file cannot be read, or the channel is clipped or a clock, its times are not those of the frames'
+    test, or its baseline does not lie before the test.
     """
     section = toml.declared.force
     recording = _force_recording(folder / section.file, section)
     check_range(recording, section)
     check_signal(recording, toml)
     channel = _channel_of(recording, section)
-    check_baseline(channel.baseline_volts(), rest, toml)
+    gate(Evidence(file=toml, declared=toml.declared, frame_time=frame_time, force_time=channel.time))
+    check_baseline(channel.baseline_volts(), rest, toml, last=float(frame_time[-1]))
     return channel
 
 
@@ -103,21 +109,44 @@ def check_signal(scope: Recording, toml: ShotToml) -> None:
         )
 
 
-def check_baseline(volts: FloatArray, rest: float, toml: ShotToml) -> None:
-    """Enough samples before the flyer moves, with visible noise."""
-    if toml.declared.force.baseline[1] > rest:
+def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: float = inf) -> None:
+    """Enough samples before the flyer moves, or quiet ones after the test, with visible noise.
+
+    ``volts``: the baseline's samples [V], shape [n]. ``rest``, ``last``: times of the last static frame and
+    of the last frame [s]. ``toml``: the shot file. Raises InputError if they cannot give zero and noise.
+    """
+    section = toml.declared.force
+    start, end = section.baseline
+    after = start > last
+    elsewhere = f"a quiet span after the last frame at {in_us(last)}" if last < inf else "a quiet span"
+    if end > rest and not after:
         raise toml.error(
             "force.baseline",
             "overlaps the flyer's motion",
-            allowed=f"before the last static frame at {in_us(rest)} (shot's clock)",
-            cure="end it earlier",
+            allowed=f"before the last static frame at {in_us(rest)}, or {elsewhere} (shot's clock)",
+            cure="end it earlier; where the record begins too late, name a quiet span after the test",
         )
     if volts.size < SMALLEST_BASELINE:
         raise toml.error(
             "force.baseline",
             f"holds {volts.size} samples",
             allowed=f"a time span with at least {SMALLEST_BASELINE} samples",
-            cure="choose a longer span inside the record, on the shot's clock",
+            cure="choose a longer span inside the record, on the shot's clock; where the record has too few"
+            f" samples before the test, {elsewhere} will do",
+        )
+    if after and section.time_constant is not None:
+        raise toml.error(
+            "force.baseline",
+            f"begins after the test, and force.time_constant = {section.time_constant:g} s: a transducer that"
+            " loses its charge has another zero there",
+            cure="name a span before the test",
+        )
+    if after and _drifts(volts):
+        raise toml.error(
+            "force.baseline",
+            f"is not quiet: its halves differ by {np.diff(_halves(volts))[0]:+.3g} V, the noise of a sample"
+            f" is {float(volts.std(ddof=1)):.3g} V",
+            cure="name a span in which no force acts any more",
         )
     if np.ptp(volts) == 0.0:
         raise toml.error(
@@ -125,6 +154,20 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml) -> None:
             f"holds the same value {volts[0]:.6g} V {volts.size} times, so the noise is unknown",
             cure="is force.voltage the right column, and was the channel connected?",
         )
+
+
+def _halves(volts: FloatArray) -> FloatArray:
+    """Means of the first and the second half [V], shape [2]."""
+    middle = volts.size // 2
+    return np.array([volts[:middle].mean(), volts[middle:].mean()])
+
+
+def _drifts(volts: FloatArray) -> bool:
+    """Whether both halves differ by more than `QUIET_SIGMAS` of what the noise of the samples allows."""
+    # From sample to sample a drift is not seen: half the mean square of the steps is the noise's variance.
+    noise = float(np.sqrt(0.5 * np.mean(np.diff(volts) ** 2)))
+    allowed = QUIET_SIGMAS * noise * 2.0 / np.sqrt(volts.size)
+    return bool(abs(np.diff(_halves(volts))[0]) > allowed)
 
 
 def check_sign(

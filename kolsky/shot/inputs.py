@@ -277,12 +277,14 @@ def _gain(shot: Shot, value: float) -> Shot:
 
 
 def _zero(shot: Shot, value: float) -> Shot:
-    """Volts taken off after the baseline, whose own mean is the zero."""
+    """Volts taken off outside the baseline, whose own mean is the zero: after it, or before one that follows
+    the test."""
     force = shot.force
     assert isinstance(force, ForceChannel)  # it is not tried on another
     volts = force.transducer.compression_sign * force.transducer.sensitivity * value
-    later = force.time > force.baseline[1]
-    recording = replace(force.recording, value=force.recording.value - np.where(later, volts, 0.0))
+    first, last = force.baseline
+    moved = force.time > last if first <= shot.window[0] else force.time < first
+    recording = replace(force.recording, value=force.recording.value - np.where(moved, volts, 0.0))
     return replace(shot, force=replace(force, recording=recording))
 
 

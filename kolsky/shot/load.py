@@ -22,6 +22,7 @@ from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, p
 from kolsky.shot.curve import shot_fields
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.outline import check_outline, each_once, read_outline
+from kolsky.shot.plausibility import Evidence, gate, moved, with_warnings
 from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
 
 if TYPE_CHECKING:
@@ -130,15 +131,21 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
         return _with_surface(toml, frames, rest)
     if declared.flyer is None or declared.centre_line is None:
         return _with_pictures(toml, frames, rest, measure)
-    flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml)
+    flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml, check=_moves(toml, rest))
     centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, exports)
     span = _compared_span(toml, frames, base["force"], flyer)
+    gate(Evidence(file=toml, declared=declared, outline=centre_line, rest=rest))
     check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
     centre_line, notes = each_once(centre_line, table)
     base |= incident_to_compare(toml, span)
-    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
+    return with_warnings(Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes))
+
+
+def _moves(toml: ShotToml, rest: float) -> Callable[[FlyerMotion], object]:
+    """The rules about a flyer's motion; `rest` is the time of the last static frame [s]."""
+    return lambda flyer: gate(Evidence(file=toml, declared=toml.declared, **moved(flyer, rest)))
 
 
 def load_pictures(source: Source) -> PicturedShot:
@@ -190,15 +197,21 @@ def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
     source = folder / declared.surface.pattern
     if flyer is None:
         assert declared.flyer is not None  # the schema saw to it
-        flyer, inputs[declared.flyer.file] = flyer_motion(folder, frames, declared.flyer, toml)
+        flyer, inputs[declared.flyer.file] = flyer_motion(
+            folder, frames, declared.flyer, toml, check=_moves(toml, rest)
+        )
     else:
+        _moves(toml, rest)(flyer)
         body_moves(flyer, rest, source, toml)
     base = _base(toml, frames, inputs)
     span = _compared_span(toml, frames, base["force"], flyer)
+    gate(Evidence(file=toml, declared=declared, outline=centre_line, rest=rest))
     check_outline(centre_line, source, rest, span, toml)
     base |= incident_to_compare(toml, span)
     fitted = declared.surface.frame == "cylinder"
-    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
+    return with_warnings(
+        Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
+    )
 
 
 def _with_pictures(
@@ -227,6 +240,7 @@ def _with_pictures(
         symmetry_end=found.symmetry_end,
         axis_by_radius=True,
     )
+    loaded = with_warnings(loaded)
     return loaded if found.rim is None else _with_length(loaded, found.rim)
 
 
@@ -283,14 +297,22 @@ def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
     _all_there(toml, toml.path.parent)
-    return toml, read_frames(toml)
+    gate(Evidence(file=toml, declared=toml.declared))
+    calibration = toml.declared.calibration
+    if calibration is not None and calibration.target is not None:
+        from kolsky.pictures.calibration import target_of  # brings image correlation: for pictures only
+
+        target_of(calibration.target, toml)
+    frames = read_frames(toml)
+    gate(Evidence(file=toml, declared=toml.declared, frame_time=frames.time))
+    return toml, frames
 
 
 def _base(toml: ShotToml, frames: FrameTable, optical: dict[str, str]) -> dict[str, Any]:
     """The fields of `ShotBase` of a shot with cameras; `optical` are the hashes of what they gave."""
     declared, folder = toml.declared, toml.path.parent
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
-    force = force_channel(folder, rest, toml)
+    force = force_channel(folder, rest, toml, frames.time)
     bar = declared.transmission.bar
     given = shot_fields(toml, declared)
     return {

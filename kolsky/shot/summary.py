@@ -10,12 +10,16 @@ from dic.files import one_line
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.pictures.picture_set import CAMERAS, readable
+from kolsky.readers.contents import clock_words
 from kolsky.readers.table import layout_in_words
 from kolsky.schema.apparatus import CONTACT_KEYS, IDENTIFY_KEYS, REDUCTION_KEYS, keys_read
 from kolsky.shot.bars import CheckedBars, bar_rows, undeclared
 from kolsky.shot.inputs import INPUTS
+from kolsky.shot.plausibility import evidence_of, gate
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 
+ABSOLUTE = 0.1
+"""A time from which on microseconds would lose their last digits [s]: that of a clock that runs for long."""
 _WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
@@ -36,6 +40,8 @@ class Entry:
         """The value in the units of a laboratory, e.g. "9.5 mm"."""
         if isinstance(self.value, str):
             return self.value
+        if self.unit == "s" and abs(self.value) >= ABSOLUTE:
+            return f"{self.value:.9f} s"
         unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
         if self.unit == "m" and 0.0 < abs(self.value) < 1e-4:
             unit, factor = "um", 1e6
@@ -55,6 +61,7 @@ def _window_entries(shot: Shot) -> list[Entry]:
     return [
         Entry("window", "start", start, "s"),
         Entry("window", "end", end, "s"),
+        Entry("window", "duration", end - start, "s"),
         Entry("window", f"{what} inside", int(_inside(shot, time).sum())),
         Entry("window", f"{what} before it", int((time < start).sum())),
         Entry("window", f"{what} after it", int((time > end).sum())),
@@ -69,6 +76,7 @@ def _picture_entries(shot: PicturedShot) -> list[Entry]:
     assert declared.dic is not None
     rows = [
         Entry("frames", "frames", shot.pictures.time.size),
+        _clock("frames", shot.pictures.time),
         Entry("frames", "static", declared.frames.static),
     ]
     for name, section, series in zip(CAMERAS, declared.pictures.cameras, shot.pictures.series, strict=True):
@@ -94,6 +102,13 @@ def _picture_entries(shot: PicturedShot) -> list[Entry]:
     ]
 
 
+def _clock(section: str, time: np.ndarray, what: str = "samples") -> Entry:
+    """Rate, count and duration of a record, checked at a glance."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    words = clock_words(step, int(time.size)) if step > 0.0 else "one sample"
+    return Entry(section, "clock", words.replace("samples", what))
+
+
 def _force_entries(shot: ShotBase) -> list[Entry]:
     """The force: its record, its noise, its largest values."""
     channel = shot.force
@@ -102,6 +117,7 @@ def _force_entries(shot: ShotBase) -> list[Entry]:
         return [
             Entry("force", "from", "waves in the transmission bar"),
             Entry("force", "samples", int(force.size)),
+            _clock("force", channel.time),
             Entry("force", "record start", float(channel.time[0]), "s"),
             Entry("force", "record end", float(channel.time[-1]), "s"),
             Entry("force", "noise of the force", float(np.median(channel.measured.sigma)), "N"),
@@ -114,6 +130,7 @@ def _force_entries(shot: ShotBase) -> list[Entry]:
     return [
         Entry("force", "channel", channel.recording.channel),
         Entry("force", "samples", int(volts.size)),
+        _clock("force", time),
         Entry("force", "sample step", float(np.median(np.diff(time))), "s"),
         Entry("force", "record start", float(time[0]), "s"),
         Entry("force", "record end", float(time[-1]), "s"),
@@ -140,6 +157,7 @@ def _motion_entries(shot: Shot) -> list[Entry]:
     return [
         Entry("motion", "from", "waves in the incident bar"),
         Entry("motion", "samples", int(motion.time.size)),
+        _clock("motion", motion.time),
         Entry("motion", "sample step", float(np.median(np.diff(motion.time))), "s"),
         Entry("motion", "largest velocity", float(motion.velocity.max()), "m/s"),
         Entry("motion", "noise of the velocity", motion.noise, "m/s"),
@@ -153,6 +171,7 @@ def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
     scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
     return [
         Entry("flyer", "frames", int(flyer.time.size)),
+        _clock("flyer", flyer.time, "frames"),
         Entry("flyer", "first frame", float(flyer.time[0]), "s"),
         Entry("flyer", "last frame", float(flyer.time[-1]), "s"),
         Entry(
@@ -230,13 +249,24 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
     ]
 
 
+def remarks(shot: ShotBase | CheckedBars) -> list[str]:
+    """What is odd in the inputs or unlikely beside the others, a sentence each."""
+    if isinstance(shot, CheckedBars):
+        return list(shot.given.notes)
+    if isinstance(shot, Shot):
+        return [*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes]
+    known = evidence_of(shot)
+    return [] if known is None else list(gate(known))
+
+
 def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
-    """The summary as one JSON object: section -> name -> {value, unit}, SI."""
+    """The summary as one JSON object: section -> name -> {value, unit}, SI; and the remarks."""
     result: dict[str, Any] = {"shot": shot.name, "folder": str(shot.folder)}
     for entry in summarise(shot):
         section = result.setdefault(entry.section, {})
         section[entry.name.replace(" ", "_")] = {"value": entry.value, "unit": entry.unit or None}
     result["inputs"] = dict(shot.inputs)
+    result["warnings"] = remarks(shot)
     return result
 
 

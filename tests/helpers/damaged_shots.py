@@ -171,7 +171,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
             'displacement = { column = "flyer displacement toward the specimen (mm)"',
             'displacement = { column = "frame"',
         ),
-        ["flyer.csv line 187", "exceeds the specimen's length (6.5 mm)"],
+        ["flyer.displacement reaches 17", "exceeds the specimen's length (6.5 mm", "right column?"],
     ),
     "swapped outline columns": (
         fields("centreline.csv", lambda r: [r[0], r[1], r[3], r[2], r[4]]),
@@ -274,7 +274,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
     # outline
     "Z behind the axis": (
         toml('Z_offset = "0 mm"', 'Z_offset = "-5 mm"'),
-        ["centreline.csv line 2: Z from the axis is", "it must be > 0 mm"],
+        ["centre_line (centreline.csv): Z from the axis is -0.2", 'centre_line.Z_offset = "0 mm" would fit'],
     ),
     "y outside": (
         toml('y_offset = "0 mm"', 'y_offset = "3 mm"'),
@@ -282,7 +282,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
     ),
     "outline of another specimen": (
         toml('diameter = "9.5 mm"', 'diameter = "19 mm"'),
-        ["centreline.csv: Z from the axis is 4.75", "the specimen's radius of 9.5 mm within 20 %"],
+        ["(centreline.csv): Z from the axis is 4.75", "the radius 9.5 mm; they must agree within 20 %"],
     ),
     # curve
     "curve of the wrong sign": (

@@ -50,9 +50,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     ),
     "CALIBRATION": ("calibration.calibration_residuals", "calibration.calibration_pairs"),
     # Shot before anything is run
-    "CHECKS": ("recordings.checked_shot",),
+    "CHECKS": ("recordings.checked_shot", "recordings.checked_curve"),
     # Shot whose pictures are not correlated yet
-    "PICTURE_CHECKS": ("recordings.checked_pictures",),
+    "PICTURE_CHECKS": ("recordings.checked_pictures", "recordings.checked_curve"),
     # Test between bars before it is reduced
     "BAR_CHECKS": ("waves.checked_bars",),
     "SPECKLES": ("surface_points.speckle_floor",),

@@ -20,6 +20,7 @@ from kolsky.report.figures.base import (
     DOTS,
     FORCE,
     GREY,
+    KPA,
     MEASURED,
     MM,
     MODEL,
@@ -300,6 +301,44 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
     ax.set_xlim(left=0.0)
     ax.margins(y=0.06)
     ax.legend(loc="center left")
+
+
+@figure(COLUMN, 62.0, [["curve"]])
+def checked_curve(shot: Shot | PicturedShot, panels: Panels) -> str:
+    ax, curve = panels["curve"], shot.curve
+    size = (-1.0 if curve.stretch[-1] < 1.0 else 1.0) * np.vstack([curve.stretch - 1.0, curve.stress])
+    strain, stress, half = size[0], KPA * size[1], 2.0 * KPA * curve.total_sigma
+    ax.fill_between(strain, stress - half, stress + half, color=BAND, alpha=0.4, lw=0.0)
+    ax.plot(strain, stress, "o-", ms=2.2, mew=0.0, lw=0.8, color=MEASURED, label="quasi-static")
+    other = curve.conditioned
+    if other is not None:
+        sign = -1.0 if other.stretch[-1] < 1.0 else 1.0
+        ax.plot(sign * (other.stretch - 1.0), sign * KPA * other.stress, color=GREY, label="conditioned")
+    side = "compressive" if curve.stretch[-1] < 1.0 else "tensile"
+    ax.set(xlabel=f"Nominal {side} strain (–)", ylabel="Nominal stress (kPa)")
+    text = f"Quasi-static curve with its ±2σ, as read: {curve.stretch.size} points."
+    if isinstance(shot, Shot) and isinstance(shot.flyer, FlyerMotion):
+        travelled, pressed = force_over_area(shot)
+        ax.plot(travelled, KPA * pressed, color=FORCE, lw=0.6, label="this test: $F/A$")
+        text += (
+            " Orange: force over the specimen’s area against the flyer’s way over its length. Rate stiffens a"
+            " soft material less than ten times; a thousand times is a wrong unit."
+        )
+    ax.legend(loc="upper left")
+    return text
+
+
+def force_over_area(shot: Shot) -> tuple[FloatArray, FloatArray]:
+    """Return the flyer's travel over the length [-] and force over area [Pa] at the frames of the window."""
+    assert isinstance(shot.flyer, FlyerMotion)  # the callers saw to it
+    time = shot.flyer.time
+    inside = (time >= shot.window[0]) & (time <= shot.window[1])
+    zero = float(np.median(shot.flyer.displacement[time <= shot.window[0]]))
+    force = np.interp(time[inside], shot.force.time, shot.force.raw_force())
+    return (
+        (shot.flyer.displacement[inside] - zero) / shot.specimen.length,
+        force / (np.pi * shot.specimen.radius**2),
+    )
 
 
 @figure(

@@ -7,7 +7,7 @@ from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results.nomenclature import typeset
 from kolsky.shot.bars import CheckedBars
 from kolsky.shot.records import ShotBase
-from kolsky.shot.summary import EXACT, Entry, summarise
+from kolsky.shot.summary import EXACT, Entry, remarks, summarise
 
 PAGE = "check.html"
 
@@ -26,6 +26,7 @@ def render(shot: ShotBase | CheckedBars) -> str:
         subject="check",
         figures=draw_figures(figures_of(shot).values(), shot),
         tables=tables,
+        remarks=remarks(shot),
         exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
         inputs=list(shot.inputs.items()),
     )

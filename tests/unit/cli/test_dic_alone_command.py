@@ -280,7 +280,7 @@ def test_the_table_names_pairs_and_intervals(series, tmp_path):
     [
         (('"fiducial_dots"', '"stars"'), "is not a known target"),
         (("hole =", "marker ="), "has no such dimension"),
-        (('diameter = "0.6 mm"\n', ""), "needs more"),
+        (('diameter = "0.6 mm"\n', ""), 'diameter is missing; the target "'),
         (('"0.6 mm"', '"3 mm"'), "below the pitch"),
         (('distortion = "k1 k2 p1 p2"', 'distortion = "k9"'), "is not allowed"),
         (("left_*", "nothing_*"), "cannot be used"),

@@ -57,6 +57,34 @@ def test_a_command_that_is_told_to_end_leaves_nothing(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+DEAF = """
+import hashlib, sys
+from pathlib import Path
+from kolsky.base.files import filling
+from kolsky.cli import commandline
+
+def app():
+    with filling(Path(sys.argv[1])) as partial:
+        (partial / "half.csv").write_text("half")
+        print("there", flush=True)
+        hashlib.pbkdf2_hmac("sha256", b"a", b"b", 2**31 - 1)  # takes minutes and no signal, as a simulation
+
+commandline.app = app
+commandline.main()
+"""
+
+
+def test_a_command_in_a_compiled_loop_ends_within_seconds(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF, str(tmp_path)], stdout=subprocess.PIPE, env=ENVIRONMENT
+    ) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"there\n"
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(timeout=20) == 143
+    assert not list(tmp_path.iterdir())
+
+
 LOADING = """
 import os, signal, sys
 from kolsky.cli import commandline

@@ -1,6 +1,6 @@
 """The page of `kolsky check` for a test between bars, and its figure where pictures are not read yet."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +14,7 @@ from kolsky.report.figures import CHECKS, PICTURE_CHECKS, figures_of
 from kolsky.report.pages.check import render
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import PicturedShot, ShotBase
+from kolsky.shot.summary import as_json
 
 
 def test_a_test_between_bars_has_no_outline() -> None:
@@ -36,7 +37,7 @@ def test_pictures_that_are_not_correlated_show_when_they_change() -> None:
     pictures: Any = SimpleNamespace(changes=found)
     shot = PicturedShot(**base, pictures=pictures)
     assert figures_of(shot) == PICTURE_CHECKS
-    (kind,) = PICTURE_CHECKS.values()
+    kind = PICTURE_CHECKS["checked_pictures"]
     assert "are not measured" in kind.caption(shot)
     names = list(dict.fromkeys(name for row in kind.panels(shot) for name in row))
     figure, axes = plt.subplots(len(names))
@@ -51,3 +52,26 @@ def test_pictures_that_are_not_correlated_show_when_they_change() -> None:
     ]  # fmt: skip
     assert [len(panels[name].images) for name in ("first", "static", "last")] == [1, 1, 0]
     plt.close(figure)
+
+
+def test_the_curve_is_drawn_beside_force_over_area() -> None:
+    shot: Any = load_shot(OPEN_01)
+    figure, ax = plt.subplots()
+    CHECKS["checked_curve"].draw(shot, {"curve": ax})
+    curve, test = ax.lines
+    np.testing.assert_allclose(curve.get_xdata(), 1.0 - shot.curve.stretch, rtol=1e-12)
+    np.testing.assert_allclose(curve.get_ydata(), -1e-3 * shot.curve.stress, rtol=1e-12)
+    # 24.09 N at most over 70.88 mm^2; frames see the peak of the force within a tenth of a newton.
+    np.testing.assert_allclose(test.get_ydata().max(), 24.0 / (0.25 * np.pi * 9.5**2) * 1e3, rtol=0.02)
+    np.testing.assert_allclose(test.get_xdata().max(), 3.53 / 6.5, rtol=0.01)
+    plt.close(figure)
+
+
+def test_the_page_and_the_summary_name_what_is_unlikely() -> None:
+    shot: Any = load_shot(OPEN_01)
+    odd = replace(shot, notes=("specimen.density beside model.poisson",))
+    assert "<h2>Warnings</h2>" in render(odd)
+    assert "<h2>Warnings</h2>" not in render(shot)
+    assert as_json(odd)["warnings"] == ["specimen.density beside model.poisson"]
+    assert as_json(shot)["force"]["clock"]["value"] == "2 MHz, 3341 samples, 1.671 ms"
+    assert as_json(shot)["flyer"]["clock"]["value"] == "120 kHz, 186 frames, 1.55 ms"

@@ -101,6 +101,27 @@ def test_a_baseline_ends_at_the_last_static_frame_at_the_latest() -> None:
     assert "overlaps the flyer's motion" in refused(check_baseline, noise(30), -1.01e-5, Toml())
 
 
+def test_a_quiet_span_after_the_test_is_a_baseline() -> None:
+    """Frames to 1 ms; 100 samples alternate by 2 mV, so that a half's mean is known to 0.283 mV at most."""
+    late = {"baseline": (1.1e-3, 1.2e-3), "time_constant": None}
+    volts = 1e-3 * (-1.0) ** np.arange(100)
+    check_baseline(volts, 0.0, Toml(force=late), last=1e-3)
+    assert "overlaps the flyer's motion" in refused(check_baseline, volts, 0.0, Toml(force=late), last=1.1e-3)
+    # The steps are 2 mV: sigma sqrt(2) mV, six standard deviations of the difference 6 * 0.2 * sqrt(2) mV.
+    step = np.where(np.arange(100) < 50, 0.0, 1.0)
+    limit = 6.0 * 0.2 * np.sqrt(2.0) * 1e-3
+    check_baseline(volts + 0.97 * limit * step, 0.0, Toml(force=late), last=1e-3)
+    moved = volts + 1.03 * limit * step
+    assert "is not quiet: its halves differ by +0.00175 V" in refused(
+        check_baseline, moved, 0.0, Toml(force=late), last=1e-3
+    )
+    charged = {**late, "time_constant": 0.1}
+    assert "time_constant" in refused(check_baseline, volts, 0.0, Toml(force=charged), last=1e-3)
+    few = refused(check_baseline, volts[:15], 0.0, Toml(), last=1e-3)
+    assert "holds 15 samples" in few
+    assert "a quiet span after the last frame at 1000 us will do" in few
+
+
 def channel(**changed: Any) -> ForceChannel:
     volts = np.array([0.5, 0.7, 0.5, 0.7, 1.6, 2.6, 1.6])
     given = {
@@ -315,14 +336,6 @@ def outlined(made: CentreLine) -> None:
     check_outline(made, FILE, 0.0, (0.0, 1.0), Toml(), line_of=lambda row: row + 7)
 
 
-def test_the_outline_at_rest_is_within_a_fifth_of_the_radius() -> None:
-    """The radius is 4 mm: 3.2 to 4.8 mm."""
-    for Z in (3.201e-3, 4.799e-3):
-        outlined(line(Z))
-    for Z in (3.199e-3, 4.801e-3):
-        assert "radius of 4 mm within 20 %" in refused(outlined, line(Z))
-
-
 def test_points_lie_before_the_axis_and_a_tenth_around_the_specimen() -> None:
     """The length is 5 mm: y from -0.5 to 5.5 mm."""
     for y in (-0.499e-3, 5.499e-3):
@@ -355,8 +368,9 @@ def test_some_point_lies_in_the_window() -> None:
 
 # The quasi-static curve.
 
-COMPRESSED = SimpleNamespace(branch="compression", convention="tension positive")
-TENSED = SimpleNamespace(branch="tension", convention="tension positive")
+RATIO = SimpleNamespace(unit=1.0)
+COMPRESSED = SimpleNamespace(branch="compression", convention="tension positive", strain=RATIO)
+TENSED = SimpleNamespace(branch="tension", convention="tension positive", strain=RATIO)
 
 
 def curve(strain: Any, stress: Any, section: Any) -> None:

@@ -1,0 +1,751 @@
+"""Inputs of a shot against each other and against what such tests can have, before any work starts.
+
+A rule is one function and one line of `RULES`. It compares what is known and yields findings: a warning names
+both keys and both values, a contradiction is refused with the unit or the factor that would fit. `gate` is
+called as soon as a record is read, so that the cause is named before a later check meets its effect.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.records import CentreLine, FlyerMotion, MaterialCurve
+from kolsky.base.toml import TomlFile
+from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, quantity, unit_factor
+from kolsky.readers.header import heading_unit, split_unit
+from kolsky.shot.records import ForceChannel, Shot, ShotBase
+
+SCALES = {
+    "m": ("um", "mm", "m", "in"),
+    "s": ("ns", "us", "ms", "s"),
+    "V": ("uV", "mV", "V", "kV"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa"),
+    "kg/m^3": ("kg/m^3", "g/cm^3"),
+    "V/N": ("uV/N", "mV/N", "V/N"),
+    "1": ("1", "%"),
+}
+"""Units that are proposed in place of a wrong one, by their SI unit."""
+UNIT_FACTORS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
+"""Errors of a prefix: ms for s, MPa for kPa, g/cm^3 for kg/m^3."""
+LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
+"""Errors of a length: radius for diameter, inches for millimetres, and prefixes."""
+
+DENSITIES = (10.0, 25_000.0)
+"""[kg/m^3] Below lie gases, and all solids up to 10 g/cm^3 whose number is written with kg/m^3; above the
+heaviest metal (osmium, 22 600)."""
+FOAM_DENSITY = 100.0
+"""A lighter solid is more than nine tenths gas [kg/m^3]: the lightest solid of polymer alone has 850."""
+FOAM_POISSON = 0.45
+"""Largest Poisson's ratio of such a foam [-]: it is measured near 0, at most 0.35."""
+BAR_DENSITY = 500.0
+"""Least density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
+BAR_SPEEDS = (300.0, 20_000.0)
+"""[m/s] Bars of polyethylene have 700, of PMMA 2 200, of beryllium 12 900. A modulus of a metal that is
+1000 times too small gives at most 170."""
+SPECIMEN_SIZES = (0.1e-3, 0.3)
+"""[m] No specimen of a bar test is shorter or thinner, longer or thicker."""
+SLENDERNESS = (0.02, 10.0)
+"""Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
+FRAME_INTERVALS = (1e-9, 5e-3)
+"""[s] The fastest camera takes 1e9 pictures a second; at 200 a second an impact is over between two."""
+FORCE_STEPS = (1e-9, 1e-4)
+"""[s] Recorders of bar tests take 10^4 to 10^9 samples a second."""
+FRAME_STEPS = (1e-8, 1e-3)
+"""[s] Cameras of bar tests take 10^3 to 10^8 pictures a second."""
+FEWEST_FORCE_SAMPLES = 10
+"""Samples of the force during all frames below which it has no history to compare."""
+SHORTEST_RECORD = 10.0
+"""A wave's way through a bar over the duration of a bar's record [-]: such a record holds no reflection."""
+LONGEST_FRAMES = 100.0
+"""Duration of the frames over that of the force record [-]: 0.01 would be covered."""
+IMPACT_SPEEDS = (0.05, 500.0)
+"""[m/s] A fall of 0.2 mm gives 0.06 m/s; above 500 m/s soft specimens are not compressed but blown apart."""
+LEAST_TRAVEL = 1e-3
+"""Travel of the flyer over the specimen's length [-]: below, the displacement's unit is wrong before the
+time's."""
+RADIUS_TOLERANCE = 0.2
+"""Largest disagreement of the outline at rest with the specimen's radius, relative to it [-]."""
+STIFFENING = 30.0
+"""Largest dynamic stress over the quasi-static one [-]: soft materials stiffen at most 10 times with strain
+rate, faces that stick add at most a factor of 3."""
+INERTIA = 3.0
+"""Largest stress of inertia over rho v^2 [-]: a column that is stopped has 1, its reflected front 2."""
+SOFTENING = 1.0 / 30.0
+"""Least dynamic stress over the quasi-static one [-]: a pre-conditioned or swollen specimen has 0.2."""
+UNUSUAL = (0.2, 10.0)
+"""Dynamic over quasi-static stress outside which a warning is given [-]: soft materials stiffen at most 10
+times, and soften at most 5 times with conditioning."""
+NOISE_SIGMAS = 10.0
+"""A force that does not rise above so many standard deviations of its baseline was not transmitted yet."""
+CROSSINGS = 2.0
+"""Transits of the specimen by its wave after which the force has arrived and stress is nearly uniform."""
+SENSITIVITIES = (1e-6, 10.0)
+"""[V/N] Force transducers with their amplifiers, from load cells to soft piezoelectric sensors."""
+SOFT_STRESSES = (1e3, 3e7)
+"""[Pa] Stress of a soft material at the end of a test, from gels to hard rubber."""
+SHORTEST_CURVE = 0.03
+"""Last strain of the curve over the test's [-]: ratios that were declared as per cent are 100 times too
+small."""
+LONGEST_STRETCH = 8.0
+"""Stretch beyond which a curve is warned of: natural rubber breaks at 7 to 8."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What is known of a shot so far; a rule that needs more keeps silent."""
+
+    file: TomlFile
+    """The shot file, for keys, lines and values as written."""
+    declared: Any
+    """What it declares, in SI."""
+    frame_time: FloatArray | None = None
+    """Times of the frames [s], shape [n]."""
+    force_time: FloatArray | None = None
+    """Times of the force's samples [s], shape [k]."""
+    force: FloatArray | None = None
+    """Force, compression-positive [N], shape [k]."""
+    force_noise: float = 0.0
+    """Standard deviation of a sample [N]."""
+    rest: float | None = None
+    """Time of the last static frame, on the clock of all times here [s]."""
+    flyer_time: FloatArray | None = None
+    """Times of the flyer's displacements [s], shape [n]."""
+    travel: FloatArray | None = None
+    """The flyer's displacement from rest [m], shape [n]."""
+    outline: CentreLine | None = None
+    """The outline, at rest and after."""
+    curve: MaterialCurve | None = None
+    """The quasi-static curve."""
+    recorders: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Times of the samples of bars' recorders by the recorder's key [s], shape [k] each."""
+    bar_transit: float = 0.0
+    """Time that a wave takes through the shorter bar [s]."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a rule found."""
+
+    error: InputError
+    """Key, value, and what contradicts them."""
+    contradiction: bool = True
+    """Whether it is refused; else it is a warning."""
+
+
+Rule = Callable[[Evidence], Iterator[Finding]]
+
+
+def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float) -> float | None:
+    """The factor that brings a ratio to 1 within a tolerance [-]; None if none does."""
+    found = min(factors, key=lambda factor: abs(ratio * factor - 1.0))
+    return found if abs(ratio * found - 1.0) <= tolerance else None
+
+
+def power_of_1000(ratio: float) -> float:
+    """The power of 1000 by which a ratio comes nearest to 1: 1e3 for 0.0005."""
+    return float(10.0 ** (-3 * round(math.log10(ratio) / 3.0)))
+
+
+def fitting_unit(written: str, si: str, factor: float) -> str | None:
+    """The unit `factor` times as large as a written one: "MPa" for "kPa" and 1000; None if there is none."""
+    try:
+        wanted = factor * unit_factor(written, si)
+    except UnitError:
+        return None
+    return next((name for name in SCALES[si] if abs(unit_factor(name, si) / wanted - 1.0) < 1e-6), None)
+
+
+def _value(file: TomlFile, key: str) -> Any:
+    """What the file has at a dotted key, as written; None if nothing."""
+    value: Any = file.content
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    return value
+
+
+def _unit_cure(
+    file: TomlFile, key: str, si: str, factor: float, span: tuple[float, float] = (0.0, math.inf)
+) -> str:
+    """The sentence that names the unit of a column, or the value of a key, that would fit.
+
+    It is empty if there is none, or the value [SI] would lie outside ``span``.
+    """
+    written = _value(file, f"{key}.unit")
+    if isinstance(written, str):
+        unit = fitting_unit(written, si, factor)
+        return "" if unit is None else f'{key}.unit = "{unit}" in place of "{written}" would fit'
+    text = _value(file, key)
+    if not isinstance(text, str):
+        return ""
+    if not span[0] <= quantity(text, si) * factor <= span[1]:
+        return ""
+    number, _, unit_text = text.strip().partition(" ")
+    unit = fitting_unit(unit_text, si, factor)
+    if unit is not None:
+        return f'{key} = "{number} {unit}" would fit'
+    return f'{key} = "{quantity(text, si) * factor:.6g} {si}" would fit'
+
+
+def _causes(*sentences: str) -> str:
+    """The likely causes in their order."""
+    return "; or ".join(sentence for sentence in sentences if sentence)
+
+
+def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+    """Key, heading and declared unit of every column that a shot file declares."""
+    if not isinstance(content, dict):
+        return
+    heading, unit = content.get("column"), content.get("unit")
+    if isinstance(heading, str) and isinstance(unit, str):
+        yield key, heading, unit
+    for name, value in content.items():
+        yield from _columns(value, f"{key}.{name}" if key else name)
+
+
+def _unit_of_heading(e: Evidence) -> Iterator[Finding]:
+    """The unit in a column's heading is the declared one."""
+    for key, heading, declared in _columns(e.file.content):
+        stated = heading_unit(heading) or split_unit(heading)[1]
+        kind = dimension_of(declared, DIMENSIONS)
+        if stated is None or not kind:
+            continue
+        # "1" and "%" are both plain ratios; a heading of another kind of quantity has another cause.
+        same_kind = dimension_of(stated, (kind,)) == kind
+        if not same_kind:
+            yield Finding(
+                e.file.error(
+                    f"{key}.unit",
+                    f"is of another kind than the unit '{stated}' in the heading '{heading}'",
+                    cure=f"is {key}.column the right column?",
+                ),
+                contradiction=False,
+            )
+            continue
+        ratio = unit_factor(declared, kind) / unit_factor(stated, kind)
+        if abs(ratio - 1.0) > 1e-6:  # factors of units are exact, up to rounding
+            yield Finding(
+                e.file.error(
+                    f"{key}.unit",
+                    f"contradicts the heading '{heading}', whose unit '{stated}' differs by a factor of"
+                    f" {ratio:.6g}",
+                    cure=f'write {key}.unit = "{stated}", or correct the heading in the file',
+                )
+            )
+
+
+def _densities(e: Evidence) -> Iterator[Finding]:
+    """Solids have densities of solids, bars those of bars."""
+    poisson = getattr(getattr(e.declared, "model", None), "poisson", None)
+    for key, value in _quantities(e.file.content, "density", "kg/m^3"):
+        low, high = DENSITIES if key.startswith("specimen.") else (BAR_DENSITY, DENSITIES[1])
+        if not low <= value <= high:
+            factor = 1e3 if value < low else 1e-3
+            fits = low <= value * factor <= high
+            yield Finding(
+                e.file.error(
+                    key,
+                    f"is {value:.6g} kg/m^3, which no solid of such a test has",
+                    allowed=f"in [{low:g}, {high:g}] kg/m^3",
+                    cure=f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the number in g/cm^3?'
+                    if fits and factor > 1.0
+                    else f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the unit g/cm^3 written for'
+                    " a number in kg/m^3?"
+                    if fits
+                    else "correct the number or its unit",
+                )
+            )
+        elif key.startswith("specimen.") and value < FOAM_DENSITY and poisson is not None:
+            foam = poisson <= FOAM_POISSON
+            yield Finding(
+                e.file.error(
+                    key,
+                    f"is that of a foam, and model.poisson = {poisson:g}"
+                    + ("" if foam else f" is above {FOAM_POISSON:g}, which no foam has"),
+                    allowed=None if foam else f"at least {FOAM_DENSITY:g} kg/m^3 with this Poisson's ratio",
+                    cure=f'is it a foam? if not, "{value * 10:.6g} kg/m^3" has one digit more'
+                    if foam
+                    else f'correct specimen.density ("{value * 10:.6g} kg/m^3"?); for a foam correct'
+                    " model.poisson",
+                ),
+                contradiction=not foam,
+            )
+
+
+def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
+    """Dotted keys that end in a name, with their values in SI; what is no quantity is left to the schema."""
+    if not isinstance(content, dict):
+        return
+    for name, value in content.items():
+        here = f"{key}.{name}" if key else name
+        if name == last and here != f"uncertainty.{last}":
+            try:
+                yield here, quantity(value, si)
+            except UnitError:
+                continue
+        yield from _quantities(value, last, si, here)
+
+
+def _bar_speeds(e: Evidence) -> Iterator[Finding]:
+    """Modulus and density of a bar give the wave speed of a solid bar."""
+    densities = dict(_quantities(e.file.content, "density", "kg/m^3"))
+    for key, modulus in _quantities(e.file.content, "youngs_modulus", "Pa"):
+        density = densities.get(beside := f"{key.removesuffix('youngs_modulus')}density")
+        if density is not None and density >= BAR_DENSITY:
+            words = f"with {beside} = {density:.6g} kg/m^3"
+            yield from _bar_speed(e, key, math.sqrt(modulus / density), words, "Pa")
+    for key, speed in _quantities(e.file.content, "wave_speed", "m/s"):
+        yield from _bar_speed(e, key, speed, "", "")
+
+
+def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Iterator[Finding]:
+    low, high = BAR_SPEEDS
+    if low <= speed <= high:
+        return
+    factor = power_of_1000(speed / 5000.0)  # of metals; the square of it belongs to a modulus
+    if si:
+        factor = power_of_1000((speed / 5000.0) ** 2)
+    scaled = speed * (math.sqrt(factor) if si else factor)
+    cure = _unit_cure(e.file, key, si, factor) if si and low <= scaled <= high else ""
+    yield Finding(
+        e.file.error(
+            key,
+            f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which no bar has",
+            allowed=f"such that they run at {low:g} to {high:g} m/s",
+            cure=cure or "correct the number or its unit",
+        )
+    )
+
+
+def _specimen_size(e: Evidence) -> Iterator[Finding]:
+    """Diameter and length are those of a specimen, and fit each other."""
+    if getattr(e.declared, "specimen", None) is None:  # bars alone
+        return
+    low, high = SPECIMEN_SIZES
+    sizes = {name: getattr(e.declared.specimen, name) for name in ("diameter", "length")}
+    wrong = False
+    for name, size in sizes.items():
+        key, other = f"specimen.{name}", sizes["length" if name == "diameter" else "diameter"]
+        if not low <= size <= high:
+            wrong = True
+            factor = power_of_1000(size / (other if low <= other <= high else 0.01))
+            yield Finding(
+                e.file.error(
+                    key,
+                    f"is {1e3 * size:.6g} mm, the size of no specimen",
+                    allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm",
+                    cure=_unit_cure(e.file, key, "m", factor) or "correct the number or its unit",
+                )
+            )
+    slender = sizes["length"] / sizes["diameter"]
+    if not wrong and not SLENDERNESS[0] <= slender <= SLENDERNESS[1]:
+        yield Finding(
+            e.file.error(
+                "specimen.length",
+                f"is {slender:.3g} times specimen.diameter = {1e3 * sizes['diameter']:.6g} mm; such specimens"
+                f" have {SLENDERNESS[0]:g} to {SLENDERNESS[1]:g}",
+                cure="check the unit of both",
+            ),
+            contradiction=False,
+        )
+
+
+def _frame_rate(e: Evidence) -> Iterator[Finding]:
+    """The frames follow each other as a high-speed camera takes them."""
+    if e.frame_time is None or e.frame_time.size < 2:
+        return
+    step, count = float(np.median(np.diff(e.frame_time))), e.frame_time.size
+    low, high = FRAME_INTERVALS
+    if low <= step <= high:
+        return
+    factor = power_of_1000(
+        step / 1e-5
+    )  # a camera of such a test takes 100 000 a second, 30 times less or more
+    yield Finding(
+        e.file.error(
+            "frames.time",
+            f"gives {count} frames at {1.0 / step:.4g} frames/s, {count * step:.4g} s in all: no camera of an"
+            " impact test",
+            allowed=f"times whose frames are {low:g} to {high:g} s apart",
+            cure=_unit_cure(e.file, "frames.time", "s", factor) or "check its column and unit",
+        )
+    )
+
+
+def _clocks(e: Evidence) -> Iterator[Finding]:
+    """Frames and force are recorded during the same test."""
+    if e.frame_time is None or e.force_time is None or e.frame_time.size < 2 or e.force_time.size < 2:
+        return
+    frames, force = float(np.ptp(e.frame_time)), float(np.ptp(e.force_time))
+    step, frame_step = (float(np.median(np.diff(time))) for time in (e.force_time, e.frame_time))
+    samples = frames / step
+    both = f"the frames last {frames:.4g} s (frames.time), the force record lasts {force:.4g} s (force.time)"
+    if samples >= FEWEST_FORCE_SAMPLES and frames <= LONGEST_FRAMES * force:
+        return
+    usual = FORCE_STEPS[0] <= step <= FORCE_STEPS[1], FRAME_STEPS[0] <= frame_step <= FRAME_STEPS[1]
+    # The clock whose step is unusual is named first; of two alike the one that is too slow.
+    of_force = usual[1] if usual[0] != usual[1] else samples < FEWEST_FORCE_SAMPLES
+    key, other, ratio = "frames.time", "force.time", frames / force
+    if of_force:
+        key, other, ratio = other, key, 1.0 / ratio
+    factor = power_of_1000(ratio)
+    if _value(e.file, key) is None:  # a layout gives the clock
+        key = key.removesuffix(".time")
+    yield Finding(
+        e.file.error(
+            key,
+            f"contradicts {other}: {both}, with {samples:.3g} samples of force during all frames",
+            cure=_causes(
+                _unit_cure(e.file, key, "s", factor) if key.endswith(".time") else "check the clock's unit",
+                _unit_cure(e.file, other, "s", 1.0 / factor),
+            ),
+        )
+    )
+
+
+def _bar_clocks(e: Evidence) -> Iterator[Finding]:
+    """A recorder at bars resolves a wave's way through them, and lasts as long."""
+    for key, time in e.recorders.items():
+        step, span = float(np.median(np.diff(time))), float(np.ptp(time))
+        if step * FEWEST_FORCE_SAMPLES <= e.bar_transit <= SHORTEST_RECORD * span:
+            continue
+        # A recorder of such a test takes a sample every microsecond, and ten times less or more often.
+        factor = power_of_1000(step / 1e-6)
+        written = _value(e.file, f"{key}.time_unit")
+        unit = None if written is None else fitting_unit(written, "s", factor)
+        fits = _causes(
+            "" if unit is None else f'{key}.time_unit = "{unit}" in place of "{written}" would fit',
+            _unit_cure(e.file, f"{key}.interval", "s", factor),
+        )
+        yield Finding(
+            e.file.error(
+                key,
+                f"has a sample every {step:.3g} s, {span:.3g} s in all, and a wave takes"
+                f" {e.bar_transit:.3g} s through a bar (its length and wave speed in [bars])",
+                allowed=f"{FEWEST_FORCE_SAMPLES} samples or more in that time, and a tenth of it in all",
+                cure=fits
+                or f"times {factor:g} times as large would fit: declare {key}.time_unit or {key}.interval",
+            )
+        )
+
+
+def _impact_speed(e: Evidence) -> Iterator[Finding]:
+    """The flyer is as fast as an impact, and not faster than a gun's."""
+    if e.travel is None or e.flyer_time is None or e.travel.size < 2:
+        return
+    length = e.declared.specimen.length
+    speed, far = _speed(e), float(np.abs(e.travel).max())
+    low, high = IMPACT_SPEEDS
+    if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the last
+        return
+    # A unit's power of 1000 that leads into the middle of the range, by the time or by the displacement.
+    factor = power_of_1000(speed / 5.0)
+    by_time = _unit_cure(e.file, "frames.time", "s", 1.0 / factor)
+    where = "flyer.displacement" if _value(e.file, "flyer") is not None else "surface.unit"
+    by_path = _unit_cure(e.file, where, "m", factor) if far * factor < length else ""
+    small = far < LEAST_TRAVEL * length
+    yield Finding(
+        e.file.error(
+            where if small else "frames.time",
+            f"gives a flyer of {speed:.3g} m/s (it moves {1e3 * far:.4g} mm by {where}, the frames last"
+            f" {float(np.ptp(e.flyer_time)):.4g} s by frames.time)",
+            allowed=f"such that it has {low:g} to {high:g} m/s",
+            cure=_causes(*((by_path, by_time) if small else (by_time, by_path)))
+            or "check the units of the displacement and of the times",
+        )
+    )
+
+
+def _speed(e: Evidence) -> float:
+    """Largest speed of the flyer over a tenth of its record [m/s]: over single frames noise would decide."""
+    assert e.travel is not None  # the callers saw to both
+    assert e.flyer_time is not None
+    lag = max(1, e.travel.size // 10)
+    moved = np.abs(e.travel[lag:] - e.travel[:-lag]) / (e.flyer_time[lag:] - e.flyer_time[:-lag])
+    return float(moved.max()) if moved.size else 0.0
+
+
+def _travel(e: Evidence) -> Iterator[Finding]:
+    """The flyer does not go through the specimen."""
+    if e.travel is None:
+        return
+    length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
+    if far < length or _value(e.file, "flyer") is None:  # what pictures or surfaces show has other causes
+        return
+    # A test compresses its specimen by a twentieth at least; a column of frame numbers has no factor.
+    factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
+    yield Finding(
+        e.file.error(
+            "flyer.displacement",
+            f"reaches {1e3 * far:.6g} mm, which exceeds the specimen's length ({1e3 * length:.6g} mm,"
+            " specimen.length)",
+            cure=_causes(
+                "" if factor == 1.0 else _unit_cure(e.file, "flyer.displacement", "m", factor),
+                ""
+                if factor == 1.0
+                else _unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
+                "is flyer.displacement the right column?",
+            ),
+        )
+    )
+
+
+def _outline_size(e: Evidence) -> Iterator[Finding]:
+    """The outline at rest has the specimen's radius and height; else the likeliest cause is named."""
+    if e.outline is None or e.rest is None:
+        return
+    static = e.outline.time <= e.rest
+    if not static.any():
+        return
+    radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
+    y, z = e.outline.y[static], e.outline.Z[static]
+    middle, top = float(np.median(z)), float(y.max())
+    here = "centre_line" if _value(e.file, "centre_line") is not None else "surface"
+    source = _value(e.file, f"{here}.file") or _value(e.file, f"{here}.pattern") or "the pictures"
+    if abs(middle - radius) > RADIUS_TOLERANCE * radius:
+        yield Finding(
+            e.file.error(
+                "specimen.diameter",
+                f"contradicts {here} ({source}): Z from the axis is {1e3 * middle:.4g} mm (median of the"
+                " static frames),"
+                f" and the radius {1e3 * radius:.4g} mm; they must agree within {100 * RADIUS_TOLERANCE:g} %",
+                cure=_radius_cure(e, here, middle, y),
+            )
+        )
+    elif top <= 0.0 or (factor := fitting_factor(top / length, LENGTH_FACTORS, tolerance=0.3)) is None:
+        return
+    elif not 0.7 <= top / length <= 1.1:  # the outline may end below the flyer's face
+        if factor in (2.0, 0.5):
+            return  # an outline of half the height is one that was cut
+        yield Finding(
+            e.file.error(
+                "specimen.length",
+                f"contradicts {here} ({source}): the outline at rest reaches y = {1e3 * top:.4g} mm above the"
+                f" transmission platen, the length is {1e3 * length:.6g} mm",
+                cure=_causes(
+                    _unit_cure(e.file, f"{here}.y", "m", factor),
+                    _unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
+                ),
+            )
+        )
+
+
+def _radius_cure(e: Evidence, here: str, middle: float, y: FloatArray) -> str:
+    """The likely causes of an outline that is not at the specimen's radius, the likeliest first."""
+    radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
+    factor = fitting_factor(middle / radius, LENGTH_FACTORS, tolerance=RADIUS_TOLERANCE)
+    offset = radius - middle + getattr(getattr(e.declared, "centre_line", None), "Z_offset", 0.0)
+    by_offset = (
+        f'centre_line.Z_offset = "{round(1e3 * offset, 3) + 0.0:g} mm" would fit if Z does not begin at the'
+        " axis"
+        if here == "centre_line"
+        else "check surface.origin and surface.unit"
+    )
+    assert e.outline is not None  # the caller saw to it
+    heights = e.outline.Z
+    swapped = (
+        abs(float(np.median(y)) - radius) <= RADIUS_TOLERANCE * radius
+        and -0.1 * length <= heights.min()
+        and heights.max() <= 1.1 * length
+    )
+    if swapped:
+        return _causes("are y and Z swapped?", by_offset)
+    if abs(middle + radius) <= RADIUS_TOLERANCE * radius:
+        return _causes(f"Z counts toward the cameras: reverse the sign of {here}.Z in the file", by_offset)
+    if factor == 0.5:
+        wider = 4e3 * radius
+        return _causes(
+            f'specimen.diameter = "{wider:.6g} mm" would fit: was the radius given?',
+            f"{here}.Z may hold the diameter",
+            by_offset,
+        )
+    if factor == 2.0:
+        return _causes(
+            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?',
+            by_offset,
+        )
+    if factor is not None:
+        return _causes(
+            _unit_cure(e.file, f"{here}.Z", "m", factor),
+            _unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES),
+            by_offset,
+        )
+    return _causes(by_offset, "is it the right column, and are y and Z swapped?")
+
+
+def _curve_reach(e: Evidence) -> Iterator[Finding]:
+    """The curve's strains are those of the test's material, and no per cent."""
+    if e.curve is None or e.curve.law is not None:
+        return
+    end = float(e.curve.stretch[-1])
+    if end > LONGEST_STRETCH:
+        yield Finding(
+            e.file.error(
+                "curve.strain",
+                f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}",
+                cure=_unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit",
+            ),
+            contradiction=False,
+        )
+    if e.travel is None:
+        return
+    strain = float(np.abs(e.travel).max()) / e.declared.specimen.length
+    share = abs(end - 1.0) / strain if strain > 0.0 else 1.0
+    if share < SHORTEST_CURVE:
+        yield Finding(
+            e.file.error(
+                "curve.strain",
+                f"ends at {abs(end - 1.0):.3g}, and the flyer strains the specimen by {strain:.3g}"
+                " (flyer over specimen.length)",
+                cure=_unit_cure(e.file, "curve.strain", "1", 100.0)
+                or "check its unit; export the whole ramp",
+            ),
+            contradiction=False,
+        )
+
+
+def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, float]:
+    """Least and largest size of the compressive nominal stress at a strain, by the curve's moduli [Pa].
+
+    At every point of the curve stands the modulus mu of the neo-Hookean material that has this stress there,
+    sigma = mu (lambda - lambda^-2); the smallest and the largest are taken to the strain.
+    """
+    loaded = curve.stretch != 1.0
+    stretch = curve.stretch[loaded]
+    moduli = np.abs(curve.stress[loaded] / (stretch - stretch**-2.0))
+    reached = max(1.0 - strain, 0.05)  # nothing is pressed to nothing
+    size = abs(reached - reached**-2.0)
+    return float(moduli.min() * size), float(moduli.max() * size)
+
+
+def _force_over_area(e: Evidence) -> Iterator[Finding]:
+    """Force over area is the curve's stress, within what rate, ends and inertia can change."""
+    if e.force is None or e.travel is None or e.curve is None or e.flyer_time is None or e.rest is None:
+        return
+    assert e.force_time is not None  # it comes with the force
+    specimen = e.declared.specimen
+    during = (e.force_time >= e.rest) & (e.force_time <= e.flyer_time[-1])
+    strain = float(np.abs(e.travel).max()) / specimen.length
+    if not during.any() or strain <= 0.0:
+        return
+    peak = float(e.force[during].max())
+    if peak < NOISE_SIGMAS * e.force_noise:
+        return
+    area = 0.25 * math.pi * specimen.diameter**2
+    measured = peak / area
+    least, most = quasi_static_stress(e.curve, strain)
+    inertia = specimen.density * _speed(e) ** 2
+    modulus = 3.0 * most / abs((1.0 - min(strain, 0.95)) ** -2.0 - (1.0 - min(strain, 0.95)))
+    speed = math.sqrt(modulus / specimen.density)
+    arrived = float(e.flyer_time[-1]) - e.rest >= CROSSINGS * specimen.length / speed
+    high = measured > STIFFENING * most + INERTIA * inertia
+    low = arrived and measured < SOFTENING * least
+    odd_high = measured > UNUSUAL[1] * most + INERTIA * inertia
+    odd_low = arrived and measured < UNUSUAL[0] * least
+    if not (high or low or odd_high or odd_low):
+        return
+    key = "curve.stress" if e.curve.law is None else "law.parameters"
+    factor = power_of_1000(math.sqrt(least * most) / measured)
+    causes = []
+    if factor != 1.0:
+        causes = [
+            _unit_cure(e.file, "curve.stress", "Pa", factor)
+            if e.curve.law is None
+            else "check its constants",
+            _unit_cure(e.file, "force.sensitivity", "V/N", factor, SENSITIVITIES),
+        ]
+        if SOFT_STRESSES[0] <= most <= SOFT_STRESSES[1] and not (
+            SOFT_STRESSES[0] <= measured <= SOFT_STRESSES[1]
+        ):
+            causes.reverse()  # the curve is that of a soft material, the force over area is not
+    if e.curve.law is None and abs(float(e.curve.stretch[-1]) - 1.0) < SHORTEST_CURVE * strain:
+        causes.insert(0, _unit_cure(e.file, "curve.strain", "1", 100.0))
+    yield Finding(
+        e.file.error(
+            key,
+            f"gives {_kpa(most)} at the test's strain of {strain:.2g} (largest stress of the curve"
+            f" {_kpa(float(np.abs(e.curve.stress).max()))}), and the largest force of {peak:.4g} N"
+            f" (force.sensitivity) over the area by specimen.diameter is {_kpa(measured)},"
+            f" {measured / most:.3g} times as much",
+            allowed=f"within {SOFTENING:.2g} to {STIFFENING:g} times" if high or low else None,
+            cure=_causes(*causes)
+            or "check curve.stress, force.sensitivity and specimen.diameter; a true ratio needs no change",
+        ),
+        contradiction=high or low,
+    )
+
+
+def _kpa(stress: float) -> str:
+    return f"{1e-3 * stress:.3g} kPa"
+
+
+RULES: tuple[Rule, ...] = (
+    _unit_of_heading,
+    _densities,
+    _bar_speeds,
+    _specimen_size,
+    _frame_rate,
+    _clocks,
+    _bar_clocks,
+    _travel,
+    _impact_speed,
+    _outline_size,
+    _curve_reach,
+    _force_over_area,
+)
+"""All rules, in the order in which causes are named."""
+
+
+def findings(evidence: Evidence) -> list[Finding]:
+    """Everything that the rules find in what is known."""
+    return [finding for rule in RULES for finding in rule(evidence)]
+
+
+def gate(evidence: Evidence) -> tuple[str, ...]:
+    """Refuse contradictions; return the warnings, a sentence each.
+
+    Raises InputError for a contradiction; several come as one `InputErrors`.
+    """
+    found = findings(evidence)
+    refuse([finding.error for finding in found if finding.contradiction])
+    return tuple(str(finding.error) for finding in found if not finding.contradiction)
+
+
+def evidence_of(shot: ShotBase) -> Evidence | None:
+    """All that a loaded shot shows, on the shot's clock; None of one that was not read from a shot file."""
+    if shot.file is None:
+        return None
+    declared = getattr(shot.file, "declared", shot)  # of bars the shot holds all that the rules ask for
+    found: dict[str, Any] = {"curve": shot.curve}
+    if isinstance(shot.force, ForceChannel):
+        sensitivity = shot.force.transducer.sensitivity
+        found |= {
+            "force_time": shot.force.time,
+            "force": shot.force.raw_force(),
+            "force_noise": float(shot.force.baseline_volts().std(ddof=1)) / sensitivity,
+        }
+    if isinstance(shot, Shot):
+        found |= {"rest": shot.window[0], "outline": shot.centre_line}
+        if isinstance(shot.flyer, FlyerMotion):
+            found |= moved(shot.flyer, shot.window[0]) | {"frame_time": shot.flyer.time}
+    return Evidence(file=shot.file, declared=declared, **found)
+
+
+def with_warnings(shot: Shot) -> Shot:
+    """The shot with what is unlikely in its inputs among its notes.
+
+    Raises InputError for a contradiction.
+    """
+    known = evidence_of(shot)
+    return shot if known is None else replace(shot, notes=(*shot.notes, *gate(known)))
+
+
+def moved(flyer: FlyerMotion, rest: float) -> dict[str, FloatArray]:
+    """Times and travel of a flyer, as fields of `Evidence`; ``rest``: time of the last static frame [s]."""
+    static = flyer.time <= rest
+    zero = float(np.median(flyer.displacement[static])) if static.any() else 0.0
+    return {"flyer_time": flyer.time, "travel": flyer.displacement - zero}
