@@ -16,8 +16,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import CentreLine, FlyerMotion, MaterialCurve
 from kolsky.base.toml import TomlFile
-from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, quantity, unit_factor
-from kolsky.readers.header import heading_unit, split_unit
+from kolsky.base.units import UnitError, dimension_of, quantity, unit_factor
+from kolsky.readers.header import heading_unit, si_unit, split_unit
+from kolsky.readers.recordings import list_channels
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
 SCALES = {
@@ -30,6 +31,8 @@ SCALES = {
     "1": ("1", "%"),
 }
 """Units that are proposed in place of a wrong one, by their SI unit."""
+LARGEST_TABLE = 1_000_000
+"""Size of a file that is read once more for its units [bytes]: tables of points have tens of thousands."""
 UNIT_FACTORS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
 """Errors of a prefix: ms for s, MPa for kPa, g/cm^3 for kg/m^3."""
 LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
@@ -208,34 +211,56 @@ def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
 
 
 def _unit_of_heading(e: Evidence) -> Iterator[Finding]:
-    """The unit in a column's heading is the declared one."""
+    """The unit in a column's heading, or in a line of units below it, is the declared one."""
     for key, heading, declared in _columns(e.file.content):
-        stated = heading_unit(heading) or split_unit(heading)[1]
-        kind = dimension_of(declared, DIMENSIONS)
+        stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
+        kind = dimension_of(declared)
         if stated is None or not kind:
             continue
-        # "1" and "%" are both plain ratios; a heading of another kind of quantity has another cause.
-        same_kind = dimension_of(stated, (kind,)) == kind
-        if not same_kind:
+        size = _size(stated, kind)
+        if size is None and not dimension_of(stated) and si_unit(stated) is None:
+            continue  # no unit at all, a remark
+        if size is None:
             yield Finding(
                 e.file.error(
                     f"{key}.unit",
-                    f"is of another kind than the unit '{stated}' in the heading '{heading}'",
+                    f"is of another kind than the unit '{stated}' of the column '{heading}' in the file",
                     cure=f"is {key}.column the right column?",
                 ),
                 contradiction=False,
             )
             continue
-        ratio = unit_factor(declared, kind) / unit_factor(stated, kind)
+        ratio = unit_factor(declared, kind) / size
         if abs(ratio - 1.0) > 1e-6:  # factors of units are exact, up to rounding
             yield Finding(
                 e.file.error(
                     f"{key}.unit",
-                    f"contradicts the heading '{heading}', whose unit '{stated}' differs by a factor of"
-                    f" {ratio:.6g}",
-                    cure=f'write {key}.unit = "{stated}", or correct the heading in the file',
+                    f"contradicts the column '{heading}', whose unit in the file, '{stated}', differs by a"
+                    f" factor of {ratio:.6g}",
+                    cure=f'write {key}.unit = "{stated}", or correct the heading of the file',
                 )
             )
+
+
+def _size(unit: str, kind: str) -> float | None:
+    """SI units in a unit as instruments write it, "Volts" and "-" too; None if it is of another kind."""
+    try:
+        return unit_factor("1" if unit == "-" else unit, kind)
+    except UnitError:
+        written = si_unit(unit)
+        return written[1] if written is not None and written[0] == kind else None
+
+
+def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
+    """The unit in a line of units, or a row of a workbook; None without one, or where the file is large."""
+    name = _value(e.file, f"{key.partition('.')[0]}.file")
+    path = e.file.path.parent / name if isinstance(name, str) else None
+    if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
+        return None
+    try:
+        return next((one.unit for one in list_channels(path) if one.name == heading), None)
+    except InputError:  # the file's own reader says what is wrong with it
+        return None
 
 
 def _densities(e: Evidence) -> Iterator[Finding]:

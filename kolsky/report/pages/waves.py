@@ -7,6 +7,7 @@ from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results.nomenclature import typeset
+from kolsky.shot.summary import ABSOLUTE
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """Factor and unit of the page by SI unit; other units are shown unchanged."""
@@ -128,7 +129,9 @@ def answers(result: ReducedTest) -> list[dict[str, Any]]:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits in the unit of the page."""
+    """Return a number with four digits in the unit of the page; a time on a long clock keeps all digits."""
+    if unit == "s" and abs(value) >= ABSOLUTE:
+        return f"{value:.9f} s"
     factor, shown = SHOWN.get(unit, (1.0, unit))
     if unit == "Pa" and abs(value) >= 1e9:
         factor, shown = 1e-9, "GPa"

@@ -37,7 +37,7 @@ def test_pictures_that_are_not_correlated_show_when_they_change() -> None:
     pictures: Any = SimpleNamespace(changes=found)
     shot = PicturedShot(**base, pictures=pictures)
     assert figures_of(shot) == PICTURE_CHECKS
-    kind = PICTURE_CHECKS["checked_pictures"]
+    kind = PICTURE_CHECKS["checked-pictures"]
     assert "are not measured" in kind.caption(shot)
     names = list(dict.fromkeys(name for row in kind.panels(shot) for name in row))
     figure, axes = plt.subplots(len(names))
@@ -57,7 +57,7 @@ def test_pictures_that_are_not_correlated_show_when_they_change() -> None:
 def test_the_curve_is_drawn_beside_force_over_area() -> None:
     shot: Any = load_shot(OPEN_01)
     figure, ax = plt.subplots()
-    CHECKS["checked_curve"].draw(shot, {"curve": ax})
+    CHECKS["checked-curve"].draw(shot, {"curve": ax})
     curve, test = ax.lines
     np.testing.assert_allclose(curve.get_xdata(), 1.0 - shot.curve.stretch, rtol=1e-12)
     np.testing.assert_allclose(curve.get_ydata(), -1e-3 * shot.curve.stress, rtol=1e-12)

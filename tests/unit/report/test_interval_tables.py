@@ -237,3 +237,8 @@ def test_runs_are_weighted_by_noise_and_discrepancy_in_quadrature() -> None:
     )
     # median noise 3: 25 · 9 / (9 + 16), and 10 · 1 / (1 + 4)
     np.testing.assert_allclose(weighted_chi2(result), [11.0])
+
+
+def test_a_time_on_a_clock_that_runs_for_long_keeps_its_digits() -> None:
+    assert quantity(58.300004196, "s") == "58.300004196 s"
+    assert quantity(0.0999, "s") == "9.99e+04 µs"

@@ -92,12 +92,36 @@ def test_units_that_fit() -> None:
 def test_the_unit_of_a_heading_is_the_declared_one() -> None:
     assert words(known(('"s", unit = "kPa"', '"s (kPa)", unit = "kPa"'))) == ""
     said = words(known(('"s", unit = "kPa"', '"s (MPa)", unit = "kPa"')))
-    assert "curve.stress.unit = \"kPa\" contradicts the heading 's (MPa)'" in said
+    assert (
+        "curve.stress.unit = \"kPa\" contradicts the column 's (MPa)', whose unit in the file, 'MPa'," in said
+    )
     assert 'by a factor of 0.001. Cure: write curve.stress.unit = "MPa"' in said
     assert "curve.strain.unit" in words(known(('"e", unit = "1"', '"e (%)", unit = "1"')))
+    volts = (
+        'time = { column = "t", unit = "s" }\nsens',
+        'time = { column = "CH1 (Volts)", unit = "s" }\nsens',
+    )
+    assert "of another kind" in words(known(volts), contradiction=False)
+    microseconds = (
+        'time = { column = "t", unit = "s" }\nsens',
+        'time = { column = "t (usec)", unit = "s" }\nsens',
+    )
+    assert "differs by a factor of 1e+06" in words(known(microseconds))
     other = known(('"s", unit = "kPa"', '"s (N)", unit = "kPa"'))
     assert words(other) == ""
     assert "of another kind" in words(other, contradiction=False)
+
+
+def test_the_unit_below_a_heading_is_the_declared_one(tmp_path: Path) -> None:
+    """A line of units under the names, as a workbook and many test machines write it."""
+    rows = "".join(f"{0.01 * k:.2f},{0.1 * k:.1f}\n" for k in range(20))
+    (tmp_path / "curve.csv").write_text(f"e,s\n-,MPa\n{rows}")
+    evidence = known(("[curve]", '[curve]\nfile = "curve.csv"'))
+    placed = replace(evidence, file=replace(evidence.file, path=tmp_path / "shot.toml"))
+    said = words(placed)
+    assert "contradicts the column 's', whose unit in the file, 'MPa', differs by a factor of 0.001" in said
+    (tmp_path / "curve.csv").write_text(f"e,s\n-,kPa\n{rows}")
+    assert words(placed) == ""
 
 
 # What is declared alone.
