@@ -51,7 +51,8 @@ _TEXTS = {
     Outcome.COMPLETED: ("the end time was reached", "nothing to do", ""),
     Outcome.INVERTED: (
         "an element turned inside out (J <= 0)",
-        "refine the mesh, lower safety, or end the window before the specimen folds",
+        "refine the mesh, lower safety, or end the window before the specimen folds; a law far too soft for "
+        "the load folds on every mesh: check its unit",
         "the smallest J",
     ),
     Outcome.DIVERGED: (

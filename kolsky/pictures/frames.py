@@ -179,8 +179,28 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
             f"frame {table.frame[row]} has the time {table.time[row]:.9g} s, in {frames.path.name} it has"
             f" {expected[row]:.9g} s ({apart.size} such lines)",
             line=table.line(row),
-            cure="both files must come from the same test and clock; are two columns swapped?",
+            cure=_time_cure(table.time, expected),
         )
+
+
+def _time_cure(time: FloatArray, expected: FloatArray) -> str:
+    """What to do about times that differ: a unit by their spans, a shift by their differences, or a column.
+
+    ``time``, ``expected``: times in the file and those of the frames [s], shape [n].
+    """
+    spans = float(np.ptp(time)), float(np.ptp(expected))
+    ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
+    power = round(float(np.log10(ratio)) / 3.0)
+    # Rounded times make a span a little longer or shorter; another test makes it another one.
+    if power != 0 and abs(ratio / 10.0 ** (3 * power) - 1.0) < 1e-2:
+        return f"its times are {10.0 ** (3 * power):g} times those: correct the unit of one column"
+    shift = float(np.median(time - expected))
+    if power == 0 and np.ptp(time - expected) <= 1e-3 * spans[1]:
+        return (
+            f"its times are {in_us(shift)} later all along: are they of another trigger? Leave the time column"
+            " of this table out if the frame numbers are right"
+        )
+    return "both files must come from the same test and clock; are two columns swapped?"
 
 
 def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:

@@ -66,7 +66,8 @@ def window(
         raise InputError(
             scope.path,
             f"begins at {in_us(scope_time[0])}, after the window's start at {in_us(start)} (shot's clock)",
-            cure="check force.clock_offset and frames.clock_offset",
+            cure=f"check force.clock_offset: {in_us(start - scope_time[0])} less would fit; and"
+            " frames.clock_offset; or was the record's beginning cut off?",
         )
     if declared.window.end is not None:
         end = declared.window.end
@@ -85,7 +86,8 @@ def window(
             scope.path,
             f"{beyond.sum()} of {frame_time.size} camera frames are beyond the scope record, which spans"
             f" {span} (shot's clock)",
-            cure="check force.clock_offset and frames.clock_offset, or declare window.end inside the record",
+            cure="was the record ended before the test? Then declare window.end inside it; else check"
+            " force.clock_offset and frames.clock_offset: both clocks must count from one trigger",
         )
     if symmetry_end is not None:
         beyond |= frame_time >= symmetry_end

@@ -267,6 +267,22 @@ def test_times_agree_within_half_a_digit_of_both_files() -> None:
             assert "file.csv line 4: frame 2 has the time" in refused(frames_agree, table, expected)
 
 
+def test_times_of_another_unit_or_trigger_are_named() -> None:
+    expected = frames(1e-5 * np.arange(5))
+    for factor, shift, cure in (
+        (1e3, 0.0, "its times are 1000 times those"),
+        (1e-6, 0.0, "its times are 1e-06 times those"),
+        (1.0, 2e-3, "its times are 2000 us later all along"),
+        (1.0, -58.3, "its times are -58.300000000 s later all along"),
+        (1.05, 0.0, "are two columns swapped?"),
+        (900.0, 0.0, "are two columns swapped?"),
+    ):
+        table = FrameTable(
+            path=FILE, sha256="0", frame=expected.frame, time=factor * expected.time + shift, digit=1e-12
+        )
+        assert cure in refused(frames_agree, table, expected)
+
+
 def test_the_flyer_covers_the_frames_up_to_the_window_on_the_shot_clock() -> None:
     """Frames at 0 to 40 us and a clock offset of +5 us: frame 4 is at 45 us."""
     all_frames = frames(1e-5 * np.arange(5))
