@@ -143,6 +143,14 @@ Sign = Literal["positive", "negative"]
 """Sign of a gauge's signal under compression."""
 
 
+class ReflectedSection(Section):
+    """[gauges.incident.reflected]: the reflected pulse in a column of its own, cut from the same gauge."""
+
+    channel: f.Name | Annotated[int, Field(ge=1)]
+    start: f.PositiveTime | None = None
+    """What is added to the column's times to place it on the recorder's clock."""
+
+
 class GaugeSection(Section):
     """[gauges.incident] or [gauges.transmission]: strain gauges at one place; two channels are opposed."""
 
@@ -155,6 +163,15 @@ class GaugeSection(Section):
     strain: Literal[True] | None = None
     baseline: f.Interval
     full_scale: f.Voltage | None = None
+    reflected: ReflectedSection | None = None
+
+    @model_validator(mode="after")
+    def _one_channel_where_pulses_were_cut(self) -> "GaugeSection":
+        if len(self.channels) > 1:
+            self.without(
+                ("reflected",), "two channels are opposed gauges", "average them before the pulses are cut"
+            )
+        return self
 
     @property
     def recorders(self) -> list[str]:
@@ -195,6 +212,18 @@ class GaugesSection(Section):
     incident: GaugeSection
     incident_far: GaugeSection | None = None
     transmission: GaugeSection
+
+    @model_validator(mode="after")
+    def _cut_pulses_of_the_incident_bar(self) -> "GaugesSection":
+        for key in ("incident_far", "transmission"):
+            station = getattr(self, key)
+            if station is not None and station.reflected is not None:
+                raise f.problem(
+                    "is given, but only [gauges.incident] has a reflected pulse",
+                    key=f"{key}.reflected",
+                    cure="remove it; a transmitted pulse is placed by its recorder's clock_offset",
+                )
+        return self
 
 
 class BarsShotFile(Section):

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -63,8 +63,68 @@ def _recordings_of(
                     cure="state the unit of the samples in the recorder's table, or strain = true",
                 )
             channels.append(recording)
+        if gauge.reflected is not None:
+            recorder = declared.recorders[gauge.recorders[0]]
+            name, layout = str(gauge.reflected.channel), recorder.as_layout(full_scale=gauge.full_scale)
+            pulse = read_recordings(folder / recorder.file, [name], layout=layout)[name]
+            channels = [_with_reflected(file, declared, gauge, channels[0], pulse)]
         found[key] = tuple(channels)
     return found, hashes
+
+
+def _with_reflected(
+    file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording, pulse: Recording
+) -> Recording:
+    """The record of a gauge from pulses that were cut apart: at rest between them.
+
+    Raises InputError if the reflected pulse has no place, would lie on the incident one or has another unit.
+    """
+    assert gauge.reflected is not None  # the caller saw to it
+    key, start = "gauges.incident.reflected", gauge.reflected.start
+    bar = declared.bars.incident
+    travel = 2.0 * gauge.distance / np.sqrt(bar.modulus / bar.density)
+    if start is None:
+        raise file.error(
+            f"{key}.start",
+            "is missing: it places the reflected pulse on the recorder's clock",
+            cure=f'where both columns begin with the arrival of their pulse write start = "{in_us(travel)}", '
+            "twice the gauge's distance over the wave speed; where they kept their times write the time that"
+            " was taken off",
+        )
+    if pulse.unit != incident.unit:
+        raise file.error(
+            f"{key}.channel",
+            f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}",
+            cure="both pulses come from one gauge: export them alike",
+        )
+    first, interval = float(incident.time[0]), float(np.median(np.diff(incident.time)))
+    place = (float(pulse.time[0]) + start - first) / interval
+    row = round(place)
+    if row < incident.value.size:
+        raise file.error(
+            f"{key}.start",
+            f"places the reflected pulse at {in_us(float(pulse.time[0]) + start)}, on the incident pulse,"
+            f" whose column ends at {in_us(float(incident.time[-1]))}",
+            allowed=f"at least {in_us(float(incident.time[-1] - pulse.time[0]) + interval)}",
+            cure="cut the incident pulse shorter, or correct start",
+        )
+    count = row + pulse.value.size
+    time = incident.time + declared.recorders[gauge.recorders[0]].clock_offset
+    rest = incident.value[(time >= gauge.baseline[0]) & (time <= gauge.baseline[1])]
+    value = np.full(count, float(rest.mean()) if rest.size else 0.0)
+    value[: incident.value.size], value[row:] = incident.value, pulse.value
+    said = (
+        f"channel '{incident.channel}' of {incident.path.name} was put together from pulses that were cut"
+        f" apart, at rest between them: the reflected one begins {in_us(row * interval)} after the first"
+        f" sample, {in_us(abs(place - row) * interval)} off its declared place (whole samples)"
+    )
+    return replace(
+        incident,
+        time=first + interval * np.arange(count),
+        value=value,
+        note="; ".join(part for part in (incident.note, said) if part),
+        first_line=None,
+    )
 
 
 def _recording_notes(

@@ -1,16 +1,20 @@
 """Files of a shot between bars as recorders write them: opposed gauges in two files, layouts of every CSV."""
 
+import re
+
 import numpy as np
 import pytest
 from barshots import STRESS, bar_shot, strains, write_scope, write_toml
+from shot_folders import ROOT
 
 from kolsky.base.errors import InputError
 from kolsky.schema.material import chosen_baseline
 from kolsky.schema.shot_file import BarDrivenShotFile, parsed
-from kolsky.shot.bars import load_waves
+from kolsky.shot.bars import check_bars, load_waves
 from kolsky.shot.curve import read_curve
 from kolsky.shot.waves import waves
 
+BAR_01 = ROOT / "runs" / "bar-01"
 TWO = """[recorders.left]
 file = "left.csv"
 clock_offset = "0 us"
@@ -202,3 +206,65 @@ poisson = 0.49
 damping = "1 us"
 damping_kind = "deviatoric"
 """
+
+
+def cut_pulses(folder, *, reflected: str) -> None:
+    """The record of bar-01 in three columns whose times begin at 0: from -15, 390 and 290 us, 210 us each."""
+    folder.mkdir()
+    rows = np.loadtxt(BAR_01 / "tek0017.csv", delimiter=",", skiprows=5)
+    starts = [round((at + 200e-6) / 0.2e-6) for at in (-15e-6, 390e-6, 290e-6)]
+    columns = [rows[row : row + 1050, 1 + channel] for row, channel in zip(starts, (0, 0, 1), strict=True)]
+    write_scope(
+        folder / "pulses.csv",
+        ["t (s)", "in (mV)", "re (mV)", "tr (mV)"],
+        [0.2e-6 * np.arange(1050), *columns],
+    )
+    toml = re.sub(r"\n+", "\n", re.sub(r" *#.*", "", (BAR_01 / "shot.toml").read_text()))
+    cut = 'file = "pulses.csv"\nclock_offset = '
+    for old, new in (
+        ('file = "tek0017.csv"\nclock_offset = "0 us"', f'{cut}"-15 us"\n[recorders.late]\n{cut}"290 us"'),
+        ('channels = ["CH1 (mV)"]', f'channels = ["in (mV)"]\n{reflected}'),
+        ('channels = ["CH2 (mV)"]', 'channels = ["tr (mV)"]'),
+    ):
+        assert toml.count(old) == 1
+        toml = toml.replace(old, new)
+    head, tail = toml.split("[gauges.transmission]")
+    head = head.replace('["-190 us", "-20 us"]', '["-15 us", "-5 us"]')
+    tail = tail.replace('["-190 us", "-20 us"]', '["291 us", "301 us"]').replace('"scope"', '"late"')
+    (folder / "shot.toml").write_text(f"{head}[gauges.transmission]{tail}")
+
+
+def test_pulses_that_were_cut_apart_are_put_together(tmp_path):
+    """Both pulses stand where the whole record has them, and the gauge is at rest between them."""
+    cut_pulses(tmp_path / "cut", reflected='reflected = { channel = "re (mV)", start = "405 us" }')
+    given = load_waves(tmp_path / "cut")
+    (record,) = given.stations["incident"].recordings
+    whole = load_waves(BAR_01).stations["incident"].recordings[0]
+    row = 925  # of -15 us in the whole record, which begins at -200 us
+    assert record.value.size == 2025 + 1050  # the reflected pulse begins 405 us after the first sample
+    np.testing.assert_array_equal(record.value[:1050], whole.value[row : row + 1050])
+    np.testing.assert_array_equal(record.value[2025:], whole.value[row + 2025 : row + 3075])
+    rest = whole.value[row : row + 51].mean()  # -15 to -5 us
+    np.testing.assert_allclose(record.value[1050:2025], rest, rtol=1e-12)
+    np.testing.assert_allclose(record.time, 0.2e-6 * np.arange(3075), atol=1e-12)
+    assert any("put together from pulses that were cut apart" in note for note in given.notes)
+    found, right = check_bars(tmp_path / "cut"), check_bars(BAR_01)
+    np.testing.assert_allclose(found.arrival.time, right.arrival.time, atol=0.2e-6)
+
+
+@pytest.mark.parametrize(
+    ("reflected", "said"),
+    [
+        ('reflected = { channel = "re (mV)" }', 'write start = "400 us", twice the gauge'),
+        (
+            'reflected = { channel = "re (mV)", start = "209 us" }',
+            "at 209 us, on the incident pulse, whose column ends at 209.8 us; it must be at least 210 us",
+        ),
+    ],
+)
+def test_a_cut_pulse_without_its_place_is_refused(tmp_path, reflected, said):
+    cut_pulses(tmp_path / "cut", reflected=reflected)
+    with pytest.raises(InputError) as caught:
+        load_waves(tmp_path / "cut")
+    assert "gauges.incident.reflected.start" in str(caught.value)
+    assert said in str(caught.value)
