@@ -64,16 +64,13 @@ def _recordings_of(
                 )
             channels.append(recording)
         if gauge.reflected is not None:
-            recorder = declared.recorders[gauge.recorders[0]]
-            name, layout = str(gauge.reflected.channel), recorder.as_layout(full_scale=gauge.full_scale)
-            pulse = read_recordings(folder / recorder.file, [name], layout=layout)[name]
-            channels = [_with_reflected(file, declared, gauge, channels[0], pulse)]
+            channels = [_with_reflected(file, declared, gauge, channels[0])]
         found[key] = tuple(channels)
     return found, hashes
 
 
 def _with_reflected(
-    file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording, pulse: Recording
+    file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
     """The record of a gauge from pulses that were cut apart: at rest between them.
 
@@ -91,6 +88,9 @@ def _with_reflected(
             "twice the gauge's distance over the wave speed; where they kept their times write the time that"
             " was taken off",
         )
+    recorder, name = declared.recorders[gauge.recorders[0]], str(gauge.reflected.channel)
+    layout = recorder.as_layout(full_scale=gauge.full_scale)
+    pulse = read_recordings(incident.path, [name], layout=layout)[name]
     if pulse.unit != incident.unit:
         raise file.error(
             f"{key}.channel",
@@ -109,7 +109,7 @@ def _with_reflected(
             cure="cut the incident pulse shorter, or correct start",
         )
     count = row + pulse.value.size
-    time = incident.time + declared.recorders[gauge.recorders[0]].clock_offset
+    time = incident.time + recorder.clock_offset
     rest = incident.value[(time >= gauge.baseline[0]) & (time <= gauge.baseline[1])]
     value = np.full(count, float(rest.mean()) if rest.size else 0.0)
     value[: incident.value.size], value[row:] = incident.value, pulse.value
