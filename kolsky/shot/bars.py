@@ -120,7 +120,7 @@ def _with_reflected(
     )
     return replace(
         incident,
-        time=first + interval * np.arange(count),
+        time=np.asarray(first + interval * np.arange(count), dtype=np.float64),
         value=value,
         note="; ".join(part for part in (incident.note, said) if part),
         first_line=None,

@@ -22,7 +22,7 @@ from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, p
 from kolsky.shot.curve import shot_fields
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.outline import check_outline, each_once, read_outline
-from kolsky.shot.plausibility import Evidence, gate, moved, with_warnings
+from kolsky.shot.plausibility import Evidence, gate, travel_of, with_warnings
 from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
 
 def _moves(toml: ShotToml, rest: float) -> Callable[[FlyerMotion], object]:
     """The rules about a flyer's motion; `rest` is the time of the last static frame [s]."""
-    return lambda flyer: gate(Evidence(file=toml, declared=toml.declared, **moved(flyer, rest)))
+    return lambda flyer: gate(Evidence(file=toml, declared=toml.declared, **travel_of(flyer, rest)))
 
 
 def load_pictures(source: Source) -> PicturedShot:

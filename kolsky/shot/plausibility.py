@@ -756,7 +756,7 @@ def evidence_of(shot: ShotBase) -> Evidence | None:
     if isinstance(shot, Shot):
         found |= {"rest": shot.window[0], "outline": shot.centre_line}
         if isinstance(shot.flyer, FlyerMotion):
-            found |= moved(shot.flyer, shot.window[0]) | {"frame_time": shot.flyer.time}
+            found |= travel_of(shot.flyer, shot.window[0]) | {"frame_time": shot.flyer.time}
     return Evidence(file=shot.file, declared=declared, **found)
 
 
@@ -769,7 +769,7 @@ def with_warnings(shot: Shot) -> Shot:
     return shot if known is None else replace(shot, notes=(*shot.notes, *gate(known)))
 
 
-def moved(flyer: FlyerMotion, rest: float) -> dict[str, FloatArray]:
+def travel_of(flyer: FlyerMotion, rest: float) -> dict[str, Any]:
     """Times and travel of a flyer, as fields of `Evidence`; ``rest``: time of the last static frame [s]."""
     static = flyer.time <= rest
     zero = float(np.median(flyer.displacement[static])) if static.any() else 0.0

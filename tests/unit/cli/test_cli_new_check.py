@@ -121,7 +121,7 @@ def test_a_page_shows_signals_on_one_clock_and_the_outline(shot: Path) -> None:
 
 def test_the_figure_of_a_check_has_one_axis_of_time() -> None:
     loaded = load_shot(OPEN_01)
-    (kind,) = CHECKS.values()
+    kind = CHECKS["checked-shot"]
     figure, axes = plt.subplots(3)
     kind.draw(loaded, dict(zip(("force", "motion", "outline"), axes, strict=True)))
     first, last = axes[0].get_xlim()
