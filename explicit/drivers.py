@@ -109,10 +109,7 @@ LIMIT = 1 << 25
 
 
 class Piece:
-    """A piece of memory on the host.
-
-    ``memory``: its Warp array.
-    """
+    """A piece of memory on the host."""
 
     def __init__(self, memory: Any) -> None:
         self.memory = memory

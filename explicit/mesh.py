@@ -247,9 +247,8 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
 def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:
     """Volume-averaged deformation gradient of each element, the one at the stress point of "one_point".
 
-    ``mesh``: the undeformed mesh. ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2].
-    Returns: in (r, y, hoop) [-], shape [..., n_elements, 3, 3]. Raises ValueError if the nodes are not those
-    of the mesh.
+    ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2]. Returns: in (r, y, hoop) [-], shape
+    [..., n_elements, 3, 3].
     """
     x = np.asarray(nodes, dtype=float)
     if x.shape[-2:] != (mesh.n_nodes, 2):

@@ -212,10 +212,7 @@ def _line(grey: GreyNoise) -> Noise:
 
 
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
-    """Findings about the cameras from a first pair of pictures, matched without their parameters.
-
-    Raises ChainError if no frame has a usable picture of both cameras.
-    """
+    """Findings about the cameras from a first pair of pictures, matched without their parameters."""
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     try:
         frame = material_frame(health, region.frame)

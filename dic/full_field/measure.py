@@ -243,7 +243,6 @@ def noise_from_matches(
 
     ``picture``: the reference picture, shape [rows, columns]. ``points``: places of the matched subsets'
     centres [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
-    Raises ValueError if there are no points.
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")

@@ -37,10 +37,7 @@ from dic.stereo.geometry import (
 
 @dataclass(frozen=True, kw_only=True)
 class StereoSearch:
-    """Search for initial guesses.
-
-    Raises ValueError: a value outside its range; the message names it.
-    """
+    """Search for initial guesses."""
 
     distances: tuple[float, float] | None = None
     """Nearest and farthest distance of the specimen along camera 0's rays [m]; None: wherever the

@@ -38,9 +38,7 @@ def d_optimal(
     the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
     terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
     ``candidates``: in parameter units, shape [c, d], constraints met; a grid of five levels a parameter if
-    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it. Raises
-    ValueError if a candidate is outside the box, n is outside its range, the degree is below 1, or the
-    candidates do not fix the polynomial.
+    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it.
     """
     n, seed = count_of(n), seed_of(rng)
     if degree < 1:

@@ -344,8 +344,7 @@ class ProcessSurrogate:
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
         """The surrogate as if runs at these points had given what it predicts, shape [m, d].
 
-        Its mean stays (up to the nugget); its standard deviation falls about the points. Raises ValueError if
-        a point is outside the box.
+        Its mean stays (up to the nugget); its standard deviation falls about the points.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []

@@ -261,9 +261,6 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
     At both ends of the interval, or of the box where the interval is open, it is asked what the move of
     each other parameter would cost alone. One whose move costs more than the level made the difference;
     one that drifts at no cost did not.
-
-    ``likelihood``: of the data. ``profiles``: holds the optimum and the level. ``profile``: of the parameter
-    in question.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)

@@ -37,10 +37,7 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 
 
 def check_quantities(quantities: Sequence[Quantity]) -> None:
-    """Refuse impossible quantities and names that occur twice.
-
-    Raises ValueError: with the quantity's name.
-    """
+    """Refuse impossible quantities and names that occur twice."""
     seen: set[str] = set()
     for q in quantities:
         if q.name in seen:
@@ -59,10 +56,7 @@ def check_quantities(quantities: Sequence[Quantity]) -> None:
 def correlation_matrix(
     quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
 ) -> FloatArray:
-    """Coefficients by pairs of names as a matrix, shape [n, n].
-
-    Raises ValueError if a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
-    """
+    """Coefficients by pairs of names as a matrix, shape [n, n]."""
     place = {q.name: i for i, q in enumerate(quantities)}
     R = np.eye(len(place))
     for (one, other), r in correlations.items():

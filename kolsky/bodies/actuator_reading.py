@@ -295,8 +295,6 @@ def volume_reading(d1: Any) -> float:
 
     A compressibility is that of U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper); a modulus
     is that of U = D1 (J - 1)^2, K = 2 D1.
-
-    Raises UnitError if it is neither.
     """
     try:
         value, modulus = quantity(d1, "1/Pa"), None

@@ -118,8 +118,7 @@ def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
     """Eliminate the displacements, see the top of this module.
 
-    ``samples``: the data. ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
-    ``there``: what the simulation gave.
+    ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
     """
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)

@@ -156,9 +156,8 @@ def intervals(
 ) -> Intervals:
     """Intervals at the end of a search.
 
-    ``names``, ``values``: the free constants, shape [p]. ``reduced``: the whitened problem there. ``series``:
-    the same residuals, one series for each moving end of each test, neighbours beside each other.
-    ``at_bound``: constants at a bound. ``bounds``: least and largest values.
+    ``names``, ``values``: the free constants, shape [p]. ``series``: the same residuals, one series for each
+    moving end of each test, neighbours beside each other. ``at_bound``: constants at a bound.
     """
     free = np.flatnonzero(~np.asarray(at_bound))
     degrees = len(reduced.residual) - len(free)

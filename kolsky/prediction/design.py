@@ -151,9 +151,8 @@ def scan(
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
     """The point of a scan's box that does as wanted, by surfaces through its numbers and runs there.
 
-    ``test``: the test as declared. ``found``: a scan of it. ``wanted``: numbers of `NAMES` and their values,
-    SI. Raises ValueError if a name is unknown, a wanted value is not positive, or too few points know the
-    number.
+    ``test``: the test as declared. ``wanted``: numbers of `NAMES` and their values, SI. Raises ValueError if
+    a name is unknown, a wanted value is not positive, or too few points know the number.
     """
     for name, value in wanted.items():
         if name not in NAMES:

@@ -28,8 +28,7 @@ def write_grid(
 
     ``path``: file to write, complete or not at all. ``points``: coordinates, shape [n, 3]. ``cells``: points
     of each cell in VTK's order, shape [m, k]; m may be 0. ``kind``: number of the cell type in VTK.
-    ``fields``: values at the points by name, shape [n] or [n, components]. Raises ValueError if a field or
-    the points do not have one row per point, or a cell names a point that is not there.
+    ``fields``: values at the points by name, shape [n] or [n, components].
     """
     _check_arrays(points, cells, fields)
     piece = {"NumberOfPoints": str(len(points)), "NumberOfCells": str(len(cells))}

@@ -351,9 +351,8 @@ def write_full_field_results(
     """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
 
     ``folder``, ``formats``: as of `write_identify_results`. ``measurement``: the measurement, as
-    `kolsky.pictures.measurement.read_measurement` gives it. ``result``: the result. ``csv``, ``vtu``: also
-    write every frame's points as CSV, and as VTU for ParaView. Raises InputError if the results cannot be
-    written.
+    `kolsky.pictures.measurement.read_measurement` gives it. ``csv``, ``vtu``: also write every frame's points
+    as CSV, and as VTU for ParaView.
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
@@ -444,9 +443,8 @@ def write_prediction_results(
 ) -> None:
     """Write the results of a prediction with the scan that was made before, and a film if it is asked for.
 
-    ``folder``, ``formats``: as of `write_results`. ``found``: the prediction. ``scan``, ``aim``: the scan,
-    and the point found in it. ``film``: format of a film, "mp4" or "gif"; empty for none. Raises InputError
-    if the results cannot be written.
+    ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
+    ``film``: format of a film, "mp4" or "gif"; empty for none.
     """
     with filling(folder) as partial:
         _write(partial, found, scan, aim, formats=formats)

@@ -434,10 +434,7 @@ def to_json(answer: PaperAnswer) -> dict[str, Any]:
 
 
 def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
-    """Write paper_method.json and paper_method.csv, a row a run of the designs.
-
-    Raises InputError if they cannot be written.
-    """
+    """Write paper_method.json and paper_method.csv, a row a run of the designs."""
     tables = [surface.runs.table for surface in answer.surfaces]
     meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]
     columns: dict[str, Any] = {

@@ -40,8 +40,7 @@ SHARP = 0.05
 def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
     """The scene at the instants of all frames.
 
-    ``q``: the specification. ``surface``: specimen and flyer at the true times of the frames. ``shot``:
-    number of the shot.
+    ``surface``: specimen and flyer at the true times of the frames. ``shot``: number of the shot.
     """
     instants = instants_of(q, surface)
     at = _at(surface, instants.time)

@@ -162,12 +162,11 @@ def symmetry_end(
     A flyer that comes to rest loses its direction to the noise, which is no end of symmetry; one that is
     pushed back along the axis keeps it.
 
-    ``flight``: the flyer's paths. ``time``: times, usually of the frames [s], increasing, shape [n_times].
-    ``separation``: time at which the flyer has separated from the bar [s]. ``over``: span after it whose
-    displacement gives the reference direction [s]. ``share``: part of the velocity that may lie across the
-    reference direction [-], in (0, 1). ``coverage``: sigmas by which it must be exceeded [-].
-    ``times_in_row``: successive times that must agree. Raises ValueError: options out of range, or a span
-    outside the paths.
+    ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
+    flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference
+    direction [s]. ``share``: part of the velocity that may lie across the reference direction [-], in (0, 1).
+    ``coverage``: sigmas by which it must be exceeded [-]. ``times_in_row``: successive times that must agree.
+    Raises ValueError: options out of range, or a span outside the paths.
     """
     at = np.asarray(time, dtype=np.float64)
     if not 0.0 < share < 1.0 or not over > 0.0 or not coverage >= 0.0 or times_in_row < 1:

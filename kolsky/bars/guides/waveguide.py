@@ -111,10 +111,7 @@ def area(bar: Bar) -> float:
 
 
 def check_bar(bar: Bar) -> None:
-    """Refuse a bar whose waves cannot be computed.
-
-    Raises ValueError: with the name, the value and the allowed range.
-    """
+    """Refuse a bar whose waves cannot be computed."""
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)
         if not (isfinite(value) and value > 0.0):

@@ -54,10 +54,7 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 
 
 def scene_of_stills(result: Identification) -> Scene:
-    """Scene at the times of the stills.
-
-    Raises SceneDataMissing if the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
-    """
+    """Scene at the times of the stills."""
     return scene_of(result, chosen=lambda n: evenly_spaced(n, COUNT))
 
 

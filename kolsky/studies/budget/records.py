@@ -212,10 +212,7 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-].
-
-    Raises ValueError if a source of each shot alone has no uncertainty, since its realisations failed.
-    """
+    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-]."""
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:
@@ -238,8 +235,7 @@ def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) ->
     """The fewest shots, half at either of two rates, whose slope is known to a wanted expanded uncertainty.
 
     ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
-    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-]. Raises ValueError if the rates or the wanted
-    uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
+    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-].
     """
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
