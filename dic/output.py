@@ -35,7 +35,6 @@ class Row:
     part: str
     """"hardware", "pattern", "analysis" or "noise floor"."""
     name: str
-    """Name of the quantity."""
     value: str
     """Number with unit, words, or `NOT_STATED`."""
 

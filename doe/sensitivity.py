@@ -232,7 +232,6 @@ class HistoryIndices:
     aggregated_total_interval: FloatArray
     """Ends of the bootstrap interval of the total one [-], shape [d, 2]."""
     components: int
-    """Number of components kept."""
     kept_variance: float
     """Share of the scaled variance in them [-]."""
 

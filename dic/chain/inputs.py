@@ -61,7 +61,6 @@ class ChainSettings:
     stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
     """Settings of the match between the cameras."""
     device: str = "cpu"
-    """Device of the correlation."""
 
     @property
     def subset(self) -> int:
@@ -115,7 +114,6 @@ class Inputs:
     rig: StereoRig
     """The cameras, for pictures with their crop."""
     settings: ChainSettings
-    """Settings of the measurement."""
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     static: BoolArray

@@ -164,7 +164,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame."""
+    """Open picture files in the order given; frame i is file i, a file that is not there a missing frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")
     return _opened(files[0].parent, list(files), tuple(range(len(files))))

@@ -242,7 +242,6 @@ class Pair:
     """Inputs of one stereo match; every point has a place in camera 0."""
 
     rig: StereoRig
-    """The cameras."""
     pictures: tuple[NDArray[np.float32], NDArray[np.float32]]
     """Their grey values, each of shape [rows, columns]."""
     stacks: tuple[PictureStack, PictureStack]
@@ -256,9 +255,7 @@ class Pair:
     settings: Correlation
     """Of the match."""
     search: StereoSearch
-    """Search for initial guesses."""
     gates: StereoGates
-    """Gates of a match."""
 
     @property
     def places(self) -> FloatArray:

@@ -58,7 +58,7 @@ def d_optimal(
         )
     generator = np.random.default_rng(seed)
     exchanged = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
-    best = max(exchanged, key=lambda rows: _log_det(model[rows]))
+    best = max(exchanged, key=lambda rows: float(np.linalg.slogdet(model[rows].T @ model[rows])[1]))
     settings = {"n": n, "candidates": len(points), "degree": degree, "starts": STARTS, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
 
@@ -105,10 +105,6 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
         if gain[i, j] <= GAIN:
             return rows
         rows[j] = i
-
-
-def _log_det(model: FloatArray) -> float:
-    return float(np.linalg.slogdet(model.T @ model)[1])
 
 
 def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:

@@ -101,7 +101,6 @@ class GaussianProcess:
     """Columns of values, each a linear trend and a Gaussian process around it, of one correlation."""
 
     hyperparameters: Hyperparameters
-    """Its correlation."""
     unit_points: FloatArray
     """The runs in the unit box [-], shape [n, d]."""
     values: FloatArray

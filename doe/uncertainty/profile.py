@@ -38,7 +38,6 @@ class Profile:
     """The profile likelihood of one parameter."""
 
     name: str
-    """The parameter."""
     values: FloatArray
     """Where it was held, ascending, in its units, shape [n]."""
     rise: FloatArray
@@ -309,7 +308,6 @@ class Verdict:
     """The verdict on one parameter inside the box."""
 
     name: str
-    """The parameter."""
     kind: VerdictKind
     """In one word."""
     interval: Interval

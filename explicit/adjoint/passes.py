@@ -60,7 +60,6 @@ class ForceSampling:
     """
 
     steps: StepSequence
-    """The steps."""
     times: FloatArray
     """Requested times [s], shape [n_times]."""
 
@@ -124,7 +123,6 @@ class ReturnedWave:
     """
 
     support: CharacteristicBar
-    """The bar."""
     returned: list[float] = field(default_factory=list)
     """Wave h that returned in each step [m/s]."""
     outgoing: list[float] = field(default_factory=list)

@@ -229,7 +229,6 @@ class ElasticBar:
     """A mesh of elastic parts that can be integrated in time; made by `elastic_bar`."""
 
     mesh: ElasticMesh
-    """The mesh."""
     stiffness: csr_array = field(repr=False)
     """Stiffness [N/m], shape [2 n_nodes, 2 n_nodes], degrees of freedom (u_r, u_x) node by node."""
     mass: FloatArray = field(repr=False)

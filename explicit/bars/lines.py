@@ -349,13 +349,11 @@ class Apparatus:
     """Striker, bars, flyer and specimen, left to right."""
 
     striker: tuple[Section, ...]
-    """The striker."""
     speed: float
     """Its velocity at impact [m/s]."""
     shaper: PulseShaper | None
     """What lies between striker and incident bar; None is face on face."""
     incident: tuple[Section, ...]
-    """The incident bar."""
     joint: Joint
     """What holds the flyer to the incident bar."""
     flyer: tuple[Section, ...]

@@ -248,7 +248,6 @@ class Inversion:
     slope: FloatArray
     """dTheta/dp there [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
-    """How it ended."""
     equilibria: int
     """Equilibria that were needed."""
 

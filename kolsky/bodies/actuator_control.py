@@ -43,7 +43,6 @@ class ReducedBend:
     slope: float
     """dTheta/dp [rad/Pa]."""
     state: ReducedState
-    """The equilibrium."""
 
     @property
     def ok(self) -> bool:

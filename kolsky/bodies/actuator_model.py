@@ -49,7 +49,6 @@ class Actuator:
     """A mesh with the sets of `kolsky.bodies.actuator_model.Pneunet.mesh`, and its material."""
 
     mesh: Mesh
-    """The mesh."""
     cavities: tuple[str, ...]
     """Sets of pressurised walls; each has a pressure of its own."""
     solid: Solid

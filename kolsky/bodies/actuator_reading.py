@@ -197,11 +197,9 @@ class ActuatorSpec:
     """A SPEC.toml that was read."""
 
     toml: TomlFile
-    """The file."""
     declared: ActuatorFile
     """What it declares, in SI."""
     actuator: Actuator
-    """The actuator."""
     shape: Pneunet | None
     """Its dimensions; None of a mesh from a file."""
     healed: Solid | None

@@ -101,7 +101,6 @@ class SearchOptimum:
     converged: bool
     """Whether the search came to rest."""
     ended: str
-    """How it ended."""
     simulations: int
     """Trial points, refused ones included."""
 

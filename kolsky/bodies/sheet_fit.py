@@ -266,7 +266,6 @@ class FieldFit:
     """Constants of a sheet, and what the data say of them."""
 
     problem: FieldProblem
-    """What was fitted."""
     constants: Constants
     """The law with the fitted values in place."""
     cost: Cost

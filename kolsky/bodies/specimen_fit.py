@@ -303,7 +303,6 @@ class SlowTest:
     """A specimen and what was measured on it."""
 
     model: SpecimenModel
-    """The specimen."""
     samples: Samples
     """Displacements and forces of its ends, with their noise."""
 
@@ -318,7 +317,6 @@ class TestFit:
     """A test beside its simulation with the fitted constants."""
 
     test: SlowTest
-    """The test."""
     displacement: FloatArray
     """Displacements of the simulation: the measured ones within their noise [m], shape [n, ends]."""
     force: FloatArray
@@ -349,7 +347,6 @@ class SpecimenFit:
     tests: tuple[TestFit, ...]
     """Fitted tests, then predicted ones."""
     found: SearchOptimum
-    """The search."""
     starts: tuple[FloatArray, ...]
     """Where the other starts ended, best first, each of shape [p]."""
 

@@ -27,7 +27,6 @@ class Specification:
     """A SPEC.toml that was read."""
 
     toml: TomlFile
-    """The file."""
     declared: SpecimenFile
     """What it declares, in SI."""
     constants: Constants

@@ -111,7 +111,6 @@ class Expected:
     """What a choice of tests would tell."""
 
     tests: tuple[str, ...]
-    """The tests."""
     relative: FloatArray
     """Expected standard deviation of each constant over its size [-], shape [p]; infinite if not seen."""
     correlation: FloatArray

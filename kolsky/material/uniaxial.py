@@ -113,14 +113,9 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     return ramps
 
 
-def _stretch_of(strain: FloatArray, *, compression: bool) -> FloatArray:
-    """Stretch along the load [-] of a strain that is positive along its branch."""
-    return 1.0 - strain if compression else 1.0 + strain
-
-
 def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
     """|lam - lam^-2| [-]: by Gaussian rubber elasticity the stress is E_a / 3 times it, Eq. (M.9)."""
-    lam = _stretch_of(strain, compression=compression)
+    lam = 1.0 - strain if compression else 1.0 + strain
     return np.asarray(np.abs(lam - lam**-2))
 
 

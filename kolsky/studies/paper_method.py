@@ -166,7 +166,6 @@ class PaperAnswer:
     """What the paper's method says of a shot."""
 
     shot: str
-    """Name of the shot."""
     factor: float
     """Stiffness factor m of the last run [-]."""
     interval: CostInterval

@@ -51,7 +51,6 @@ class Sweep:
     """Every run of a design."""
 
     shot: str
-    """Name of the shot."""
     table: DesignTable
     """Points, outcomes and misfits."""
     held: dict[str, float]

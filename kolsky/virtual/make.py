@@ -142,9 +142,7 @@ class Made:
     """One shot that was made, or had been made before."""
 
     name: str
-    """Its name."""
     folder: Path
-    """Its folder."""
     fresh: bool
     """False if the folder held it already."""
 
@@ -154,7 +152,6 @@ class NotMade:
     """One shot that could not be made."""
 
     shot: ShotSpecification
-    """The shot."""
     reason: str
     """Why."""
 

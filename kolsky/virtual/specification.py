@@ -173,7 +173,6 @@ class Series:
     """A specification file read."""
 
     file: TomlFile
-    """The file as parsed."""
     declared: SpecificationFile
     """What it declares, in SI; a drawn quantity has the value written for it, or its default."""
 

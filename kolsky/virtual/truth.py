@@ -27,9 +27,7 @@ class Job:
     """One shot's simulation, timed from the flyer's start."""
 
     quantities: Specification
-    """The specification."""
     path: Path1D
-    """The flyer's motion."""
     end: float
     """Time from start to end of the record [s]."""
     frames: FloatArray
@@ -217,7 +215,7 @@ def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Probl
     """The batch of jobs of one model; `shift` is added at the times of the force [m]."""
     first = jobs[0].quantities
     last = max(job.last for job in jobs)
-    times = _force_times(last)
+    times = KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
     surface = np.unique(np.concatenate([job.frames[job.frames > 0.0] for job in jobs]))
     material = [job.quantities.material for job in jobs]
     relaxation = tuple(one for job in jobs for one in job.quantities.relaxing)
@@ -256,10 +254,6 @@ def _mesh(quantities: Specification) -> explicit.Mesh:
         n_axial=truth.mesh[1],
         grading=truth.grading,
     )
-
-
-def _force_times(last: float) -> FloatArray:
-    return KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
 
 
 def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMotion:

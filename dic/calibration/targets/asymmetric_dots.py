@@ -21,7 +21,6 @@ class AsymmetricDots:
     columns: int
     """Dots in a row."""
     rows: int
-    """Rows."""
     step: float
     """Between rows, and half the distance between the dots of a row [m]."""
     diameter: float

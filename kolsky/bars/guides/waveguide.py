@@ -58,7 +58,6 @@ class ElasticWaveguide:
     """
 
     bar: Bar
-    """The bar."""
     dispersive: bool = True
     """True if waves of different length travel at different speeds."""
     surface: bool = False
@@ -182,7 +181,6 @@ class ViscoelasticWaveguide:
     bar: Bar
     """The bar: diameter, density, Poisson's ratio."""
     modulus: PronyModulus
-    """Its complex modulus."""
     dispersive: bool = True
     """True if waves also disperse by the bar's finite radius."""
 

@@ -62,7 +62,6 @@ class Station(NamedTuple):
     """A bar's strain with its corrections and the quantities it rests on."""
 
     signal: BarSignal
-    """The strain."""
     corrections: list[Correction]
     """Corrections, applied or not."""
     quantities: list[Quantity]

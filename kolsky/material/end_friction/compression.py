@@ -152,7 +152,6 @@ class Platen:
     """A platen that comes down on a body."""
 
     mesh: HalfCylinder
-    """The body."""
     bonded: bool
     """True if the face is glued; then only the side can land, and sticks."""
     friction: float

@@ -47,7 +47,6 @@ class ModelOptimum:
     """An optimum of one model."""
 
     model: CurveModel
-    """The model."""
     theta: FloatArray
     """Its unknowns, and ln f if the friction is free, shape [n]."""
     made: Compression

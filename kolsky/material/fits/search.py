@@ -56,7 +56,6 @@ class Residuals:
     """
 
     law: type[AnyLaw]
-    """The law."""
     tests: tuple[HomogeneousTest, ...]
     """The tests to be met at once."""
     weighting: Weighting
@@ -275,7 +274,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
             raise ValueError(_NO_LAW.format(residuals.law.NAME))
         ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
         ends.sort(key=lambda end: end[0])
-        agreeing = _agreeing(ends)
+        agreeing = sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
         if agreeing > 1 or _linear(residuals):
             break
     chi2, x = ends[0]
@@ -295,11 +294,6 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         agreeing,
         unbounded,
     )
-
-
-def _agreeing(ends: list[tuple[float, FloatArray]]) -> int:
-    """Starts that ended at the least sum of squares, within `SAME`."""
-    return sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
 
 
 def _linear(residuals: Residuals) -> bool:

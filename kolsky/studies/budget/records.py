@@ -100,7 +100,6 @@ class Source:
     """What one factor alone does to the answer."""
 
     factor: Factor
-    """The factor."""
     bias: float
     """Mean of the answer less that without the error, in the answer's unit; NaN for the noise."""
     u: float
@@ -124,7 +123,6 @@ class Budget:
     name: str
     """Of the test."""
     parameter: str
-    """The parameter."""
     truth: float
     """Its true value; NaN if it is none of a specification's."""
     reference: float
@@ -309,7 +307,16 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
             }
             for source in ordered
         },
-        **({} if campaign is None else _planned(campaign)),
+        **(
+            {}
+            if campaign is None
+            else {
+                "campaign_shots": campaign.shots,
+                "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+                "campaign_sigma": campaign.sigma,
+                "campaign_half_width": campaign.half_width,
+            }
+        ),
     }
 
 
@@ -323,15 +330,6 @@ def made_with(
         "truth_mesh": list(truth),
         "draws": draws,
         "together": together,
-    }
-
-
-def _planned(campaign: Campaign) -> dict[str, Any]:
-    return {
-        "campaign_shots": campaign.shots,
-        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
-        "campaign_sigma": campaign.sigma,
-        "campaign_half_width": campaign.half_width,
     }
 
 

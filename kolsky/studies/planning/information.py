@@ -122,7 +122,6 @@ class Information:
     """The data of one planned test and where among them the information is."""
 
     sensitivity: LocalSensitivity
-    """Slopes."""
     data: LinearData
     """Force bins, then the points of the map that are seen, each standing for the points around it."""
     seen: NDArray[np.bool_]

@@ -136,7 +136,6 @@ class Plan:
     """Expected uncertainties of a planned test, and the times and heights that contribute most."""
 
     shot: str
-    """Name of the shot."""
     instruments: Instruments
     """What is measured, and how well."""
     discrepancy: tuple[float, float]
