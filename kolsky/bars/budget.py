@@ -221,9 +221,8 @@ class Budget:
 def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
     """The budget at the numbers that are quoted, e.g. at the peak stress.
 
-    ``budget``: as `propagate` made it. ``results``: by the name of the quoted number: output, flat index of
-    the sample (None: that of the largest magnitude), unit. Returns: a row for every quantity, then one for
-    the noise of every quoted number.
+    ``results``: by the name of the quoted number: output, flat index of the sample (None: that of the largest
+    magnitude), unit. Returns: a row for every quantity, then one for the noise of every quoted number.
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]

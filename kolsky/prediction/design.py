@@ -135,8 +135,7 @@ def scan(
 ) -> Scan:
     """Predict the test over a full factorial, the specimen by its static curve.
 
-    ``test``: the test as declared. ``varied``: what is varied. ``progress``: called with the runs done and
-    their number. Raises InputError if a value is not allowed.
+    ``test``: the test as declared. Raises InputError if a value is not allowed.
     """
     design = full_factorial(_box(varied), [one.levels for one in varied])
     tests = [_at(test, varied, point) for point in design.points]  # all are checked before the first run

@@ -58,8 +58,7 @@ def write_prediction_film(
 ) -> Path:
     """Write the test as a film, a picture each 25 µs.
 
-    ``path``: file to write, mp4 or gif. ``rate``: frame rate of the film [1/s]. ``progress``: called with 1
-    after each picture.
+    ``rate``: frame rate of the film [1/s].
     """
     response = found.response
     if response is None:

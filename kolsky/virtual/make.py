@@ -178,7 +178,6 @@ def make(
     """Make the shots of a specification, those on one mesh together; what is there already is kept.
 
     ``out``: folder of the shot, or of the population's folders. ``numbers``: which shots; all if left out.
-    ``workers``: processes that share the shots. ``progress``: called with each shot when it is complete.
     Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
     simulation ends early or whose pictures cannot be is told of after the others are made.
     """

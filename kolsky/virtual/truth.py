@@ -150,8 +150,6 @@ def try_truths(
 
     Shots with one mesh and one kind of material are one launch. On a GPU the launches run side by side, so
     that shots of forty geometries take little longer than one; each is the same bits as alone.
-
-    ``folder``: where files are that they name. ``device``, ``threads``: as in `explicit.run`.
     """
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))

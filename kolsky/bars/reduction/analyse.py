@@ -47,8 +47,7 @@ Progress = Callable[[str, int, int], None]
 def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total: None) -> WavesResult:
     """Reduce a classical test, with every correction listed and every uncertainty carried.
 
-    ``given``: the test. ``progress``: called with "waves", the steps done and the steps there are. Raises
-    ValueError if the signals hold no such test: see the parts in `kolsky.bars`.
+    Raises ValueError if the signals hold no such test: see the parts in `kolsky.bars`.
     """
     progress("waves", 0, 3)
     tension = given.load == "tension"

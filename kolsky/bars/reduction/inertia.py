@@ -249,8 +249,7 @@ def correct_inertia(
 ) -> tuple[Reduction, tuple[Correction, ...]]:
     """The stresses without the inertia of the specimen, where that is asked for.
 
-    ``reduction``: the reduction. ``specimen``: the specimen before the test; its density counts here.
-    ``bars``: the bars by side. ``acts``: as `corrections_that_act` gave it for the test as declared. Returns:
+    ``specimen``: the specimen before the test; its density counts here. ``bars``: the bars by side. Returns:
     both entries of the log, applied or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)

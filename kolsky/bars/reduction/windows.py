@@ -241,8 +241,7 @@ def check_windows(
     A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
     touch the bars, or is slow to load, delays the transmitted one.
 
-    ``incident``, ``transmission``, ``tension``: as for `find_windows`. Returns: of the reflected
-    and of the transmitted pulse.
+    Returns: of the reflected and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)

@@ -59,10 +59,7 @@ def scene_of_stills(result: Identification) -> Scene:
 
 
 def draw_still(ax: Axes, scene: Scene, k: int) -> None:
-    """Draw the scene at one of its times into axes, lengths in the picture [m].
-
-    ``ax``: axes without frame. ``scene``: what to draw. ``k``: index into ``scene.times``.
-    """
+    """Draw the scene at one of its times into axes, lengths in the picture [m]."""
     kind = FIELDS[scene.field]
     radius = float(scene.nodes[..., 0].max())
     lower, upper = platens(radius, float(scene.nodes[k][scene.mesh.upper_face, 1].mean()))
