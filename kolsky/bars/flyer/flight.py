@@ -76,16 +76,6 @@ class Flight:
         )
 
 
-def flyer_motion(body: BodyMotion, t: ArrayLike) -> FlyerMotion:
-    """The flyer's displacement toward the specimen, against y, in its VALID frames.
-
-    ``body``: motion of the flyer in the test frame. ``t``: frame times on the shot's clock [s], shape
-    [n_frames]. Raises ValueError if there are not as many times as frames.
-    """
-    time, ok = _times(body, t)
-    return FlyerMotion(time[ok], -body.displacement[ok, 1], body.displacement_sigma[ok, 1])
-
-
 def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
