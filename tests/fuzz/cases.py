@@ -40,16 +40,7 @@ class Case:
 def make(case: Case, target: Target, sound: Path, folder: Path) -> Path:
     """The damaged file in an empty folder, with what belongs to it.
 
-    Parameters
-    ----------
-    case
-        The case.
-    target
-        Its target.
-    sound
-        The sound file in its folder.
-    folder
-        Where the damaged one goes.
+    ``folder``: where the damaged one goes.
     """
     shutil.copytree(sound.parent, folder, dirs_exist_ok=True)
     path = folder / sound.name

@@ -1,6 +1,5 @@
 """The flyer's direction, tilt and end of symmetry from a body's motion that is known."""
 
-
 import numpy as np
 import pytest
 
