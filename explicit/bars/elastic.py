@@ -373,18 +373,9 @@ class PulseResponse:
     def histories(self, impulse: FloatArray, kind: str) -> FloatArray:
         """Histories under forces that act from rest, shape of `impulse`.
 
-        Parameters
-        ----------
-        impulse
-            Impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples, n]; from a
-            NaN on nothing presses any more.
-        kind
-            "path", "seen" or "section".
-
-        Raises
-        ------
-        ValueError
-            If there are more steps than the response has.
+        ``impulse``: impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples,
+        n]; from a NaN on nothing presses any more. ``kind``: "path", "seen" or "section". Raises ValueError
+        if there are more steps than the response has.
         """
         n = impulse.shape[1]
         table = getattr(self, kind)
@@ -417,21 +408,10 @@ def pulse_on_bars(
 ) -> PulseResponse:
     """The response of one-dimensional bars, free at their far end.
 
-    Parameters
-    ----------
-    sections
-        Bars bonded one behind the other, the loaded one first.
-    step
-        Distance of the times [s].
-    n
-        Number of times.
-    sensor, seen
-        Distance of the transducer's section and of the place that is seen from the loaded face [m].
-
-    Raises
-    ------
-    ValueError
-        If a distance is outside the bars, or a section is shorter than half a wave's way in a time step.
+    ``sections``: bars bonded one behind the other, the loaded one first. ``step``: distance of the times [s].
+    ``n``: number of times. ``sensor``, ``seen``: distance of the transducer's section and of the place that
+    is seen from the loaded face [m]. Raises ValueError if a distance is outside the bars, or a section is
+    shorter than half a wave's way in a time step.
     """
     least = max(2, int(np.ceil(step / FINEST)))
     travel = np.array([section.travel_time for section in sections])
@@ -462,19 +442,10 @@ def pulse_on_mesh(
 ) -> PulseResponse:
     """The response of elastic parts as an axisymmetric mesh.
 
-    Parameters
-    ----------
-    sections, step, n, sensor, seen
-        As of `pulse_on_bars`; `observed` lies on the outer surface. A sensor at 0 is the face itself.
-    size
-        Largest side of an element [m].
-    radius
-        Radius within which the force presses on the face, evenly [m].
-
-    Raises
-    ------
-    ValueError
-        If a distance is outside the parts or on their far end, or a size is not positive.
+    ``sections``, ``step``, ``n``, ``sensor``, ``seen``: as of `pulse_on_bars`; `observed` lies on the outer
+    surface. A sensor at 0 is the face itself. ``size``: largest side of an element [m]. ``radius``: radius
+    within which the force presses on the face, evenly [m]. Raises ValueError if a distance is outside the
+    parts or on their far end, or a size is not positive.
     """
     depths = [] if sensor == 0.0 else [sensor]
     parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])

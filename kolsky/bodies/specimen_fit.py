@@ -262,18 +262,10 @@ def debonding(
 
     Returns: None if the constants imitate every opening, so that this test cannot say.
 
-    Parameters
-    ----------
-    residual
-        Measured less simulated force of one end, over sigma [-], shape [n].
-    jacobian
-        Its slopes by the fitted constants over sigma, shape [n, p].
-    shortened
-        Force with a bond shorter by `amount`, less the force as it is, over sigma, shape [n].
-    amount
-        Peeled length of each bond that `shortened` stands for [m].
-    scale
-        Variance of the residuals over that of the declared noise, >= 1.
+    ``residual``: measured less simulated force of one end, over sigma [-], shape [n]. ``jacobian``: its
+    slopes by the fitted constants over sigma, shape [n, p]. ``shortened``: force with a bond shorter by
+    `amount`, less the force as it is, over sigma, shape [n]. ``amount``: peeled length of each bond that
+    `shortened` stands for [m]. ``scale``: variance of the residuals over that of the declared noise, >= 1.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)

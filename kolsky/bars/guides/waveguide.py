@@ -46,15 +46,10 @@ class ElasticWaveguide:
 
     Raises ValueError if a property of the bar is outside its range.
 
-    Parameters
-    ----------
-    bar : Bar
-        Diameter, Young's modulus, density and Poisson's ratio.
-    dispersive : bool, keyword-only
-        Whether the bar's own Poisson's ratio makes it disperse; without, every wave travels at c0.
-    surface : bool, keyword-only
-        Whether a gauge on the surface shows another strain than the section's mean (M1 of Tyas and Watson).
-        The band then ends at omega a / c0 = `SURFACE_BAND`.
+    ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: whether the bar's own
+    Poisson's ratio makes it disperse; without, every wave travels at c0. ``surface``: whether a gauge on the
+    surface shows another strain than the section's mean (M1 of Tyas and Watson). The band then ends at omega
+    a / c0 = `SURFACE_BAND`.
     """
 
     bar: Bar
