@@ -27,11 +27,8 @@ class Case:
     """One damaged file."""
 
     target: str
-    """Name of its target."""
     kind: str
-    """Name of the damage."""
     seed: int
-    """Seed of the damage."""
 
     def __str__(self) -> str:
         return f"{self.target} | {self.kind} | {self.seed}"
