@@ -150,7 +150,15 @@ def _graded(place: FloatArray, grading: float) -> FloatArray:
 
 
 _HOURGLASS = np.array([1.0, -1.0, 1.0, -1.0])
-_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+"""Corners of the square that every element is an image of [-]."""
+
+
+def bilinear(xi: float, eta: float) -> tuple[FloatArray, FloatArray]:
+    """Shape functions of the corners at a point of the square, and their slopes, shapes [4] and [4, 2]."""
+    x, y = CORNERS.T
+    along, across = 1.0 + xi * x, 1.0 + eta * y
+    return 0.25 * along * across, 0.25 * np.column_stack([x * across, y * along])
 
 
 @dataclass(frozen=True)
@@ -201,13 +209,7 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
     pattern_y = np.zeros(n)
     for xi, w_xi in zip(points, weights, strict=True):
         for eta, w_eta in zip(points, weights, strict=True):
-            shape = 0.25 * (1.0 + xi * _CORNERS[:, 0]) * (1.0 + eta * _CORNERS[:, 1])
-            local = 0.25 * np.column_stack(
-                [
-                    _CORNERS[:, 0] * (1.0 + eta * _CORNERS[:, 1]),
-                    _CORNERS[:, 1] * (1.0 + xi * _CORNERS[:, 0]),
-                ]
-            )
+            shape, local = bilinear(xi, eta)
             jacobian = np.einsum("ai,eaj->eij", local, corners)
             det = np.linalg.det(jacobian)
             if (det <= 0.0).any():

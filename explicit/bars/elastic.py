@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 
 from explicit.arrays import FloatArray, IntArray
 from explicit.bars.lines import Section, loaded_line
+from explicit.mesh import CORNERS, bilinear
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,6 @@ def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
     return 2.0 * share / a[:, None] ** 2
 
 
-_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
-
 @dataclass(frozen=True)
 class ElementMatrices:
     """Matrices of every element over a full turn; degrees of freedom (u_r, u_x) corner by corner."""
@@ -142,11 +140,8 @@ def _element_matrices(mesh: ElasticMesh) -> ElementMatrices:
     stiffness, mass = np.zeros((n, 8, 8)), np.zeros((n, 4))
     law = np.array([_elasticity(s.youngs_modulus, s.poisson) for s in mesh.sections])[mesh.part]
     density = np.array([section.density for section in mesh.sections])[mesh.part]
-    for xi, eta in _CORNERS / np.sqrt(3.0):
-        shape = 0.25 * (1.0 + xi * _CORNERS[:, 0]) * (1.0 + eta * _CORNERS[:, 1])
-        local = 0.25 * np.column_stack(
-            [_CORNERS[:, 0] * (1.0 + eta * _CORNERS[:, 1]), _CORNERS[:, 1] * (1.0 + xi * _CORNERS[:, 0])]
-        )
+    for xi, eta in CORNERS / np.sqrt(3.0):
+        shape, local = bilinear(xi, eta)
         jacobian = np.einsum("ai,eaj->eij", local, corners)
         slope = np.einsum("eij,aj->eai", np.linalg.inv(jacobian), local)
         radius = corners[:, :, 0] @ shape
