@@ -1,5 +1,6 @@
 """Tables of measurements by their columns, in SI: frame by frame in a shot, and tests of materials."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
+from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, unit_factor
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.header import heading_unit, name_without_unit, si_unit, split_unit
 from kolsky.readers.recordings import check_finite, read_contents
@@ -121,6 +122,46 @@ def read_columns(
         values[quantity] = channel.values() * _factor(path, channel, one, quantity)
         check_finite(path, channel, values[quantity])
     return values, contents.sha256
+
+
+QUANTITIES: Mapping[str, tuple[str, re.Pattern[str]]] = {
+    "strain": ("1", re.compile(r"strain|dehnung|stauchung|d[ée]formation|epsilon|ε", re.IGNORECASE)),
+    "stress": ("Pa", re.compile(r"stress|spannung|contrainte|σ", re.IGNORECASE)),
+    "stretch": ("1", re.compile(r"stretch|streckung|λ", re.IGNORECASE)),
+    "displacement": (
+        "m",
+        re.compile(
+            r"displ|extension|elongation|travel|stroke|crosshead|compression|\b(standard)?weg|traverse"
+            r"|d[ée]placement|allongement|verschiebung|verlängerung|deformation",
+            re.IGNORECASE,
+        ),
+    ),
+    "force": ("N", re.compile(r"force|load|kraft|\blast|fuerza|carga", re.IGNORECASE)),
+}
+"""Quantity of a test -> its SI unit and the words by which a column's name tells it."""
+_NOT_THE_QUANTITY = re.compile(
+    r"rate|true|wahre|hencky|sigma|std|uncert|unsich|incert|écart|geschw|speed|lateral", re.IGNORECASE
+)
+"""Words in the names of columns that belong to a quantity and do not hold it."""
+
+
+def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
+    """Quantity -> the one column whose name and unit tell it; nothing for one with no or several columns.
+
+    ``path``: the file. ``layout``: what is declared of it. Raises InputError if it cannot be read.
+    """
+    found: dict[str, str] = {}
+    channels = read_contents(path, layout=layout).channels
+    for quantity, (base, words) in QUANTITIES.items():
+        fitting = []
+        for channel in channels:
+            name, unit = name_without_unit(channel.name), channel.unit or heading_unit(channel.name)
+            named = words.search(name) is not None and _NOT_THE_QUANTITY.search(name) is None
+            if named and (unit is None or dimension_of(unit, (base,))):
+                fitting.append(channel.name)
+        if len(fitting) == 1:
+            found[quantity] = fitting[0]
+    return found
 
 
 def column_names(path: Path, layout: Layout) -> list[str]:
