@@ -228,7 +228,6 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.fits.homogeneous_test import CONVENTIONS
-    from kolsky.readers.contents import Layout
     from kolsky.readers.measured_tables import column_names
 
     texts.one_of("--convention", columns.convention, CONVENTIONS)
@@ -248,7 +247,7 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
             )
         return
     if not columns.stress or not (columns.stretch or columns.strain):
-        columns_of_file = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
+        columns_of_file = ", ".join(column_names(path, columns.layout))
         raise InputError(
             path,
             f"the columns of the test are not named; the file has the columns of numbers {columns_of_file}",

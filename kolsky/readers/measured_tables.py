@@ -116,7 +116,8 @@ def read_columns(
             raise InputError(
                 path,
                 f"column '{one.column}' for the {quantity} is missing; the columns of numbers are "
-                + ", ".join(_numbered(contents)),
+                + ", ".join(_numbered(contents))
+                + contents.without_numbers(),
                 cure="correct its name, or give its number; `kolsky channels FILE` lists them",
             )
         values[quantity] = channel.values() * _factor(path, channel, one, quantity)
@@ -178,7 +179,7 @@ def _numbered(contents: Contents) -> list[str]:
 
 def _channel(contents: Contents, column: str) -> Channel | None:
     """The column of a heading, of a heading without its unit, or of a number."""
-    found = [c for c in contents.channels if column == c.name]
+    found = [c for c in contents.channels if c.name in (column, f"/{column}")]
     for channel in () if found else contents.channels:
         bare = name_without_unit(channel.name)
         if column in (bare, f"{bare} ({channel.unit})", split_unit(channel.name)[0]):
@@ -196,8 +197,13 @@ def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
     """A column of times is no channel while it is the clock of the others: let one of them serve as it."""
     if not contents.channels:
         return None
-    other = Layout(header_line=layout.header_line, time=contents.channels[0].number, time_unit="s")
-    return _channel(read_contents(contents.path, layout=other), column)
+    first = contents.channels[0]
+    time = first.number if contents.facts.get("format") not in ("hdf5", "matlab") else first.name
+    other = Layout(header_line=layout.header_line, sheet=layout.sheet, time=time, time_unit="s")
+    try:
+        return _channel(read_contents(contents.path, layout=other), column)
+    except InputError:
+        return None  # there is no second column
 
 
 def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -> float:
@@ -220,5 +226,5 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -
             path,
             f"column '{channel.name}' for the {quantity} {problem}",
             allowed=f"in a unit of {words}",
-            cure=f"say it: {option}",
+            cure=f"declare it: {option}",
         ) from None

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated
 
-from kolsky.base.options import HeaderLine, Option
+from kolsky.base.options import HeaderLine, Option, SheetName
+from kolsky.readers.contents import Layout
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,16 @@ class Columns:
         bool, Option("Take the loading alone: up to the first point where the strain turns back.")
     ] = False
     header_line: HeaderLine = None
+    sheet: SheetName = None
 
     def __post_init__(self) -> None:
         if self.area is not None and self.diameter is not None:
             raise ValueError("--area and --diameter exclude each other")
+
+    @property
+    def layout(self) -> Layout:
+        """What is declared of the files."""
+        return Layout(header_line=self.header_line, sheet=self.sheet)
 
     @property
     def section(self) -> float | None:

@@ -11,7 +11,6 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, check_deformation
-from kolsky.readers.contents import Layout
 from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns, recognised_columns
 
 
@@ -161,7 +160,7 @@ def read_homogeneous_test(
     }
     if columns.lateral:
         wanted["lateral"] = WantedColumn(columns.lateral, "1", pure=True, option="in its heading")
-    values, sha256 = read_columns(path, wanted, Layout(header_line=columns.header_line))
+    values, sha256 = read_columns(path, wanted, columns.layout)
     sign = 1.0 if columns.convention == "tension-positive" else -1.0
     if columns.loading:
         end = turning_point(values["deformation"])
@@ -249,7 +248,7 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
     """
     if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
         return columns, ""
-    layout = Layout(header_line=columns.header_line)
+    layout = columns.layout
     names = {text.rpartition(" (")[0].strip("'") for text in column_names(path, layout)}
     if names.issuperset(TABLE_HEADINGS):
         return replace(columns, strain=TABLE_HEADINGS[0], stress=TABLE_HEADINGS[1]), ""
