@@ -145,7 +145,7 @@ def frame_health(
 
 
 _CURES = {
-    "unreadable": "copy or export them again",
+    "unreadable": "",  # its error has one
     "constant": "was the lens cap on, or the light off? is it the right file?",
     "black": "was the lens cap on, or the light off? is it the right file?",
     "saturated": "expose shorter, or close the lens; declare bits where the camera has fewer than stored",

@@ -35,7 +35,7 @@ _BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 """A unit behind a last underscore, a comma or "in": time_s, "CH1, mV", "Zeit in ms"."""
-_ANY_TAIL = re.compile(r"(.*?\S)(?:\s*_\s*|\s*,\s*|\s+in\s+)(?!bar\b)((?:1/)?[A-Za-zµμε%][^\s_,]*)")
+_ANY_TAIL = re.compile(r"(.*?\S)(?:\s*_\s*(?!1/)|\s*,\s*|\s+in\s+)(?!bar\b)((?:1/)?[A-Za-zµμε%][^\s_,]*)")
 """A unit of any kind behind the same: "Weg in mm", "Load, kgf/cm2", "force_kN"; no "incident_bar"."""
 _KEY_TAIL = re.compile(r"(.*?[^\s_,])(?:[\s_,]+|[\s_,]+in\s+)([A-Za-zµμ/1]+)")
 """A unit behind the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""

@@ -56,7 +56,7 @@ class Sheet:
     metadata: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Key -> the fields behind it."""
     word: str = "line"
-    """What a row is called: "line", or "row" of a workbook."""
+    """What a row is called: "line", "row" of a workbook, or "entry" of arrays."""
     counted: str = "the other lines have"
     """What has as many fields as there must be, in words."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
@@ -129,7 +129,7 @@ class Sheet:
         """An error about this file; `row` counts rows of samples from 0."""
         line = None if row is None else self.first + row
         if self.word != "line" and line is not None:
-            return InputError(self.path, f"row {line}: {message}", cure=cure)
+            return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
 
     def check_fields(self) -> None:

@@ -130,26 +130,28 @@ def _quoted_commas_apart(lines: list[str]) -> list[str]:
     """Lines of fields such as "0,12","3,5" with semicolons between the fields, for commas are decimal signs.
 
     Only where most of the last lines that are not empty have commas inside and outside quotes, and no other
-    delimiter.
+    delimiter. A line above them with a comma between two digits and no quotes stays as it is: "dt: 1,25 ms".
     """
-    tail = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
-    quoted = [
-        line
-        for line in tail
-        if _QUOTED_COMMA.search(line)
+    filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
+    apart = [
+        _QUOTED_COMMA.search(line) is not None
         and "," in (bare := _QUOTED_LINE.sub("", line))
-        and not _OTHER.search(bare)
+        and _OTHER.search(bare) is None
+        for line in filled
     ]
-    if len(quoted) < _AGREEING_SHARE * len(tail):
+    tails = [apart[-count:] for count in (_LINES_COMPARED, *_FEWER_LINES)]
+    if not any(sum(tail) >= _AGREEING_SHARE * len(tail) for tail in tails):
         return lines
-    apart = []
-    for line in lines:
-        try:
-            cells = next(csv.reader([line], skipinitialspace=True), [])
-        except csv.Error:  # a field of more than 131 072 characters
-            cells = [line]
-        apart.append(";".join(f'"{cell}"' if ";" in cell else cell.replace('"', "") for cell in cells))
-    return apart
+    return [line if _BARE_COMMA.search(_QUOTED_LINE.sub("", line)) else _semicolons(line) for line in lines]
+
+
+def _semicolons(line: str) -> str:
+    """A line of commas with semicolons instead, those of its quoted fields left."""
+    try:
+        cells = next(csv.reader([line], skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 131 072 characters
+        return line
+    return ";".join(f'"{cell}"' if ";" in cell else cell.replace('"', "") for cell in cells)
 
 
 def _whole_lines_unquoted(lines: list[str]) -> list[str]:
@@ -207,6 +209,7 @@ _FEWER_LINES = (20, 8, 3)
 """Fewer of them, in turn, where those have no columns: a short table below many lines of other text."""
 _QUOTED_LINE = re.compile(r'"(?:[^"]|"")*"')
 _QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
+_BARE_COMMA = re.compile(r"\d,\d")
 _OTHER = re.compile(r"[\t;]")
 _OTHER_OR_COMMA = re.compile(r"[\t;,]")
 _DIVIDED = re.compile(r"[\t;,]|\S[ ]+\S")

@@ -98,6 +98,7 @@ def test_text_that_is_called_xls_is_text(tmp_path):
         ("incident_bar", ("incident_bar", None)),
         # The longest unit counts: the last word of a rate or a speed is no time.
         ("Rate/1/s", ("Rate/1/s", None)),
+        ("Strain_gauge_1/V", ("Strain_gauge_1", "V")),
         ("Strain rate in 1/s", ("Strain rate in 1/s", None)),
         ("Speed in m/s", ("Speed", "m/s")),
         ("Speed/mm/s", ("Speed", "mm/s")),
