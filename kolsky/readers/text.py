@@ -363,6 +363,11 @@ def find_dialect(
         raise _no_numbers(path, lines, characters, decimals, word)
     # max() keeps the first of equals: the order of `DELIMITERS`.
     best = max(several, key=_share_of_numbers)
+    # Lines of settings above a short table have words in its first column: the last lines have numbers there.
+    for count in _FEWER_LINES:
+        last = _columns(filled[-count:], best.delimiter, best.decimal)
+        if last is not None and last.fields == best.fields and {*last.numeric} > {*best.numeric}:
+            best = last
     if delimiter is None and best.delimiter in (COMMA.character, BLANKS.character):
         _check_stronger_delimiter(path, lines, filled)
     return best
