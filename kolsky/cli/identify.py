@@ -46,6 +46,8 @@ class SingleShotJob:
     """Whether the method of Mates et al. is applied too."""
     figures: tuple[str, ...] = ()
     """Formats of figures that are saved as files."""
+    verbose: bool = False
+    """Whether every value is printed."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
     return Printout(
         shot=shot.name,
         lines=(*(printed.answer(e) for e in result.estimates.values()), fit_line(result)),
-        rows={**printed.details(result), **rows},
+        rows={**(printed.details(result) if job.verbose else printed.summary(result)), **rows},
         content={**to_json(result), **content},
         warnings=(*result.warnings, *remarks),
         page=folder / PAGE,
@@ -285,6 +287,7 @@ def identify(
     joint: JointOptions,
     out: Out = None,
     figures: Figures = (),
+    verbose: Annotated[bool, Option("Print every value of the answer.", short="-v")] = False,
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
@@ -323,6 +326,7 @@ def identify(
         diagnose=diagnose,
         paper=method == "paper",
         figures=figures,
+        verbose=verbose,
     )
     if each:
         problem = "is for several shots together"

@@ -9,6 +9,8 @@ from kolsky.results.display import estimate_in_display_units, in_display_units
 from kolsky.results.identification_rows import held_line, printed_fit, printed_sensitivities
 from kolsky.results.nomenclature import factor_of
 from kolsky.results.numbers import plain_sentence
+from kolsky.shot.inputs import INPUTS
+from kolsky.uncertainty.declarations import relative_moves, taken_as_exact
 
 ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "cost Phi, Eq. (M.5)"}
 
@@ -23,6 +25,55 @@ def answer(e: Estimate) -> str:
         low, high = (plain_sentence(numbers.like(end, 2.0 * e.sigma)) for end in e.interval)
         line = f"{plain_symbol(e.name)} = {low} to {high}{unit} (k = 2)"
     return line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}"
+
+
+MOST_PARTS = 4
+"""So many parts of an uncertainty are printed, the largest first."""
+
+
+def variance_shares(found: Identification, name: str) -> dict[str, float]:
+    """Return the share of each source in a parameter's variance, the largest first; they add up to one.
+
+    A declared input's part is the square of the shift that it causes, since inputs are independent.
+    """
+    e = found.estimates[name]
+    parts = {"noise": e.sigma_noise**2, "mesh and step": e.sigma_numerical**2}
+    parts |= {part.key: part.shifts.get(name, 0.0) ** 2 for part in found.systematic}
+    total = sum(parts.values())
+    if total <= 0.0:
+        return {}
+    return {key: part / total for key, part in sorted(parts.items(), key=lambda one: -one[1]) if part > 0.0}
+
+
+def summary(found: Identification) -> dict[str, str]:
+    """Return what dominates the first parameter's uncertainty, the likely causes of a misfit, and what to do
+    next: names and values."""
+    first = next(iter(found.estimates))
+    largest = list(variance_shares(found, first).items())[:MOST_PARTS]
+    rows = {}
+    if largest:
+        words = ", ".join(f"{key.replace('_', ' ')} {100.0 * share:.2g} %" for key, share in largest)
+        rows[f"variance of {plain_symbol(first)}"] = plain_sentence(words)
+    return {**rows, **_causes(found), "next": plain_sentence(_next_step(found, [key for key, _ in largest]))}
+
+
+def _next_step(found: Identification, largest: list[str]) -> str:
+    """What the user should do with the answer, in one sentence."""
+    if any(not one.explained for one in found.fit):
+        cause = next((c.key for c in found.causes if c.named), None)
+        check = f"check {cause}" if cause else "check the inputs"
+        return f"{check}; the report compares force and outline with the model"
+    if any(e.outcome is not Verdict.IDENTIFIED for e in found.estimates.values()):
+        return "see the warnings; a parameter that is known can be held (--hold NAME=VALUE)"
+    if open_ := taken_as_exact(found.systematic):
+        worst = max(open_, key=lambda part: max(map(abs, relative_moves(part, _values(found)).values())))
+        return f"declare {worst.key} and {len(open_) - 1} more in [uncertainty]: they are taken as exact"
+    declared = [key for key in largest if key in INPUTS]
+    return f"a better known {declared[0].replace('_', ' ')} narrows the interval most" if declared else "none"
+
+
+def _values(found: Identification) -> dict[str, float]:
+    return {name: e.value for name, e in found.estimates.items()}
 
 
 def details(found: Identification) -> dict[str, str]:

@@ -27,7 +27,7 @@ from kolsky.cli import doctor
 from kolsky.cli.commandline import EXTRAS, app, refusing_bad_input
 from kolsky.cli.doctor import EXTRAS as DISTRIBUTIONS
 from kolsky.cli.doctor import examine
-from kolsky.inverse.result import Verdict
+from kolsky.inverse.result import Declaration, Verdict
 from kolsky.results import numbers, printed
 from kolsky.results.hdf5 import read_identification
 
@@ -239,6 +239,25 @@ def test_the_first_line_is_the_answer_and_no_line_wraps() -> None:
     assert "m, interval 1.1150 to 1.1250" in said
     assert "beta (us), interval 24.18 to 25.82" in said
     assert all(character.isascii() for line in lines for character in line.replace("±", ""))
+
+
+def test_the_variance_is_shared_among_its_sources() -> None:
+    found = synthetic()
+    e = found.estimates["stiffness_factor"]
+    for name, value in {"sigma_noise": 1.0, "sigma_numerical": 2.0, "sigma_systematic": 5.0}.items():
+        object.__setattr__(e, name, value)
+    inputs = [
+        Declaration(key, sigma=0.01, unit="1", shifts={"stiffness_factor": shift}, status="varied")
+        for key, shift in {"curve_scale": -4.0, "specimen_length": 3.0}.items()
+    ]
+    object.__setattr__(found, "systematic", tuple(inputs))
+    # 1 + 4 + 16 + 9 = 30 = 1 + 2^2 + 5^2, the variance of the answer
+    assert printed.variance_shares(found, "stiffness_factor") == pytest.approx(
+        {"curve_scale": 16 / 30, "specimen_length": 9 / 30, "mesh and step": 4 / 30, "noise": 1 / 30}
+    )
+    rows = printed.summary(found)
+    assert rows["variance of m"] == "curve scale 53 %, specimen length 30 %, mesh and step 13 %, noise 3.3 %"
+    assert rows["next"] == "a better known curve scale narrows the interval most"
 
 
 @pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.IDENTIFIED])

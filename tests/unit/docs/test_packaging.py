@@ -86,7 +86,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_runs_outside_the_tree(tm
 def test_the_source_distribution_holds_the_shots_and_pages(tmp_path: Path) -> None:
     with tarfile.open(built(tmp_path, "sdist")) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"runs/open-01/shot.toml", "conda/recipe.yaml", "CITATION.cff", "kolsky/py.typed"} <= held
+    assert {"runs/open-05/shot.toml", "conda/recipe.yaml", "CITATION.cff", "kolsky/py.typed"} <= held
 
 
 def test_every_file_beside_the_modules_is_shipped() -> None:
@@ -107,8 +107,8 @@ def test_the_readme_and_ci_run_the_same_tests() -> None:
     ci = (ROOT / ".ci" / "run").read_text("utf-8")
     assert "\n.venv/bin/pip install -q '.[test]' && .venv/bin/pytest -n auto\n" in readme
     assert ci.rstrip().endswith('"$bin/pytest" --slow -n auto')  # the slow ones, too
-    assert '"$bin/kolsky" identify runs/open-01\n' in ci
-    assert ".venv/bin/kolsky identify runs/open-01\n" in readme
+    assert '"$bin/kolsky" identify runs/open-05\n' in ci
+    assert ".venv/bin/kolsky identify runs/open-05\n" in readme
 
 
 def test_classifiers_name_the_pythons_and_the_field() -> None:
