@@ -335,5 +335,6 @@ def _colours(data: bytes) -> tuple[bool, bool]:
     from dic.basics import cv2
 
     picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-    three = picture is not None and picture.ndim == 3
-    return three, three and bool((picture != picture[..., :1]).any())
+    if picture is None or picture.ndim != 3:
+        return False, False
+    return True, bool((picture != picture[..., :1]).any())
