@@ -153,7 +153,12 @@ def written(
         return with_recordings(text, contents)
     from kolsky.survey.evidence import evidence
 
-    shown = evidence(contents)
+    motion = None
+    if pictures is not None:
+        from kolsky.survey.pictures import first_change
+
+        motion = first_change(folder, pictures)
+    shown = evidence(contents, motion)
     values, notes = {**values_of(contents), **shown.values}, {**notes_of(contents), **shown.notes}
     if pictures is None:
         text = with_surface(text, contents.surface)

@@ -58,13 +58,17 @@ class Findings:
         self.values[key], self.notes[key] = value, note
 
 
-def evidence(found: Survey) -> Findings:
-    """Everything that the numbers of a folder's files show."""
+def evidence(found: Survey, picture: tuple[int, str] | None = None) -> Findings:
+    """Everything that the numbers of a folder's files show.
+
+    ``found``: the files. ``picture``: index of the first picture that shows motion, and its series; of a shot
+    with pictures.
+    """
     shown = Findings()
     values, notes = surface_values(found.surface)
     shown.values |= values
     shown.notes |= notes
-    last_static = _frames(found, shown)
+    last_static = _frames(found, picture, shown)
     if "force" in found.parts:
         _force(found.parts["force"], last_static, shown)
     if "flyer" in found.parts:
@@ -74,7 +78,7 @@ def evidence(found: Survey) -> Findings:
     return shown
 
 
-def _frames(found: Survey, shown: Findings) -> float | None:
+def _frames(found: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
     """The frames at rest; returns the time of the last of them on the frames' clock [s], if it is known."""
     frames = found.parts.get("frames", found.parts.get("flyer"))
     if frames is None or frames.frame is None:
@@ -86,9 +90,10 @@ def _frames(found: Survey, shown: Findings) -> float | None:
             f"frame {stray[0]} of {series.pattern} is not in {frames.path.name}: number both alike"
         )
         return None
-    motion = first_motion(found.surface)
-    if series is None and "flyer" in found.parts:
-        motion = _flyer_motion(found.parts["flyer"])
+    by_flyer = _flyer_motion(found.parts["flyer"]) if "flyer" in found.parts else None
+    motion = min(filter(None, (first_motion(found.surface), by_flyer)), default=None)
+    if picture is not None and picture[0] < numbers.size:
+        motion = int(numbers[picture[0]]), picture[1]
     if motion is None:
         return None
     first, source = motion
@@ -98,7 +103,7 @@ def _frames(found: Survey, shown: Findings) -> float | None:
     shown.add(
         "frames.static",
         str(static),
-        f"{source}: the first clear motion is in frame {first}; a tenth of the frames before it is left out as a spare",
+        f"{source}: the first clear motion is in frame {first}; a tenth of the frames before it is spare",
     )
     if frames.time is None or not frames.time.unit:
         return None
@@ -127,7 +132,9 @@ def _flyer(table: TableEntry, shown: Findings) -> None:
     if sign is not None:
         way = "toward" if sign > 0 else "away from"
         word = "grows" if sign > 0 else "falls"
-        shown.add("flyer.positive", f'"{way} specimen"', f"the flyer hits the specimen, and its column {word}")
+        shown.add(
+            "flyer.positive", f'"{way} specimen"', f"the flyer hits the specimen, and its column {word}"
+        )
     sigma = 1e6 * two_figures(rest.scatter * unit_factor(column.unit, "m"))
     shown.add("flyer.sigma", f'"{sigma:.4g} um"', f"scatter of the {rest.count} frames at rest")
 
@@ -171,11 +178,11 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
         shown.add(
             "force.full_scale",
             f'"{largest:g} V"',
-            f"largest sample {np.abs(volts).max():.4g} V, not clipped; if you know the recorder's range, write it",
+            f"largest sample {np.abs(volts).max():.4g} V, not clipped; write the recorder's range if known",
         )
     times, rest = _times(table, volts.size), rest_of(volts, fewest=FEWEST_SAMPLES)
     if times is not None and rest is None:
-        example = f'["{_time(times[0])}", "{_time(times[times.size // 10])}"]'
+        example = f'["{_time(times[0], later=True)}", "{_time(times[times.size // 10])}"]'
         shown.notes["force.baseline"] = f"no clear quiet stretch at the beginning; write it, e.g. {example}"
     if rest is None:
         return
@@ -190,13 +197,15 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
     note = f"the record is quiet until {microseconds(float(times[rest.count]))}"
     if last_static is not None and times[FEWEST_SAMPLES] < last_static < end:
         end = last_static
-        note += "; it ends with the last frame at rest, if frames.clock_offset is 0"
-    shown.add("force.baseline", f'["{_time(float(times[0]))}", "{_time(end)}"]', note)
+        note += '; the baseline ends with the last frame at rest, for frames.clock_offset = "0 us"'
+    shown.add("force.baseline", f'["{_time(float(times[0]), later=True)}", "{_time(end)}"]', note)
 
 
-def _time(seconds: float) -> str:
-    """A time of a baseline, to a tenth of a microsecond: `microseconds` rounds a late one."""
-    return f"{round(1e6 * seconds, 1):.12g} us"
+def _time(seconds: float, *, later: bool = False) -> str:
+    """A time to a nanosecond, never outside the stretch that it ends, or begins where it is the later one."""
+    nanoseconds = 1e9 * seconds
+    whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
+    return f"{whole / 1e3:.14g} us"
 
 
 def _curve(table: TableEntry, shown: Findings) -> None:

@@ -15,9 +15,9 @@ from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_contents
 from kolsky.survey.tables import (
+    SHIFT,
     ColumnEntry,
     Survey,
-    SHIFT,
     TableEntry,
     clock_text,
     displacement_of,

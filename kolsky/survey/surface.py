@@ -66,9 +66,11 @@ class SeriesOfExports:
     def one_body(self) -> bool | None:
         """Whether it moves as a rigid body; None if that is not clear."""
         u = self.export.u[:, self._kept]
+        if u.shape[1] < 2:
+            return None
         travel = np.linalg.norm(u.mean(axis=1), axis=1)
         frame = int(np.argmax(travel))
-        if travel[frame] == 0.0 or u.shape[1] < 2:
+        if travel[frame] == 0.0:
             return None
         spread = float(np.linalg.norm(u[frame].std(axis=0))) / float(travel[frame])
         return True if spread < ONE_BODY else (False if spread > PRESSED else None)
@@ -102,6 +104,9 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
         if not programs:
             continue
         files |= set(paths)
+        if "*" not in pattern:
+            doubtful[pattern] = "it and files like it differ in several numbers: name them by frame alone"
+            continue
         if len(programs) > 1:
             doubtful[pattern] = f"its headings are those of {' and '.join(programs)}"
             continue
@@ -114,17 +119,21 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
             doubtful[pattern] = error.message
     parts = {part: [s for s in series if s.one_body is part] for part in (True, False, None)}
     for one in parts[None]:
-        doubtful[one.pattern] = "it moves neither clearly as one body nor clearly as a pressed specimen"
+        doubtful[one.pattern] = (
+            "its points that are valid in every frame move neither as one body nor as a pressed specimen"
+        )
     for part, words in ((True, "the flyer"), (False, "the specimen")):
         if len(parts[part]) > 1:
             names = ", ".join(one.pattern for one in parts[part])
-            doubtful |= {one.pattern: f"could be {words}, and so could each of {names}" for one in parts[part]}
+            doubtful |= {
+                one.pattern: f"could be {words}, and so could each of {names}" for one in parts[part]
+            }
     chosen = {part: found[0] for part, found in parts.items() if len(found) == 1}
     return SurfaceSurvey(chosen.get(False), chosen.get(True), frozenset(files), doubtful)
 
 
 def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
-    """Pattern and files of each series whose names differ in one number."""
+    """Pattern and files of each series; the first file's name where the names differ in several numbers."""
     groups: dict[tuple[Path, str], list[Path]] = {}
     if not folder.is_dir():
         return
@@ -136,7 +145,10 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
     for paths in groups.values():
         numbers = [re.findall(r"\d+", path.stem) for path in paths]
         varied = [i for i in range(len(numbers[0])) if len({group[i] for group in numbers}) > 1]
-        if len(paths) < FEWEST or len(varied) != 1:
+        if len(paths) < FEWEST:
+            continue
+        if len(varied) != 1:
+            yield paths[0].relative_to(folder).as_posix(), paths
             continue
         pieces = re.split(r"\d+", paths[0].name)
         kept = re.findall(r"\d+", paths[0].name)
@@ -254,8 +266,11 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
     series = found.specimen
     if series is None:
         return {}, {}
-    notes = {"surface.pattern": f"{len(series.export.paths)} files of {series.export.program}: frames "
-             f"{series.export.frame[0]} to {series.export.frame[-1]}, {len(series.export.X)} points"}  # fmt: skip
+    export = series.export
+    count = f"{len(export.paths)} files of {export.program}"
+    notes = {
+        "surface.pattern": f"{count}: frames {export.frame[0]} to {export.frame[-1]}, {len(export.X)} points"
+    }
     values: dict[str, str | None] = {
         "surface.pattern": f'"{series.pattern}"',
         "surface.program": f'"{series.program}"',

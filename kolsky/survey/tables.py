@@ -131,7 +131,7 @@ class Survey:
     """File name -> why it was not taken for anything."""
     recordings: tuple[TableEntry, ...] = ()
     """Files with a clock and signals on it: what a recorder of bars may have written."""
-    surface: SurfaceSurvey = SurfaceSurvey()
+    surface: SurfaceSurvey = field(default_factory=SurfaceSurvey)
     """Exports of a DIC program, one file a frame."""
 
 

@@ -4,14 +4,15 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 OPEN_05 = Path(__file__).parents[2] / "runs" / "open-05"
 LENGTH = 6.5
 """Of the specimen [mm]."""
 HEIGHTS = np.linspace(0.12, 0.88, 9) * LENGTH
 """Of the points at rest [mm]."""
-ANGLES = np.radians(np.linspace(-24.0, 24.0, 9))
-"""Of the points about the specimen's axis."""
+ANGLES = np.radians(np.linspace(-24.0, 24.0, 5))
+"""Of the points about the specimen's axis: one column near the centre plane, so that its noise is its own."""
 PLATEN = 2.0
 """Y of the transmission platen's face in the program's frame [mm]; its Y points down."""
 HEAD = '"X [mm]", "Y [mm]", "Z [mm]", "U [mm]", "V [mm]", "W [mm]", "sigma", "x", "y"'
@@ -54,17 +55,17 @@ def write_exports(folder: Path) -> None:
     for frame, way in enumerate(travel):
         _, _, y, Z, _ = outline[outline[:, 0] == frame].T
         height = HEIGHTS * (1.0 - way / LENGTH)
-        radius = np.interp(height, y, Z)
+        radius = CubicSpline(y, Z)(height.clip(y.min(), y.max()))  # of the outline's points 0.2 mm apart
         grid = np.stack(
             [
                 np.outer(radius, np.sin(ANGLES)),
-                PLATEN - np.outer(height, np.ones(9)),
+                PLATEN - np.outer(height, np.ones(ANGLES.size)),
                 np.outer(radius, np.cos(ANGLES)),
             ],
             axis=-1,
-        ).reshape(-1, 3) + noise.normal(0.0, 0.001, (81, 3))
+        ).reshape(-1, 3) + noise.normal(0.0, 0.001, (HEIGHTS.size * ANGLES.size, 3))
         at_rest = grid if not at_rest.size else at_rest
-        seen = np.repeat((height >= y.min()) & (height <= y.max()), 9)
+        seen = np.repeat((height >= y.min()) & (height <= y.max()), ANGLES.size)
         write_export(
             folder / "dic" / f"specimen_{frame:04d}.csv", at_rest, grid - at_rest, np.where(seen, 0.004, -1.0)
         )
