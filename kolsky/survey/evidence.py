@@ -14,12 +14,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.units import unit_factor
 from kolsky.readers.recordings import read_contents
 from kolsky.survey.signals import (
-    Rest,
+    QuietStretch,
     common_sign,
     first_push,
+    quiet_stretch,
     range_above,
     relative_scatter,
-    rest_of,
     two_figures,
 )
 from kolsky.survey.surface import first_motion, surface_values
@@ -112,31 +112,31 @@ def _frames(found: Survey, picture: tuple[int, str] | None, shown: Findings) -> 
 
 def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
     """Number of the first frame in which the flyer moves, and its file: the specimen rests until then."""
-    rest = _flyer_rest(table)
-    if rest is None or table.frame is None:
+    quiet = _flyer_quiet(table)
+    if quiet is None or table.frame is None:
         return None
-    return int(table.frame.values[rest.count]), table.path.name
+    return int(table.frame.values[quiet.count]), table.path.name
 
 
-def _flyer_rest(table: TableEntry) -> Rest | None:
+def _flyer_quiet(table: TableEntry) -> QuietStretch | None:
     column = displacement_of(table)
-    return None if column is None else rest_of(column.values, fewest=FEWEST_STATIC)
+    return None if column is None else quiet_stretch(column.values, fewest=FEWEST_STATIC)
 
 
 def _flyer(table: TableEntry, shown: Findings) -> None:
     """The sign of the flyer's motion and its noise."""
-    column, rest = displacement_of(table), _flyer_rest(table)
-    if column is None or rest is None:
+    column, quiet = displacement_of(table), _flyer_quiet(table)
+    if column is None or quiet is None:
         return
-    sign = first_push(column.values, rest)
+    sign = first_push(column.values, quiet)
     if sign is not None:
         way = "toward" if sign > 0 else "away from"
         word = "grows" if sign > 0 else "falls"
         shown.add(
             "flyer.positive", f'"{way} specimen"', f"the flyer hits the specimen, and its column {word}"
         )
-    sigma = 1e6 * two_figures(rest.scatter * unit_factor(column.unit, "m"))
-    shown.add("flyer.sigma", f'"{sigma:.4g} um"', f"scatter of the {rest.count} frames at rest")
+    sigma = 1e6 * two_figures(quiet.scatter * unit_factor(column.unit, "m"))
+    shown.add("flyer.sigma", f'"{sigma:.4g} um"', f"scatter of the {quiet.count} frames at rest")
 
 
 def _volts(table: TableEntry) -> FloatArray | None:
@@ -180,21 +180,21 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
             f'"{largest:g} V"',
             f"largest sample {np.abs(volts).max():.4g} V, not clipped; write the recorder's range if known",
         )
-    times, rest = _times(table, volts.size), rest_of(volts, fewest=FEWEST_SAMPLES)
-    if times is not None and rest is None:
+    times, quiet = _times(table, volts.size), quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    if times is not None and quiet is None:
         example = f'["{_time(times[0], later=True)}", "{_time(times[times.size // 10])}"]'
         shown.notes["force.baseline"] = f"no clear quiet stretch at the beginning; write it, e.g. {example}"
-    if rest is None:
+    if quiet is None:
         return
-    if (sign := first_push(volts, rest)) is not None:
+    if (sign := first_push(volts, quiet)) is not None:
         word = "positive" if sign > 0 else "negative"
         rises = "rises" if sign > 0 else "falls"
         note = f"the test begins with compression, and the record {rises} first and most"
         shown.add("force.compression", f'"{word}"', note)
     if times is None:
         return
-    end = float(times[int(SPARE * rest.count)])
-    note = f"the record is quiet until {microseconds(float(times[rest.count]))}"
+    end = float(times[int(SPARE * quiet.count)])
+    note = f"the record is quiet until {microseconds(float(times[quiet.count]))}"
     if last_static is not None and times[FEWEST_SAMPLES] < last_static < end:
         end = last_static
         note += '; the baseline ends with the last frame at rest, for frames.clock_offset = "0 us"'

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.survey.new_file import BLANK
-from kolsky.survey.signals import rest_of
+from kolsky.survey.signals import quiet_stretch
 from kolsky.survey.tables import Survey, quoted
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
@@ -139,8 +139,8 @@ def first_change(folder: Path, found: PictureSurvey) -> tuple[int, str] | None:
         ]
     except (PictureError, OSError):
         return None
-    rest = rest_of(np.array(change), fewest=FEWEST)
-    return None if rest is None else (rest.count + 1, series.name)
+    quiet = quiet_stretch(np.array(change), fewest=FEWEST)
+    return None if quiet is None else (quiet.count + 1, series.name)
 
 
 def picture_values(found: PictureSurvey) -> dict[str, str | None]:

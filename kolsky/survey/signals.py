@@ -29,7 +29,7 @@ MOST_POINTS = 2000
 
 
 @dataclass(frozen=True)
-class Rest:
+class QuietStretch:
     """The beginning of a record, before anything moves."""
 
     count: int
@@ -40,7 +40,7 @@ class Rest:
     """Their standard deviation, from the differences of neighbours: a slow drift does not enlarge it."""
 
 
-def rest_of(values: FloatArray, *, fewest: int) -> Rest | None:
+def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
     """The rest at the beginning of a record, or None if it has no clear rest or never departs from it.
 
     ``values``: the record, shape [n]. ``fewest``: fewest values of a rest.
@@ -76,12 +76,12 @@ def rest_of(values: FloatArray, *, fewest: int) -> Rest | None:
     drift = abs(float(x[middle:count].mean() - x[:middle].mean()))
     if drift > DEPARTURE * scatter:
         return None
-    return Rest(count, float(x[:count].mean()), scatter)
+    return QuietStretch(count, float(x[:count].mean()), scatter)
 
 
-def first_push(values: FloatArray, rest: Rest) -> int | None:
+def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
     """Sign of the first large departure from the rest, if it is also the largest one; else None."""
-    off = np.asarray(values, dtype=np.float64) - rest.level
+    off = np.asarray(values, dtype=np.float64) - quiet.level
     largest = float(np.abs(off).max())
     first = off[np.flatnonzero(np.abs(off) >= FIRST_PUSH * largest)[0]]
     top = off[int(np.argmax(np.abs(off)))]

@@ -17,7 +17,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.dic_export import DicExport, PointState, matching, programs_of, read
-from kolsky.survey.signals import Rest, rest_of, two_figures
+from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Endings of exports."""
@@ -60,12 +60,12 @@ class SeriesOfExports:
     @property
     def motion(self) -> FloatArray:
         """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]."""
-        return np.asarray(self.export.u[:, self._kept].mean(axis=1))
+        return np.asarray(self.export.u[:, self._complete].mean(axis=1))
 
     @property
     def one_body(self) -> bool | None:
         """Whether it moves as a rigid body; None if that is not clear."""
-        u = self.export.u[:, self._kept]
+        u = self.export.u[:, self._complete]
         if u.shape[1] < 2:
             return None
         travel = np.linalg.norm(u.mean(axis=1), axis=1)
@@ -76,7 +76,7 @@ class SeriesOfExports:
         return True if spread < ONE_BODY else (False if spread > PRESSED else None)
 
     @property
-    def _kept(self) -> np.ndarray:
+    def _complete(self) -> np.ndarray:
         return np.asarray((self.export.state == PointState.VALID).all(axis=0))
 
 
@@ -151,10 +151,10 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
             yield paths[0].relative_to(folder).as_posix(), paths
             continue
         pieces = re.split(r"\d+", paths[0].name)
-        kept = re.findall(r"\d+", paths[0].name)
-        kept[varied[0]] = "*"
+        numbers_of_first = re.findall(r"\d+", paths[0].name)
+        numbers_of_first[varied[0]] = "*"
         name = glob.escape(pieces[0])
-        for number, piece in zip(kept, pieces[1:], strict=True):
+        for number, piece in zip(numbers_of_first, pieces[1:], strict=True):
             name += number + glob.escape(piece)
         place = glob.escape(paths[0].parent.relative_to(folder).as_posix())
         yield (name if place == "." else f"{place}/{name}"), paths
@@ -219,15 +219,15 @@ def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | No
     return toward, f"the surface bulges by {1e3 * abs(large):.2g} mm in the mean along it"
 
 
-def rest_of_series(series: SeriesOfExports) -> Rest | None:
+def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
     """The frames before a series moves, the reference among them; None if that is not clear.
 
     The component of the mean motion that departs first ends the rest.
     """
     # The reference has no displacement, and no noise.
-    rests = [rest_of(component[1:], fewest=FEWEST) for component in series.motion.T]
-    first = min((rest for rest in rests if rest), key=lambda rest: rest.count, default=None)
-    return None if first is None else Rest(first.count + 1, first.level, first.scatter)
+    rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
+    first = min((quiet for quiet in rests if quiet), key=lambda quiet: quiet.count, default=None)
+    return None if first is None else QuietStretch(first.count + 1, first.level, first.scatter)
 
 
 def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
@@ -305,12 +305,12 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
     wide = two_figures(1.5 * spacing(series))
     values["surface.half_width"] = f'"{1e3 * wide:.4g} mm"'
     notes["surface.half_width"] = "1.5 times the distance of the points: one to three columns of them"
-    rest = rest_of_series(series)
-    sigma = scatter_at_rest(series, rest.count) if rest else None
+    quiet = quiet_frames(series)
+    sigma = scatter_at_rest(series, quiet.count) if quiet else None
     values["surface.sigma"] = f'"{1e6 * two_figures(sigma):.4g} um"' if sigma else '""'
     notes["surface.sigma"] = "scatter of the frames at rest" if sigma else "no frames at rest show it"
     if found.flyer is not None:
-        still = rest_of_series(found.flyer)
+        still = quiet_frames(found.flyer)
         size = f"{1e6 * two_figures(still.scatter):.4g} um" if still else ""
         values["surface.flyer"] = f'{{ pattern = "{found.flyer.pattern}", sigma = "{size}" }}'
         notes["surface.flyer"] = (
@@ -327,12 +327,12 @@ def first_motion(found: SurfaceSurvey) -> tuple[int, str] | None:
     The specimen rests until the flyer moves, so that the earlier of both is safe. None without a clear rest
     of the specimen.
     """
-    if found.specimen is None or rest_of_series(found.specimen) is None:
+    if found.specimen is None or quiet_frames(found.specimen) is None:
         return None
     firsts = [
-        (int(one.export.frame[rest.count]), one.pattern)
+        (int(one.export.frame[quiet.count]), one.pattern)
         for one in (found.specimen, found.flyer)
-        if one is not None and (rest := rest_of_series(one)) is not None
+        if one is not None and (quiet := quiet_frames(one)) is not None
     ]
     return min(firsts)
 

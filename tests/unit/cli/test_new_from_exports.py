@@ -15,12 +15,12 @@ from kolsky.cli import app
 from kolsky.readers.dic_export import LAYOUTS, programs_of
 from kolsky.survey.new_file import fill_in
 from kolsky.survey.signals import (
-    Rest,
+    QuietStretch,
     common_sign,
     first_push,
+    quiet_stretch,
     range_above,
     relative_scatter,
-    rest_of,
     two_figures,
 )
 from kolsky.survey.surface import scatter_at_rest, survey_surfaces
@@ -204,18 +204,18 @@ def test_rest_noise_and_sign_of_a_record_by_hand() -> None:
     """Noise that alternates by 1 has differences of 2: scatter 2 / sqrt(2); it departs at value 40."""
     still = np.where(np.arange(40) % 2, 1.0, -1.0)
     rise = np.arange(1, 61) * 40.0
-    rest = rest_of(np.concatenate([still, -rise]), fewest=20)
-    assert rest == Rest(40, pytest.approx(0.0), pytest.approx(np.sqrt(2.0)))
-    assert first_push(np.concatenate([still, -rise]), rest) == -1
-    assert first_push(np.concatenate([still, rise]), rest) == 1
+    quiet = quiet_stretch(np.concatenate([still, -rise]), fewest=20)
+    assert quiet == QuietStretch(40, pytest.approx(0.0), pytest.approx(np.sqrt(2.0)))
+    assert first_push(np.concatenate([still, -rise]), quiet) == -1
+    assert first_push(np.concatenate([still, rise]), quiet) == 1
     # First up by more than a fifth of the largest departure, then further down: no clear sign.
-    assert first_push(np.concatenate([still, rise, -2.0 * rise]), rest) is None
-    assert first_push(np.concatenate([still, 0.1 * rise, -2.0 * rise]), rest) == -1
+    assert first_push(np.concatenate([still, rise, -2.0 * rise]), quiet) is None
+    assert first_push(np.concatenate([still, 0.1 * rise, -2.0 * rise]), quiet) == -1
     # A ramp from the first value on, noise alone, and a small step have no clear rest.
-    assert rest_of(np.arange(100.0) + 0.1 * np.where(np.arange(100) % 2, 1.0, -1.0), fewest=20) is None
-    assert rest_of(np.tile(still, 3), fewest=20) is None
-    assert rest_of(np.concatenate([still, still + 20.0]), fewest=20) is None
-    assert rest_of(np.concatenate([still[:10], rise]), fewest=20) is None
+    assert quiet_stretch(np.arange(100.0) + 0.1 * np.where(np.arange(100) % 2, 1.0, -1.0), fewest=20) is None
+    assert quiet_stretch(np.tile(still, 3), fewest=20) is None
+    assert quiet_stretch(np.concatenate([still, still + 20.0]), fewest=20) is None
+    assert quiet_stretch(np.concatenate([still[:10], rise]), fewest=20) is None
 
 
 def test_ranges_and_figures_by_hand() -> None:
