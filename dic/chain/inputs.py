@@ -12,7 +12,7 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape
 from dic.images import PictureError, Pictures
-from dic.images.health import frame_health
+from dic.images.health import check_series, frame_health
 from dic.images.quality import GreyNoise, grey_noise
 from dic.images.series import Grey, decode_once
 from dic.outcome import FrameOutcome
@@ -191,7 +191,12 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
         raise ChainError(
             f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
         )
-    outcome = frame_health(series).outcome
+    health = frame_health(series)
+    try:
+        check_series(series, health)
+    except PictureError as error:
+        raise ChainError(f"camera {camera}: {error}") from error
+    outcome = health.outcome
     rest_frames = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
     if rest_frames.size < 2:
         raise ChainError(

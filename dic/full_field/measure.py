@@ -12,7 +12,7 @@ from dic.basics import BoolArray, FloatArray, IntArray
 from dic.bodies.region import grid_points
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape, apply, overlap_correlation
-from dic.images import PictureError, Pictures, frame_health
+from dic.images import PictureError, Pictures, check_series, frame_health
 from dic.images.quality import grey_noise
 from dic.images.series import PicturesInMemory, decode_once
 from dic.outcome import FrameOutcome, PointOutcome
@@ -311,7 +311,9 @@ def measure_plane(
     """
     chosen = settings or FullFieldSettings()
     series = as_series(pictures)
-    health = frame_health(series).outcome
+    found = frame_health(series)
+    check_series(series, found)
+    health = found.outcome
     usable_reference([health], chosen)
     time, timed = times_of(series, t)
     mask = full_mask(mask, series)
@@ -407,8 +409,9 @@ def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> 
     frames = np.flatnonzero(counts >= max(1, counts.max() // 2))
     if not counts.any():
         raise ValueError(
-            "no point was followed into another frame: check region, subset and the size of the motion, or "
-            "declare the noise of the grey values"
+            "no point was followed into another frame, though the pictures are usable. Likely causes: the "
+            "motion from frame to frame is larger than the search, the region lies beside the pattern, or "
+            "the subset is smaller than the speckles. Correct region or subset, or take a later reference"
         )
     frame = int(frames[np.argmin(np.abs(frames - settings.reference))])
     valid = tracked.outcome[frame] == PointOutcome.VALID
