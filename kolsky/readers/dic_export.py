@@ -204,9 +204,11 @@ def read(
 def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
     """The programs whose headings a file has, with the units of length that these headings state.
 
-    Names like x, y, z, u, v, w are common. So the columns that say which point a row is must be there too,
-    which `read` does not ask for. ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the
-    file is no table, or its headings are those of no program.
+    Names of one letter, as x, y, z, u, v, w, are common. With them the columns that say which point a row is
+    must be there too, which `read` does not ask for.
+
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the file is no table, or its headings
+    are those of no program.
     """
     try:
         _, table, sheet = _sheet(path, Layout())
@@ -216,7 +218,8 @@ def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
     for program, layouts in LAYOUTS.items():
         for form in layouts:
             lengths = (*form.coordinates, *form.displacements)
-            if _has(sheet, (*lengths, *form.key)) and program not in found:
+            common = all(len(name) == 1 for name in lengths)
+            if _has(sheet, (*lengths, *(form.key if common else ()))) and program not in found:
                 headings = [table.names[sheet.names.index(name)] for name in lengths]
                 stated = {unit for heading in headings if (unit := _stated_unit(heading))}
                 found[program] = tuple(sorted(stated))

@@ -59,7 +59,9 @@ class SeriesOfExports:
 
     @property
     def motion(self) -> FloatArray:
-        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]."""
+        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]; else 0."""
+        if not self._complete.any():
+            return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
 
     @property
@@ -117,6 +119,8 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
             series.append(_read(pattern, paths, next(iter(programs.items()))))
         except InputError as error:
             doubtful[pattern] = error.message
+    if len(series) == 1:  # the flyer alone has no place in a shot
+        return SurfaceSurvey(series[0], None, frozenset(files), doubtful)
     parts = {part: [s for s in series if s.one_body is part] for part in (True, False, None)}
     for one in parts[None]:
         doubtful[one.pattern] = (
@@ -271,6 +275,8 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
     notes = {
         "surface.pattern": f"{count}: frames {export.frame[0]} to {export.frame[-1]}, {len(export.X)} points"
     }
+    if series.one_body is not False:
+        notes["surface.pattern"] += "; do they show the specimen? They do not clearly shorten"
     values: dict[str, str | None] = {
         "surface.pattern": f'"{series.pattern}"',
         "surface.program": f'"{series.program}"',

@@ -183,6 +183,23 @@ def test_headings_of_no_program_and_of_two_are_no_guess(tmp_path: Path) -> None:
     assert found.doubtful == {"both/b_*.csv": "its headings are those of aramis and matchid"}
 
 
+def test_a_series_that_does_not_shorten_is_written_with_a_question(tmp_path: Path) -> None:
+    """MatchID's headings in metres without its pixels, three files, all points by 0.1 mm a frame."""
+    (tmp_path / "dic").mkdir()
+    head = HEADS["matchid"].split(",Coordinates")[0]
+    for frame in range(3):
+        rows = "\n".join(f"{1e-3 * i:.7e},0,0,{1e-4 * frame:.7e},0,0" for i in range(5))
+        (tmp_path / "dic" / f"Image_{frame:04d}_0.tiff.csv").write_text(f"{head}\n{rows}\n")
+    done = runner.invoke(app, ["new", str(tmp_path)])
+    assert done.exit_code == 0, done.stderr
+    text = (tmp_path / "shot.toml").read_text("utf-8")
+    declared = tomllib.loads(text)["surface"]
+    assert (declared["program"], declared["unit"]) == ("matchid", "m")
+    assert declared["pattern"] == "dic/Image_*_0.tiff.csv"
+    assert "# 3 files of MatchID 2024: frames 0 to 2, 5 points; do they show the specimen?" in text
+    assert declared["sigma"] == ""
+
+
 def test_names_with_two_numbers_are_a_question(tmp_path: Path) -> None:
     for k, path in enumerate(sorted(series(tmp_path, "vic3d").iterdir())):
         path.rename(tmp_path / f"Image_{k:04d}_{7 * k}.csv")
