@@ -61,7 +61,6 @@ class ChainSettings:
     stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
     """Settings of the match between the cameras."""
     device: str = "cpu"
-    """Device of the correlation."""
 
     @property
     def subset(self) -> int:
@@ -115,7 +114,6 @@ class Inputs:
     rig: StereoRig
     """The cameras, for pictures with their crop."""
     settings: ChainSettings
-    """Settings of the measurement."""
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     static: BoolArray
@@ -217,10 +215,7 @@ def _line(grey: GreyNoise) -> Noise:
 
 
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
-    """Findings about the cameras from a first pair of pictures, matched without their parameters.
-
-    Raises ChainError if no frame has a usable picture of both cameras.
-    """
+    """Findings about the cameras from a first pair of pictures, matched without their parameters."""
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     try:
         frame = material_frame(health, region.frame)

@@ -53,7 +53,6 @@ class FullFieldSettings:
     """Standard deviation of a grey value [grey]; None: from the static frames, or from the residuals of the
     matches where there is only one."""
     device: str = "cpu"
-    """Device of the correlation."""
 
     @property
     def subset(self) -> int:
@@ -97,7 +96,6 @@ class Extensometer:
     """A virtual extensometer."""
 
     name: str
-    """Its name."""
     ends: tuple[tuple[float, float], tuple[float, float]]
     """Its ends in the reference picture of camera 0 (x, y) [px]."""
     window: int = 3
@@ -243,7 +241,6 @@ def noise_from_matches(
 
     ``picture``: the reference picture, shape [rows, columns]. ``points``: places of the matched subsets'
     centres [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
-    Raises ValueError if there are no points.
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")

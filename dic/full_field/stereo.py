@@ -201,14 +201,10 @@ def _remove_curvature_bias(
         tracks = (body.tracks[0], without_bias(track, bias, body.material))
         body = _apply_epipolar_gate(
             rig,
-            replace(first, tracks=tracks, reconstruction=_reconstruct_body(rig, first, tracks)),
+            replace(first, tracks=tracks, reconstruction=reconstruct(rig, *tracks, common=first.common)),
             rest_frames,
         )
     return body, size, plain
-
-
-def _reconstruct_body(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
-    return reconstruct(rig, *tracks, common=body.common)
 
 
 def cylinders(

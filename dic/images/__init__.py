@@ -120,7 +120,6 @@ class Format:
     """A picture file format."""
 
     name: str
-    """Name for users."""
     sniff: Callable[[Path, bytes], bool]
     """True if a file, given with its first `SNIFFED` bytes, is of this format."""
     read: Callable[[Path], Pictures]

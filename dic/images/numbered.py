@@ -158,10 +158,8 @@ class NumberedPictures:
 def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     """Open the series in a folder.
 
-    ``path``: the folder. ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``;
-    without it all pictures of the folder must belong to one series, by the last number in their names. Raises
-    PictureError if there is no such series or more than one, two files have one number, the numbers are no
-    frame numbers, or no file can be decoded.
+    ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``; without it all
+    pictures of the folder must belong to one series, by the last number in their names.
     """
     candidates = _matching(path, pattern) if pattern is not None else _only_series(path)
     by_number: dict[int, Path] = {}
@@ -187,10 +185,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
-
-    Raises PictureError if there is no file or none can be decoded.
-    """
+    """Open picture files in the order given; frame i is file i, a file that is not there a missing frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")
     return _opened(files[0].parent, list(files), tuple(range(len(files))))

@@ -89,7 +89,6 @@ class ReferenceCurve:
     modulus: ApparentModulus
     """E_a of the material's curve, Eq. (M.9)."""
     friction: FrictionCorrection | None
-    """The friction's correction."""
     remarks: tuple[str, ...]
     """Remarks for the user."""
 

@@ -1,13 +1,13 @@
 """Parts of the chain of pictures on their own: the look at them, the rows of the outline, the clock."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 import warp as wp
 from boards import averaged, dots, flat, pose
+from memory_pictures import Memory
 from scipy import ndimage
 from scipy.special import ndtr
 from speckle_pictures import render, speckle_pattern
@@ -46,33 +46,12 @@ SETTINGS = ChainSettings(toward_flyer="left", zero=(60.0, 90.0), strip_half_widt
 REGION = Region(((10.0, 10.0), (100.0, 10.0), (100.0, 80.0), (10.0, 80.0)))
 
 
-@dataclass(frozen=True)
-class Memory:
-    """Pictures in memory; one that is None cannot be read."""
-
-    frames: tuple
-    bits: int = 12
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-    path: Path = Path("memory")
-    shape: tuple[int, int] = SHAPE
-
-    @property
-    def n_frames(self) -> int:
-        return len(self.frames)
-
-    def frame(self, index: int) -> np.ndarray:
-        if self.frames[index] is None:
-            raise PictureError(self.path, "is not there", frame=index)
-        return self.frames[index]
-
-
 def at_rest(*, seed: int, floor: float = FLOOR, gain: float = GAIN) -> Memory:
     """A specimen that rests, with known noise."""
     clean = render(speckle_pattern(SHAPE, seed=3), SHAPE, gain=8.0, offset=200.0)  # well within 12 bits
     rng = np.random.default_rng(seed)
     noise = np.sqrt(floor**2 + gain * clean) * rng.standard_normal((FRAMES, *SHAPE))
-    return Memory(tuple(np.rint(clean + noise).astype(np.uint16)))
+    return Memory(tuple(np.rint(clean + noise).astype(np.uint16)), bits=12)
 
 
 def looked(first: Memory, second: Memory, *, frames: int = FRAMES):
