@@ -18,6 +18,7 @@ from kolsky.cli.terminal import as_json, print_json
 
 if TYPE_CHECKING:
     from kolsky.survey.pictures import PictureSurvey
+    from kolsky.survey.surface import SurfaceSurvey
     from kolsky.survey.tables import Survey
 
 
@@ -79,6 +80,8 @@ def new(
     else:
         for part, table in contents.parts.items():
             typer.echo(f"  {table.path.name}: [{part}]")
+    for part, pattern in ({} if bars or pictures else _series(contents)).items():
+        typer.echo(f"  {pattern}: [{part}]")
     for key, name in _parts(series).items():
         typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
     for one in () if series is None else series.others:
@@ -94,6 +97,12 @@ def _pictures(folder: Path, contents: "Survey") -> "PictureSurvey":
     from kolsky.survey.pictures import survey_pictures
 
     return survey_pictures(folder, contents)
+
+
+def _series(contents: "Survey") -> dict[str, str]:
+    """Part of a shot -> pattern and program of the exports that show it."""
+    both = {"surface": contents.surface.specimen, "surface.flyer": contents.surface.flyer}
+    return {part: one.pattern for part, one in both.items() if one is not None}
 
 
 def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
@@ -115,6 +124,7 @@ def _found_lines(
         "file": str(path),
         "found": {
             **({} if bars else {part: table.path.name for part, table in contents.parts.items()}),
+            **({} if bars or pictures else _series(contents)),
             **_parts(pictures),
         },
         "recordings": recordings,
@@ -141,16 +151,38 @@ def written(
         from kolsky.survey.new_file import with_recordings
 
         return with_recordings(text, contents)
-    values, notes = values_of(contents), notes_of(contents)
+    from kolsky.survey.evidence import evidence
+
+    motion = None
     if pictures is not None:
+        from kolsky.survey.pictures import first_change
+
+        motion = first_change(folder, pictures)
+    shown = evidence(contents, motion)
+    values, notes = {**values_of(contents), **shown.values}, {**notes_of(contents), **shown.notes}
+    if pictures is None:
+        text = with_surface(text, contents.surface)
+        values = {key: value for key, value in values.items() if f"\n[{key.partition('.')[0]}]" in text}
+    else:
         from kolsky.survey.pictures import picture_notes, picture_values
 
-        values = {k: v for k, v in values.items() if not k.startswith(("flyer.", "centre_line."))}
+        others = ("flyer.", "centre_line.", "surface.")
+        values = {key: value for key, value in values.items() if not key.startswith(others)}
         values |= picture_values(pictures)
         notes |= picture_notes(pictures)
         if pictures.target:
             text = text.replace("# [calibration.target]", "[calibration.target]", 1)
     return with_notes(fill_in(text, values), notes)
+
+
+def with_surface(text: str, found: "SurfaceSurvey") -> str:
+    """The blank file with [surface] in place of what its exports give: [centre_line], and [flyer] with it."""
+    if found.specimen is None:
+        return text
+    text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]
+    if found.flyer is not None:
+        text = text[: text.index("[flyer]")] + text[text.index("[surface]") :]
+    return text
 
 
 def template(*, bars: bool = False, pictures: bool = False) -> str:

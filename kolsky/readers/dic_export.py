@@ -15,7 +15,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
-from kolsky.readers.sheet import Sheet, find_table
+from kolsky.readers.sheet import FoundTable, Sheet, find_table
 from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
 
@@ -201,6 +201,31 @@ def read(
     )
 
 
+def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
+    """The programs whose headings a file has, with the units of length that these headings state.
+
+    Names of one letter, as x, y, z, u, v, w, are common. With them the columns that say which point a row is
+    must be there too, which `read` does not ask for.
+
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the file is no table, or its headings
+    are those of no program.
+    """
+    try:
+        _, table, sheet = _sheet(path, Layout())
+    except InputError:
+        return {}
+    found = {}
+    for program, layouts in LAYOUTS.items():
+        for form in layouts:
+            lengths = (*form.coordinates, *form.displacements)
+            common = all(len(name) == 1 for name in lengths)
+            if _has(sheet, (*lengths, *(form.key if common else ()))) and program not in found:
+                headings = [table.names[sheet.names.index(name)] for name in lengths]
+                stated = {unit for heading in headings if (unit := _stated_unit(heading))}
+                found[program] = tuple(sorted(stated))
+    return found
+
+
 @dataclass(frozen=True)
 class _File:
     path: Path
@@ -214,13 +239,18 @@ class _File:
     state: IntArray
 
 
-def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
-    """The points of one frame."""
+def _sheet(path: Path, declared: Layout) -> tuple[str, FoundTable, Sheet]:
+    """The hash of a file, its table, and its columns by their names without units."""
     sha256, lines, _ = read_text(path, declared)
     # Columns that are NaN or empty in most rows still are columns of numbers.
     table = find_table(path, lines, declared, sparse=True)
     names = tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in table.names)
-    sheet = table.sheet(path, names, ())
+    return sha256, table, table.sheet(path, names, ())
+
+
+def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
+    """The points of one frame."""
+    sha256, table, sheet = _sheet(path, declared)
     fitting = [form for form in LAYOUTS[layout] if _has(sheet, (*form.coordinates, *form.displacements))]
     chosen = next((form for form in fitting if _has(sheet, form.key)), fitting[0] if fitting else None)
     if chosen is None:
@@ -263,9 +293,8 @@ def _length_unit(path: Path, heading: str, declared: str | None) -> str:
 
     Raises InputError if both are there and differ.
     """
-    brackets = full_match(_HEADING_UNIT, heading)
-    stated = brackets.group(1).strip() if brackets is not None else ""
-    if stated not in UNITS:
+    stated = _stated_unit(heading)
+    if not stated:
         return declared or "mm"
     if declared is not None and UNITS[declared] != UNITS[stated]:
         raise InputError(
@@ -274,6 +303,13 @@ def _length_unit(path: Path, heading: str, declared: str | None) -> str:
             cure=f'declare unit = "{stated}", or leave unit out',
         )
     return stated
+
+
+def _stated_unit(heading: str) -> str:
+    """The unit of length in the brackets of a heading; empty if there is none."""
+    brackets = full_match(_HEADING_UNIT, heading)
+    stated = brackets.group(1).strip() if brackets is not None else ""
+    return stated if stated in UNITS else ""
 
 
 def _has(sheet: Sheet, names: Sequence[str]) -> bool:

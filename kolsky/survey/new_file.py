@@ -15,10 +15,13 @@ from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_contents
 from kolsky.survey.tables import (
+    SHIFT,
     ColumnEntry,
     Survey,
     TableEntry,
+    clock_text,
     displacement_of,
+    microseconds,
     quoted,
     sigma_of,
     strain_of,
@@ -32,7 +35,6 @@ COLUMN = 38
 """Where the remark of a line begins."""
 PER_SHOT = ("specimen.diameter", "specimen.length", "frames.static")
 """Keys that the next shot of a series does not share with the last."""
-SHIFT = "on the file's clock"
 _TABLE = re.compile(r"\[\s*([\w.]+)\s*\]")
 _VALUE = r"""(?P<value>"[^"]*"|\{.*?\}|\[.*?\]|[^\s#]+)"""
 _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
@@ -118,7 +120,7 @@ def notes_of(found: Survey) -> dict[str, str]:
     parts = found.parts
     frames = parts.get("frames", parts.get("flyer"))
     for name, table in (("force", parts.get("force")), ("frames", frames)):
-        if table is not None and (clock := _clock_text(table)):
+        if table is not None and (clock := clock_text(table)):
             notes[f"{name}.clock_offset"] = f"{table.path.name}: {clock}"
     if frames is not None and frames.time is not None and frames.time.unit:
         before = int((frames.time.values * unit_factor(frames.time.unit, "s") <= 0.0).sum())
@@ -132,19 +134,6 @@ def notes_of(found: Survey) -> dict[str, str]:
                 c.toml() for c in force.columns[:9] if c != force.time
             )
     return notes
-
-
-def _clock_text(table: TableEntry) -> str:
-    """First and last time and the step of a file, in words; empty where they are not known."""
-    first, last, step = table.seconds().tolist()
-    if not np.isfinite([first, last, step]).all():
-        return ""
-    return f"{microseconds(first)} to {microseconds(last)}, every {microseconds(step)}, {SHIFT}"
-
-
-def microseconds(seconds: float) -> str:
-    """A time as text."""
-    return f"{1e6 * seconds:.6g} us"
 
 
 def next_of_series(text: str, folder: Path, found: Survey) -> str:

@@ -11,13 +11,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from kolsky.survey.new_file import BLANK
+from kolsky.survey.signals import quiet_stretch
 from kolsky.survey.tables import Survey, quoted
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
 """Endings of files that may hold a whole series."""
 NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of pictures of a numbered series."""
+EARLY = 500
+"""Pictures in which the first motion is looked for: more would take minutes to read."""
 FEWEST = 3
 """Fewest pictures of a series; fewer are no test and no calibration."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
@@ -106,6 +111,36 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
         except (PictureError, OSError):
             continue
         yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
+
+
+def first_change(folder: Path, found: PictureSurvey) -> tuple[int, str] | None:
+    """Index of the first picture of camera 0 that clearly differs from those before, and their name, or None.
+
+    The difference is the mean absolute one from the first picture, as the page of `kolsky check` draws it.
+    Among `EARLY` pictures the first motion must be.
+
+    ``folder``: the shot's folder. ``found``: the series of the test.
+    """
+    from dic.images import PictureError, open_pictures
+
+    if not found.test:
+        return None
+    series = found.test[0]
+    path = folder / series.name
+    try:
+        pictures = (
+            open_pictures(path)
+            if series.key == "file"
+            else open_pictures(path.parent, pattern=Path(series.name).name)
+        )
+        first = pictures.frame(0).astype(np.float64)
+        change = [
+            float(np.abs(pictures.frame(k) - first).mean()) for k in range(1, min(pictures.n_frames, EARLY))
+        ]
+    except (PictureError, OSError):
+        return None
+    quiet = quiet_stretch(np.array(change), fewest=FEWEST)
+    return None if quiet is None else (quiet.count + 1, series.name)
 
 
 def picture_values(found: PictureSurvey) -> dict[str, str | None]:

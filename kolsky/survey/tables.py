@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
 from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text
+from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
 _TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
@@ -110,6 +111,9 @@ SUFFIXES = (
     ".bin",
 )  # fmt: skip
 """Endings of files that may hold tables or recordings."""
+WORKBOOKS = ("excel", "excel 97")
+"""Formats whose sheets are tables as well as recordings."""
+SHIFT = "on the file's clock"
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
@@ -126,6 +130,8 @@ class Survey:
     """File name -> why it was not taken for anything."""
     recordings: tuple[TableEntry, ...] = ()
     """Files with a clock and signals on it: what a recorder of bars may have written."""
+    surface: SurfaceSurvey = field(default_factory=SurfaceSurvey)
+    """Exports of a DIC program, one file a frame."""
 
 
 def survey(folder: Path) -> Survey:
@@ -133,8 +139,11 @@ def survey(folder: Path) -> Survey:
     parts: dict[str, list[TableEntry]] = {}
     doubtful: dict[str, str] = {}
     recordings: list[TableEntry] = []
+    surface = survey_surfaces(folder)
     files = sorted(p for p in folder.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
     for path in files:
+        if path in surface.files:
+            continue
         try:
             table = _read_table_entry(path)
         except InputError as error:
@@ -152,7 +161,10 @@ def survey(folder: Path) -> Survey:
             names = ", ".join(table.path.name for table in tables)
             doubtful |= {t.path.name: f"could be [{part}], and so could each of {names}" for t in tables}
     found = {part: tables[0] for part, tables in parts.items() if len(tables) == 1}
-    return Survey(found, doubtful, tuple(recordings))
+    for part, series in (("centre_line", surface.specimen), ("flyer", surface.flyer)):
+        if series is not None and part in found:
+            doubtful[found.pop(part).path.name] = f"the exports {series.pattern} are taken instead"
+    return Survey(found, {**doubtful, **surface.doubtful}, tuple(recordings), surface)
 
 
 def _is_recording(table: TableEntry) -> bool:
@@ -214,14 +226,31 @@ def displacement_of(table: TableEntry) -> ColumnEntry | None:
     return lengths[0] if len(lengths) == 1 else None
 
 
+def clock_text(table: TableEntry) -> str:
+    """First and last time and the step of a file, in words; empty where they are not known."""
+    first, last, step = table.seconds().tolist()
+    if not np.isfinite([first, last, step]).all():
+        return ""
+    return f"{microseconds(first)} to {microseconds(last)}, every {microseconds(step)}, {SHIFT}"
+
+
+def microseconds(seconds: float) -> str:
+    """A time as text."""
+    return f"{1e6 * seconds:.6g} us"
+
+
 def _read_table_entry(path: Path) -> TableEntry:
     """Read a file with the layout that is found in it."""
     contents = read_contents(path)
-    if contents.facts.get("format") != "delimited":
+    form = contents.facts.get("format")
+    if form not in ("delimited", *WORKBOOKS):
         return _recorder(path, contents)
-    layout = dict(_layout(contents.facts))
+    layout = {} if form in WORKBOOKS else dict(_layout(contents.facts))
     table = read_table(path, layout=Layout(**layout) if layout else None)  # type: ignore[arg-type]
     units = _units_below(path, table.sheet.dialect.split, layout)
+    if form in WORKBOOKS:
+        stated = {channel.name: channel.unit or "" for channel in contents.channels}
+        units = [stated.get(name, "") for name in table.header]
     columns = []
     for i, name in enumerate(table.header):
         try:
@@ -230,7 +259,18 @@ def _read_table_entry(path: Path) -> TableEntry:
             continue  # a column of words
         unit = likely_unit(name) or (units[i] if i < len(units) else "")
         columns.append(ColumnEntry(name, unit, dimension_of(unit), values))
-    return TableEntry(path, tuple(columns), layout)
+    entry = TableEntry(path, tuple(columns), layout)
+    return entry if entry.time is not None else replace(entry, clock=_header_clock(contents))
+
+
+def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
+    """First and last time [s] and number of samples by a rate or interval in the header, if it states one."""
+    try:
+        first = contents.channels[0]
+        clock = first.clock()
+    except (InputError, IndexError):
+        return None
+    return clock.start, clock.start + clock.interval * (first.samples - 1), first.samples
 
 
 def _recorder(path: Path, contents: Contents) -> TableEntry:

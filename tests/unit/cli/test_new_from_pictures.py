@@ -92,9 +92,25 @@ def test_what_is_blank_is_asked_for_with_examples_of_its_own(tmp_path: Path) -> 
     said = runner.invoke(app, ["check", str(folder)]).stderr
     asked = {line.partition(": ")[2].partition(" is not")[0]: line for line in said.splitlines()}
     assert '"fiducial_dots"' in asked["calibration.target.kind"]
-    assert '["-200 us", "0 us"]' in asked["force.baseline"]
-    assert 'e.g. "5 um"' in asked["uncertainty.Z_offset"]
-    assert 'e.g. "0.5 us"' in asked["uncertainty.clock_offset"]
+    assert 'e.g. "0.0112 V/N"' in asked["force.sensitivity"]
+    # Pictures that never change show no motion, and [uncertainty] is optional.
+    assert "frames.static" in asked
+    assert not any(key.startswith("uncertainty") for key in asked)
     # A side that bulges is read too near to the axis by subsets that do not bend.
     written = tomllib.loads((folder / "shot.toml").read_text("utf-8"))["dic"]
     assert (written["subset"], written["step"], written["shape"]) == (25, 6, "quadratic")
+
+
+def test_pictures_show_the_frames_at_rest(tmp_path: Path) -> None:
+    """A noisy pattern that moves from picture 20 on: nine tenths of the 20 before are frames at rest."""
+    folder = folder_of(tmp_path / "shot")
+    noise = np.random.default_rng(3)
+    scene = noise.uniform(200.0, 800.0, (40, 48 + FRAMES))
+    for camera in ("left", "right"):
+        still = [scene[:, max(0, k - 19) :][:, :48] for k in range(FRAMES)]
+        stack = np.array([part + noise.normal(0.0, 3.0, part.shape) for part in still]).astype(np.uint16)
+        tifffile.imwrite(folder / f"{camera}.tif", stack, photometric="minisblack")
+    assert runner.invoke(app, ["new", "--pictures", str(folder)]).exit_code == 0
+    text = (folder / "shot.toml").read_text("utf-8")
+    assert tomllib.loads(text)["frames"]["static"] == 18
+    assert "# left.tif: the first clear motion is in frame 20" in text

@@ -1,0 +1,142 @@
+"""What the numbers of a record show beyond doubt: how long it rests, its noise, the sign of its first push.
+
+Every function answers None where the numbers do not show it; then `kolsky new` leaves a blank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+
+DEPARTURE = 5.0
+"""Standard deviations beyond which a value is no noise; with `IN_A_ROW`, one false alarm in 1e18 values."""
+IN_A_ROW = 3
+"""Values in a row beyond `DEPARTURE` that end the rest: one alone is a stray value."""
+CLEAR = 50.0
+"""Standard deviations that a signal must travel: less is a disturbance, not the test."""
+ROUNDING = 0.29
+"""Standard deviation of rounding, in steps of the last digit: 1/sqrt(12)."""
+FIRST_PUSH = 0.2
+"""Share of the largest departure at which its sign is read: far above noise, long before the peak."""
+LONGEST_TOP = 10
+"""Equal samples in a row at the largest value that look like a clipped record: a noisy peak repeats less."""
+
+MOST_POINTS = 2000
+"""Points of a curve that are compared with their neighbours: more change its scatter by less than 2 %."""
+
+
+@dataclass(frozen=True)
+class QuietStretch:
+    """The beginning of a record, before anything moves."""
+
+    count: int
+    """Values at rest, counted from the first."""
+    level: float
+    """Their mean."""
+    scatter: float
+    """Their standard deviation, from the differences of neighbours: a slow drift does not enlarge it."""
+
+
+def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
+    """The rest at the beginning of a record, or None if it has no clear rest or never departs from it.
+
+    ``values``: the record, shape [n]. ``fewest``: fewest values of a rest.
+    """
+    x = np.asarray(values, dtype=np.float64)
+    if x.size < fewest + IN_A_ROW or not np.isfinite(x).all():
+        return None
+    steps = np.abs(np.diff(x))
+    digit = float(steps[steps > 0.0].min(initial=np.inf))
+    if not np.isfinite(digit):
+        return None
+    k = np.arange(1, x.size)
+    level = x[0] + np.cumsum(x - x[0])[:-1] / k  # of the first k values
+    noise = np.sqrt(np.concatenate(([0.0], np.cumsum(np.diff(x)[:-1] ** 2))) / (2.0 * np.maximum(k - 1, 1)))
+    noise = np.maximum(noise, ROUNDING * digit)
+    last = x.size - IN_A_ROW
+    ahead = np.lib.stride_tricks.sliding_window_view(x, IN_A_ROW)[1 : last + 1]
+    off = (ahead - level[:last, None]) / noise[:last, None]
+    away = (off > DEPARTURE).all(axis=1) | (off < -DEPARTURE).all(axis=1)
+    ends = np.flatnonzero(away[fewest - 1 :])
+    if not ends.size:
+        return None
+    count = int(ends[0]) + fewest
+    # The noise of the first half, which no slow beginning of the motion has entered, trims the second.
+    half = max(2, count // 2)
+    scatter = max(float(noise[half - 1]), ROUNDING * digit)
+    begin = float(x[:half].mean())
+    while count > half and abs(x[count - 1] - begin) > 2.0 * scatter and x[count - 1] != begin:
+        count -= 1
+    if count < fewest or np.abs(x - begin).max() < CLEAR * scatter:
+        return None
+    middle = count // 2
+    drift = abs(float(x[middle:count].mean() - x[:middle].mean()))
+    if drift > DEPARTURE * scatter:
+        return None
+    return QuietStretch(count, float(x[:count].mean()), scatter)
+
+
+def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
+    """Sign of the first large departure from the rest, if it is also the largest one; else None."""
+    off = np.asarray(values, dtype=np.float64) - quiet.level
+    largest = float(np.abs(off).max())
+    first = off[np.flatnonzero(np.abs(off) >= FIRST_PUSH * largest)[0]]
+    top = off[int(np.argmax(np.abs(off)))]
+    return int(np.sign(first)) if np.sign(first) == np.sign(top) else None
+
+
+def range_above(values: FloatArray) -> float | None:
+    """The next of 1, 2, 5, 10, ... times a power of ten above all values; None for a clipped record."""
+    sizes = np.abs(np.asarray(values, dtype=np.float64))
+    largest = float(sizes.max())
+    if largest <= 0.0:
+        return None
+    at_top = np.concatenate(([0], (sizes == largest).astype(int), [0]))
+    edges = np.flatnonzero(np.diff(at_top))
+    if int((edges[1::2] - edges[::2]).max()) >= LONGEST_TOP:
+        return None
+    decade = 10.0 ** np.floor(np.log10(largest))
+    return float(next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade > largest))
+
+
+def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
+    """Standard deviation of the points of a smooth curve relative to them, or None for a few points.
+
+    Each point is compared with the cubic through its four neighbours. The median is taken, so that a kink or
+    a stray point does not count.
+
+    ``x``, ``y``: the points, shape [n].
+    """
+    order = np.argsort(x, kind="stable")
+    x, y = np.asarray(x, dtype=np.float64)[order], np.asarray(y, dtype=np.float64)[order]
+    if x.size < 12 or (np.diff(x) <= 0.0).any():
+        return None
+    found = []
+    for i in range(2, x.size - 2, max(1, x.size // MOST_POINTS)):
+        near = np.array([i - 2, i - 1, i + 1, i + 2])
+        weights = [
+            np.prod([(x[i] - x[b]) / (x[a] - x[b]) for b in near if b != a]) for a in near
+        ]  # of Lagrange's cubic
+        if y[i] != 0.0:
+            scale = abs(y[i]) * np.sqrt(1.0 + np.sum(np.square(weights)))
+            found.append(abs(y[i] - float(np.dot(weights, y[near]))) / scale)
+    if len(found) < 8:
+        return None
+    return float(np.median(found)) * 1.4826  # of a normal distribution: 1 / 0.6745
+
+
+def common_sign(values: FloatArray) -> int | None:
+    """Sign of a curve's values away from rest, or None if they have both signs."""
+    sizes = np.abs(values)
+    away = values[sizes > 0.05 * sizes.max(initial=0.0)]  # nearer to zero an offset or noise decides
+    signs = np.unique(np.sign(away))
+    return int(signs[0]) if signs.size == 1 and signs[0] != 0.0 else None
+
+
+def two_figures(value: float) -> float:
+    """A positive value rounded up to two significant figures."""
+    decade = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return float(f"{np.ceil(value / decade - 1e-9) * decade:.2g}")

@@ -1,0 +1,347 @@
+"""A survey of a folder's exports of DIC programs: series of files, their program, axes, rest and noise.
+
+A program is recognised by its headings alone. Which series shows the flyer, and where the axes of the test
+lie, is read from the motion; what the motion does not show stays open.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.readers.dic_export import DicExport, PointState, matching, programs_of, read
+from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
+
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
+"""Endings of exports."""
+FEWEST = 3
+"""Fewest files of a series: a shot needs as many frames at rest."""
+ONE_BODY = 0.05
+"""Largest difference of the points of a rigid body, over its travel. A pressed specimen, of which half the
+height is in view, has 0.5 / sqrt(12) = 0.14."""
+PRESSED = 0.10
+"""Smallest difference of the points of a pressed specimen, over their travel."""
+ALONG_AXIS = 0.9
+"""Smallest share of a motion along an axis of the program, for that axis to be the test's: 26 degrees off."""
+CLEARLY = 3.0
+"""How many times larger one motion must be than the other one that could be meant."""
+ARC = 0.088
+"""Depth over width of a patch that shows a cylinder's curvature: an arc of 20 degrees to each side has
+tan(10 degrees) / 2."""
+FEWEST_OF_CYLINDER = 30
+"""Fewest points that a cylinder is fitted to."""
+PLAUSIBLE = (0.5e-3, 0.5)
+"""Largest extent of a specimen's points, if their unit is right [m]."""
+_AXES = "XYZ"
+
+
+@dataclass(frozen=True)
+class SeriesOfExports:
+    """One file a frame."""
+
+    pattern: str
+    """The files, as a shot file names them from its folder."""
+    program: str
+    """Key of `LAYOUTS`."""
+    unit: str
+    """Unit of its lengths; empty if it is not known."""
+    why_unit: str
+    """Where the unit comes from, in words."""
+    export: DicExport
+    """Its points."""
+
+    @property
+    def motion(self) -> FloatArray:
+        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]; else 0."""
+        if not self._complete.any():
+            return np.zeros((len(self.export.u), 3))
+        return np.asarray(self.export.u[:, self._complete].mean(axis=1))
+
+    @property
+    def one_body(self) -> bool | None:
+        """Whether it moves as a rigid body; None if that is not clear."""
+        u = self.export.u[:, self._complete]
+        if u.shape[1] < 2:
+            return None
+        travel = np.linalg.norm(u.mean(axis=1), axis=1)
+        frame = int(np.argmax(travel))
+        if travel[frame] == 0.0:
+            return None
+        spread = float(np.linalg.norm(u[frame].std(axis=0))) / float(travel[frame])
+        return True if spread < ONE_BODY else (False if spread > PRESSED else None)
+
+    @property
+    def _complete(self) -> np.ndarray:
+        return np.asarray((self.export.state == PointState.VALID).all(axis=0))
+
+
+@dataclass(frozen=True)
+class SurfaceSurvey:
+    """The exports of a folder by their part in a shot."""
+
+    specimen: SeriesOfExports | None = None
+    """Points of the specimen."""
+    flyer: SeriesOfExports | None = None
+    """Points of the flyer."""
+    files: frozenset[Path] = frozenset()
+    """Every file of a series that has a program's headings."""
+    doubtful: Mapping[str, str] = field(default_factory=dict)
+    """Pattern -> why it was not taken."""
+
+
+def survey_surfaces(folder: Path) -> SurfaceSurvey:
+    """Look for series of exports in a folder and all folders below it; nothing is written."""
+    doubtful: dict[str, str] = {}
+    files: set[Path] = set()
+    series = []
+    for pattern, paths in _numbered(folder):
+        programs = programs_of(paths[0])
+        if not programs:
+            continue
+        files |= set(paths)
+        if "*" not in pattern:
+            doubtful[pattern] = "it and files like it differ in several numbers: name them by frame alone"
+            continue
+        if len(programs) > 1:
+            doubtful[pattern] = f"its headings are those of {' and '.join(programs)}"
+            continue
+        try:
+            if set(matching(folder, pattern)) != set(paths):
+                doubtful[pattern] = "other files have such names too: put each series into a folder"
+                continue
+            series.append(_read(pattern, paths, next(iter(programs.items()))))
+        except InputError as error:
+            doubtful[pattern] = error.message
+    if len(series) == 1:  # the flyer alone has no place in a shot
+        return SurfaceSurvey(series[0], None, frozenset(files), doubtful)
+    parts = {part: [s for s in series if s.one_body is part] for part in (True, False, None)}
+    for one in parts[None]:
+        doubtful[one.pattern] = (
+            "its points that are valid in every frame move neither as one body nor as a pressed specimen"
+        )
+    for part, words in ((True, "the flyer"), (False, "the specimen")):
+        if len(parts[part]) > 1:
+            names = ", ".join(one.pattern for one in parts[part])
+            doubtful |= {
+                one.pattern: f"could be {words}, and so could each of {names}" for one in parts[part]
+            }
+    chosen = {part: found[0] for part, found in parts.items() if len(found) == 1}
+    return SurfaceSurvey(chosen.get(False), chosen.get(True), frozenset(files), doubtful)
+
+
+def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
+    """Pattern and files of each series; the first file's name where the names differ in several numbers."""
+    groups: dict[tuple[Path, str], list[Path]] = {}
+    if not folder.is_dir():
+        return
+    for path in sorted(folder.rglob("*")):
+        below = path.relative_to(folder)
+        hidden = any(part.startswith(".") for part in below.parts)
+        if path.suffix.lower() in SUFFIXES and not hidden and below.parts[0] != "results" and path.is_file():
+            groups.setdefault((path.parent, re.sub(r"\d+", "0", path.name)), []).append(path)
+    for paths in groups.values():
+        numbers = [re.findall(r"\d+", path.stem) for path in paths]
+        varied = [i for i in range(len(numbers[0])) if len({group[i] for group in numbers}) > 1]
+        if len(paths) < FEWEST:
+            continue
+        if len(varied) != 1:
+            yield paths[0].relative_to(folder).as_posix(), paths
+            continue
+        pieces = re.split(r"\d+", paths[0].name)
+        numbers_of_first = re.findall(r"\d+", paths[0].name)
+        numbers_of_first[varied[0]] = "*"
+        name = glob.escape(pieces[0])
+        for number, piece in zip(numbers_of_first, pieces[1:], strict=True):
+            name += number + glob.escape(piece)
+        place = glob.escape(paths[0].parent.relative_to(folder).as_posix())
+        yield (name if place == "." else f"{place}/{name}"), paths
+
+
+def _read(pattern: str, paths: list[Path], found: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
+    """The points of a series, with its unit: that of the headings, else mm if the size of the points fits."""
+    program, stated = found
+    export = read(paths, program)
+    if stated:
+        return SeriesOfExports(
+            pattern, program, stated[0] if len(stated) == 1 else "", "the headings state it", export
+        )
+    extent = float(np.ptp(export.X, axis=0).max())
+    size = f"{1e3 * extent:.3g}"
+    if PLAUSIBLE[0] <= extent <= PLAUSIBLE[1]:
+        why = f"the headings state none: mm, the program's usual one; the points span {size} in it"
+        return SeriesOfExports(pattern, program, "mm", why, export)
+    return SeriesOfExports(
+        pattern, program, "", f"the headings state none, and the points span {size} in it", export
+    )
+
+
+def axis_toward_flyer(found: SurfaceSurvey) -> tuple[str, str] | None:
+    """The program's axis toward the flyer and how it shows, or None if no motion shows it."""
+    if found.flyer is not None:
+        motion = found.flyer.motion
+        way = motion[int(np.argmax(np.linalg.norm(motion, axis=1)))]
+        along = int(np.argmax(np.abs(way)))
+        if np.abs(way[along]) < ALONG_AXIS * np.linalg.norm(way):
+            return None
+        toward = f"{'-' if way[along] > 0.0 else '+'}{_AXES[along]}"
+        return toward, f"the flyer moves along {_opposite(toward)}"
+    if found.specimen is None:
+        return None
+    export, motion = found.specimen.export, found.specimen.motion
+    frame = int(np.argmax(np.linalg.norm(motion, axis=1)))
+    valid = export.state[frame] == PointState.VALID
+    X, u = export.X[valid], export.u[frame, valid]
+    extent = np.ptp(X, axis=0)
+    wide = extent > 0.2 * extent.max()  # along a shorter extent noise decides on the slope
+    slopes = np.array([np.polyfit(X[:, k], u[:, k], 1)[0] if wide[k] else 0.0 for k in range(3)])
+    along = int(np.argmin(slopes))
+    others = np.delete(slopes, along)
+    one_way = np.abs(u[:, along].mean()) > 0.25 * np.abs(u[:, along]).max()
+    if slopes[along] > -0.02 or CLEARLY * others.min() < slopes[along] or not one_way:
+        return None
+    toward = f"{'-' if u[:, along].mean() > 0.0 else '+'}{_AXES[along]}"
+    return toward, f"the specimen shortens along it, and its points move along {_opposite(toward)}"
+
+
+def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
+    """The program's axis toward the cameras and how it shows: the side that is in view bulges toward them."""
+    motion = series.motion
+    across = [k for k in range(3) if _AXES[k] != y[1]]
+    way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]
+    order = np.argsort(-np.abs(way))
+    large, small = way[order[0]], way[order[1]]
+    if large == 0.0 or np.abs(large) < CLEARLY * np.abs(small):
+        return None
+    toward = f"{'+' if large > 0.0 else '-'}{_AXES[across[int(order[0])]]}"
+    return toward, f"the surface bulges by {1e3 * abs(large):.2g} mm in the mean along it"
+
+
+def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
+    """The frames before a series moves, the reference among them; None if that is not clear.
+
+    The component of the mean motion that departs first ends the rest.
+    """
+    # The reference has no displacement, and no noise.
+    rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
+    first = min((quiet for quiet in rests if quiet), key=lambda quiet: quiet.count, default=None)
+    return None if first is None else QuietStretch(first.count + 1, first.level, first.scatter)
+
+
+def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
+    """Standard deviation of a point's position in its noisiest component [m]; None without noise.
+
+    It comes from the differences of neighbouring frames at rest.
+
+    ``count``: frames at rest, the reference among them.
+    """
+    steps = np.diff(series.export.u[1:count], axis=0)
+    if steps.shape[0] < 2:
+        return None
+    with np.errstate(invalid="ignore"):
+        found = float(np.sqrt(np.nanmean(steps**2, axis=(0, 1)) / 2.0).max())
+    return found if np.isfinite(found) and found > 0.0 else None
+
+
+def spacing(series: SeriesOfExports) -> float:
+    """Median distance from a point to its nearest neighbour at rest [m]."""
+    from scipy.spatial import cKDTree
+
+    distance, _ = cKDTree(series.export.X).query(series.export.X, k=2)
+    return float(np.median(distance[:, 1]))
+
+
+def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
+    """Whether the points at rest show the curvature of a cylinder, so that one can be fitted to them."""
+    extent = np.ptp(series.export.X, axis=0)
+    width = extent[next(k for k in range(3) if _AXES[k] not in (y[1], Z[1]))]
+    depth = extent[_AXES.index(Z[1])]
+    return bool(len(series.export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0)
+
+
+def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[str, str]]:
+    """Dotted key -> value of [surface], and dotted key -> remark: what the exports show, and how."""
+    series = found.specimen
+    if series is None:
+        return {}, {}
+    export = series.export
+    count = f"{len(export.paths)} files of {export.program}"
+    notes = {
+        "surface.pattern": f"{count}: frames {export.frame[0]} to {export.frame[-1]}, {len(export.X)} points"
+    }
+    if series.one_body is not False:
+        notes["surface.pattern"] += "; do they show the specimen? They do not clearly shorten"
+    values: dict[str, str | None] = {
+        "surface.pattern": f'"{series.pattern}"',
+        "surface.program": f'"{series.program}"',
+        "surface.unit": f'"{series.unit}"',
+    }
+    notes["surface.unit"] = series.why_unit
+    y = axis_toward_flyer(found)
+    Z = axis_toward_cameras(series, y[0]) if y else None
+    for key, axis in (("y", y), ("Z", Z)):
+        values[f"surface.{key}"] = f'"{axis[0] if axis else ""}"'
+        notes[f"surface.{key}"] = axis[1] if axis else "the motion of the points does not show it clearly"
+    values |= {"surface.frame": '""', "surface.origin": '["", "", ""]'}
+    low, high = 1e3 * series.export.X.min(axis=0), 1e3 * series.export.X.max(axis=0)
+    spans = ", ".join(f"{_AXES[k]} from {low[k]:.3g} to {high[k]:.3g} mm" for k in range(3))
+    notes["surface.origin"] = f"the points at rest have {spans}"
+    if y and Z:
+        cylinder = shows_cylinder(series, y[0], Z[0])
+        values["surface.frame"] = '"cylinder"' if cylinder else '"declared"'
+        notes["surface.frame"] = (
+            "the points show the curve of the side: the axis by best fit"
+            if cylinder
+            else "the points are too few, or too near to one line, for the fit of a cylinder"
+        )
+        along = _AXES.index(y[0][1])
+        end = (low if y[0][0] == "+" else high)[along]
+        example = ", ".join(f'"{end:.3g} mm"' if k == along else '"0 mm"' for k in range(3))
+        notes["surface.origin"] += (
+            f"; with a best fit only {y[0][1]} counts, e.g. [{example}] at the end of the points"
+            if cylinder
+            else f"; the end at the platen is near {y[0][1]} = {end:.3g} mm"
+        )
+    wide = two_figures(1.5 * spacing(series))
+    values["surface.half_width"] = f'"{1e3 * wide:.4g} mm"'
+    notes["surface.half_width"] = "1.5 times the distance of the points: one to three columns of them"
+    quiet = quiet_frames(series)
+    sigma = scatter_at_rest(series, quiet.count) if quiet else None
+    values["surface.sigma"] = f'"{1e6 * two_figures(sigma):.4g} um"' if sigma else '""'
+    notes["surface.sigma"] = "scatter of the frames at rest" if sigma else "no frames at rest show it"
+    if found.flyer is not None:
+        still = quiet_frames(found.flyer)
+        size = f"{1e6 * two_figures(still.scatter):.4g} um" if still else ""
+        values["surface.flyer"] = f'{{ pattern = "{found.flyer.pattern}", sigma = "{size}" }}'
+        notes["surface.flyer"] = (
+            "it moves as one body; sigma is the scatter of its mean motion at rest"
+            if still
+            else "it moves as one body; no frames at rest show its sigma"
+        )
+    return values, notes
+
+
+def first_motion(found: SurfaceSurvey) -> tuple[int, str] | None:
+    """Number of the first frame in which specimen or flyer moves, and the files that show it, or None.
+
+    The specimen rests until the flyer moves, so that the earlier of both is safe. None without a clear rest
+    of the specimen.
+    """
+    if found.specimen is None or quiet_frames(found.specimen) is None:
+        return None
+    firsts = [
+        (int(one.export.frame[quiet.count]), one.pattern)
+        for one in (found.specimen, found.flyer)
+        if one is not None and (quiet := quiet_frames(one)) is not None
+    ]
+    return min(firsts)
+
+
+def _opposite(axis: str) -> str:
+    return f"{'-' if axis[0] == '+' else '+'}{axis[1]}"
