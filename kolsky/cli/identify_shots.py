@@ -154,7 +154,8 @@ def _verdict_line(result: "JointResult") -> str:
 def _excesses(fits: "Sequence[FitQuality]") -> str:
     """Residuals over what a right model leaves, whole and slow, of several channels."""
     return ", ".join(
-        f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g}){'' if fit.explained else ': NOT EXPLAINED'}"
+        f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
+        f"{'' if fit.explained else ': NOT EXPLAINED'}"
         for fit in fits
     )
 

@@ -1,18 +1,18 @@
 """Do the shared values explain every shot, channel and slow test, and do the shots agree?
 
-The residual of each is judged with the reference of a single shot (`kolsky.diagnosis.fit_quality`): what noise,
-inputs, mesh and declared uncertainties leave once the shared unknowns have followed. A shot's own part of the
-scatter is taken out first.
+The residual of each is judged with the reference of a single shot (`kolsky.diagnosis.fit_quality`): what
+noise, inputs, mesh and declared uncertainties leave once the shared unknowns have followed. A shot's own part
+of the scatter is taken out first.
 
-Whether the shots agree is judged by the stiffness that each asks for by itself. Linear about the joint optimum,
-with the residual r = prediction less data of one shot and the change u of its data by a relative change of its
-stiffness,
+Whether the shots agree is judged by the stiffness that each asks for by itself. Linear about the joint
+optimum, with the residual r = prediction less data of one shot and the change u of its data by a relative
+change of its stiffness,
 
     a = -u C^-1 r / (u C^-1 u),    Q = sum_k (a_k - mean)^2 / v_k,
 
-where C holds the noise, the shot's own patterns, its mesh error and the discrepancy of what a leaves. Q has the
-distribution of chi-square with n - 1 degrees of freedom where the shots agree. The bulk modulus stays as it is:
-two specimens of one material differ in stiffness, not in compressibility.
+where C holds the noise, the shot's own patterns, its mesh error and the discrepancy of what a leaves. Q has
+the distribution of chi-square with n - 1 degrees of freedom where the shots agree. The bulk modulus stays as
+it is: two specimens of one material differ in stiffness, not in compressibility.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ from kolsky.uncertainty.mesh_error import MeshChange
 SLOW_TEST_LIMIT = 3.0
 """Largest residual of a slow test over what a right model leaves [-]: that of the force's bins."""
 UNLIKELY = 2.7e-3
-"""Probability of the shots' differences below which they disagree, that of three standard deviations; each of
-the three tests takes a third of it."""
+"""Probability of the shots' differences below which they disagree, that of three standard deviations; each
+of the three tests takes a third of it."""
 LEAST_RATIO = 1.05
-"""Stiffness of one shot over another's from which on they disagree where no scatter is in the interval [-]: on
-coarse meshes right shots of other speeds differ by up to 3 %."""
+"""Stiffness of one shot over another's from which on they disagree where no scatter is in the interval [-]:
+on coarse meshes right shots of other speeds differ by up to 3 %."""
 LARGEST_RATIO = 1.5
 """Stiffness of one shot over another's beyond which they are no specimens of one material that scatter [-].
 Cast specimens of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity,
@@ -258,8 +258,8 @@ def own_stiffness(
     """Relative stiffness that a shot asks for beyond the shared one, and its standard uncertainty [-].
 
     ``one``: the shot. ``residual``: prediction less data, shape [k]. ``change``: of its data by a relative
-    change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a row,
-    [n, k]. ``channel``: "joint", "force" or "outline". NaN where nothing of it was measured.
+    change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a
+    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN where nothing of it was measured.
     """
     objective, amount, variance = one.objective, 0.0, float("nan")
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
@@ -287,8 +287,8 @@ def shot_agreement(
     All data, the force and the outline are tested by themselves: the weights of a fit let a channel that
     disagrees in one shot count for little. The channel that is least likely is given where one contradicts.
 
-    ``names``: of the shots. ``own``: what each asks for. ``scatter``: whether a scatter between them is in the
-    interval: only what is no scatter of specimens contradicts then.
+    ``names``: of the shots. ``own``: what each asks for. ``scatter``: whether a scatter between them is in
+    the interval: only what is no scatter of specimens contradicts then.
     """
     tested = []
     for channel, value, sigma in (

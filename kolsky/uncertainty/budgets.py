@@ -197,11 +197,11 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A constant of the material has one row, what is a shot's own a row for each shot. The scale of the curve is
-    none of them: m takes it up whole.
+    A constant of the material has one row, what is a shot's own a row for each shot. The scale of the curve
+    is none of them: m takes it up whole.
 
-    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a moved input does not
-    complete.
+    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a moved input does
+    not complete.
     """
     changes: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]

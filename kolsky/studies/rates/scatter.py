@@ -24,7 +24,7 @@ POWER = 0.9
 QUANTILES = 400
 """Quantiles of an estimated uncertainty; a power by so many is right to a thousandth."""
 MOST_FREEDOM = 1e4
-"""Degrees of freedom from which on Student's t is the normal distribution, to four digits of its quantiles."""
+"""Degrees of freedom from which on Student's t is normal, to four digits of its quantiles."""
 
 
 @dataclass(frozen=True)
@@ -252,9 +252,9 @@ LARGEST_LEVERAGE = 0.9
 LARGEST_HALF_WIDTH = 1.0
 """Largest half width of the slope's interval per decade, over the mean stiffness."""
 TREND_SHARE = 0.5
-"""Share of the variance of a shot's mesh error that goes with the logarithm of its rate. The error is a smooth
-function of the rate: a constant, which all shots have, and a trend. Simulations of one test do not separate the
-two, so that each has half."""
+"""Share of the variance of a shot's mesh error that goes with the logarithm of its rate. The error is a
+smooth function of the rate: a constant, which all shots have, and a trend. Simulations of one test do not
+separate the two, so that each has half."""
 
 
 class SlopeVerdict(StrEnum):

@@ -394,7 +394,7 @@ def test_each_slow_tests_specimen_scatters_too() -> None:
 
 @pytest.mark.parametrize("scatter", [0.0, 0.03, 0.2])
 def test_equal_shots_and_slow_tests_with_a_scatter(scatter: float) -> None:
-    """Two shots and one slow test see ln m with the variances v: u^2 = (v + s^2) / 3, whatever v of one is."""
+    """Two shots and one slow test see ln m with the variances v: u^2 = (v + s^2) / 3."""
     v = 0.01**2
     pair = tuple(shot(np.ones(4), np.zeros(0), sigma=2.0 * 0.01) for _ in range(2))
     stack = Stack(pair, np.ones(1), np.array([0.01]), known=0)
