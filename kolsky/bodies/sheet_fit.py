@@ -226,8 +226,7 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
     taken relative to their values: with Pa and pure numbers beside each other an eigenvector has no meaning.
 
     ``slopes``: du/dm of every nodal displacement, shape [p, n]. ``mass``: mass matrix of the whole domain,
-    sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p]. Raises ValueError if a
-    constant is zero or no constant moves a displacement.
+    sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p].
     """
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: choose the value for which the test is planned")
@@ -267,7 +266,6 @@ class FieldFit:
     """Constants of a sheet, and what the data say of them."""
 
     problem: FieldProblem
-    """What was fitted."""
     constants: Constants
     """The law with the fitted values in place."""
     cost: Cost
@@ -379,10 +377,7 @@ class FieldFit:
 
 
 def fit_field(problem: FieldProblem) -> FieldFit:
-    """Fit a sheet by Newton's method, Eq. (K.17).
-
-    Raises ValueError if the simulation at the start fails, or the data do not determine the constants.
-    """
+    """Fit a sheet by Newton's method, Eq. (K.17)."""
     low, high = problem.constants.bounds
     free = problem.constants.start
     here = problem.cost(free)
