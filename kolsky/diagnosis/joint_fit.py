@@ -300,7 +300,7 @@ def shot_agreement(
         s = np.array([getattr(one, sigma) for one in own])
         use = np.flatnonzero(np.isfinite(a) & np.isfinite(s) & (s > 0.0))
         if len(use) >= 2:
-            kept = [names[k] for k in use]
+            kept = [names[k] for k in use.tolist()]
             tested.append(_agreement(kept, a[use], s[use], channel, scatter=scatter))
     apart = [one for one in tested if one.apart]
     return min(apart or tested, key=lambda one: one.probability, default=None)

@@ -119,8 +119,8 @@ class ShotAgreement:
         by = f"the {self.channel} by itself" if self.channel else "all data"
         return (
             f"{who} {verb} by {by}: the stiffest shot asks for {self.ratio:.3g} "
-            f"times the softest's stiffness ({numbers}); check the sensitivity of the force, the reference curve "
-            "and the specimen of these shots, or identify each by itself"
+            f"times the softest's stiffness ({numbers}); check the sensitivity of the force, the reference "
+            "curve and the specimen of these shots, or identify each by itself"
         )
 
 
