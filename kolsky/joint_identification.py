@@ -22,6 +22,14 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.base.process import one_blas_thread
+from kolsky.diagnosis.joint_fit import (
+    joint_fit_warnings,
+    joint_fits,
+    joint_verdict,
+    own_stiffnesses,
+    residual_changes,
+    shot_agreement,
+)
 from kolsky.diagnosis.relaxation import (
     choice_with_mesh_error,
     choose_model,
@@ -35,6 +43,7 @@ from kolsky.inverse.joint_result import (
     JointResult,
     JointSettings,
     ModelChoice,
+    OwnStiffness,
     ShotPart,
     Slow,
     as_not_seen,
@@ -54,7 +63,7 @@ from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
 from kolsky.inverse.result import Estimate
 from kolsky.inverse.work import Progress
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.budgets import declared_parts
+from kolsky.uncertainty.budgets import declared_changes, declared_parts
 from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts
 from kolsky.uncertainty.warnings import lost_mesh_runs
 
@@ -81,16 +90,19 @@ def joint_result(
     plain = np.diag(np.linalg.inv(known))
     between = np.zeros(len(found.x))
     if any(SCATTER in one.own for one in stack.shots):
-        between = np.maximum(plain - _without(stack, problem, found, SCATTER), 0.0)
+        between = np.maximum(
+            plain - _without(replace(stack, slow_scatter=None), problem, found, SCATTER), 0.0
+        )
     curves = np.zeros(len(found.x))
     if stack.curve is not None:
         bare = replace(stack, curve=None)
         curves = np.maximum(plain - _without(bare, problem, found, ""), 0.0)
+    declared = declared_changes(problem, found)
     noise = {
         "force and shape": np.sqrt(np.maximum(np.diag(cov) - between - curves, 0.0)),
         "scatter between shots": np.sqrt(between),
         "material curve": np.sqrt(curves),
-        **declared_parts(problem, found, gain),
+        **declared_parts(problem, found, gain, declared),
     }
     mesh = joint_mesh_change(problem, found)
     numerical = numerical_parts(mesh, gain)
@@ -110,8 +122,28 @@ def joint_result(
     choice = None if choice is None else choice_with_mesh_error(choice, shared)
     if choice is not None and not choice.asked_for:
         shared = {name: as_not_seen(e) for name, e in shared.items()}
+    parts = _shot_parts(problem, found, whitening.precision(residual), objectives)
+    size = 0.0 if found.scatter is None else found.scatter.value
+    fits, slow_fits = joint_fits(
+        problem,
+        found,
+        gain=gain,
+        whitening=whitening,
+        objectives=objectives,
+        changes=residual_changes(problem, mesh, declared),
+        own=[_amount(part, problem, found, size) for part in parts],
+    )
+    own: tuple[OwnStiffness | None, ...] = (None,) * len(parts)
+    agreement = None
+    if MOVED in unknowns.names or unknowns.nodes:
+        own = asked = own_stiffnesses(problem, found, mesh, declared)
+        agreement = shot_agreement([part.name for part in parts], asked, scatter=size > 0.0)
+    parts = tuple(replace(p, fit=f, own=o) for p, f, o in zip(parts, fits, own, strict=True))
+    everything = (*(fit for one in fits for fit in one), *slow_fits)
+    shared = {name: joint_verdict(e, everything, agreement) for name, e in shared.items()}
+    bodies = len(stack.shots) + (0 if stack.slow_scatter is None else len(stack.slow_scatter))
     half = {
-        name: expanded_scatter(e.sigma, e.noise_parts["scatter between shots"], len(stack.shots))
+        name: expanded_scatter(e.sigma, e.noise_parts["scatter between shots"], bodies)
         for name, e in shared.items()
     }
     sizes = np.sqrt(np.diag(cov))
@@ -122,7 +154,7 @@ def joint_result(
         fixed=held,
         correlation=(cov / np.outer(sizes, sizes))[:n, :n],
         expanded=half,
-        shots=_shot_parts(problem, found, whitening.precision(residual), objectives),
+        shots=parts,
         scatter=found.scatter,
         slow=_slow_misfits(problem, found.vector),
         choice=choice,
@@ -133,11 +165,20 @@ def joint_result(
         refined_mesh=problem.settings.refined_mesh,
         runs=problem.runs.made,
         warnings=(
+            *joint_fit_warnings([part.name for part in parts], fits, slow_fits, agreement),
             *said,
             *lost_mesh_runs(mesh.lost, problem.mesh.mesh),
             *_joint_warnings(problem, found, choice, shared),
         ),
+        slow_fit=slow_fits,
+        agreement=agreement,
     )
+
+
+def _amount(part: ShotPart, problem: JointProblem, found: Optimum, scatter: float) -> float:
+    """A shot's own part of the scatter, in standard deviations."""
+    m = float(problem.values(found.x).get(MOVED, 1.0))
+    return (part.factor / m - 1.0) / scatter if scatter > 0.0 else 0.0
 
 
 def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
@@ -202,15 +243,13 @@ def _shot_unknown(row: FloatArray, pull: FloatArray, objective: Objective) -> tu
 
 
 def _slow_misfits(problem: JointProblem, vector: FloatArray) -> Mapping[str, float]:
-    stack, found = problem.stack, {}
-    start = stack.ends[-1]
-    for one in problem.slow:
-        n = int(np.isfinite(one.sigma).sum())
-        part = slice(start, start + n)
-        sigma = stack.slow_sigma[start - stack.ends[-1] :][:n]
-        found[one.label] = float((((vector - stack.data)[part] / sigma) ** 2).mean())
-        start += n
-    return found
+    stack = problem.stack
+    squares = (vector - stack.data)[stack.ends[-1] :][: len(stack.slow)] / stack.slow_sigma
+    first = stack.ends[-1]
+    return {
+        label: float((squares[part.start - first : part.stop - first] ** 2).mean())
+        for label, part in problem.slow_parts()
+    }
 
 
 def _free_curve(

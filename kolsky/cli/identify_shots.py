@@ -11,6 +11,7 @@ from kolsky.cli import texts
 
 if TYPE_CHECKING:
     from kolsky.inverse.joint_result import JointResult, JointSettings
+    from kolsky.inverse.result import FitQuality
     from kolsky.inverse.settings import Settings
 
 
@@ -134,7 +135,29 @@ def answer_lines(result: "JointResult") -> list[str]:
         lines.append(f"scatter between shots = {size:.2g} % (95 %: {low:.2g} to {high:.2g} %)")
     if result.choice is not None:
         lines.append(result.choice.sentence)
+    lines.append(_verdict_line(result))
     return lines
+
+
+def _verdict_line(result: "JointResult") -> str:
+    """The verdict on the whole, with the largest residual over what a right model leaves."""
+    fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
+    fits += [(fit.channel, fit) for fit in result.slow_fit]
+    if not fits:
+        return f"verdict: {result.verdict}"
+    name, worst = max(fits, key=lambda one: one[1].excess / one[1].limit)
+    if worst.limit == float("inf"):
+        return "verdict: the fit was not judged (no replicates of the flyer's noise)"
+    return f"verdict: {result.verdict} (largest residual over expected: {worst.excess:.2g} of {name})"
+
+
+def _excesses(fits: "Sequence[FitQuality]") -> str:
+    """Residuals over what a right model leaves, whole and slow, of several channels."""
+    return ", ".join(
+        f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
+        f"{'' if fit.explained else ': NOT EXPLAINED'}"
+        for fit in fits
+    )
 
 
 def _result_rows(result: "JointResult") -> dict[str, Any]:
@@ -150,7 +173,16 @@ def _result_rows(result: "JointResult") -> dict[str, Any]:
             f"m = {p.factor:.4f}, chi2/n force {p.chi2_force:.3g}, outline {p.chi2_outline:.3g}, late by "
             f"{1e6 * p.clock:.2g} us, gain {100.0 * p.gain:+.2g} %"
         )
+        if p.own is not None:
+            rows[f"{p.name}, by itself"] = (
+                f"stiffness {100.0 * p.own.value:+.2g} +- {200.0 * p.own.sigma:.2g} % from the shared (k = 2)"
+            )
+        if p.fit:
+            rows[f"{p.name}, residual over expected"] = _excesses(p.fit)
     rows |= {f"{name}, chi2/n": value for name, value in result.slow.items()}
+    rows |= {f"{fit.channel}, residual over expected": _excesses((fit,)) for fit in result.slow_fit}
+    if result.agreement is not None:
+        rows["agreement of the shots"] = result.agreement.sentence
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):

@@ -108,14 +108,14 @@ def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
         rows[f"{prefix}U = 2s"] = f"{2.0 * group.pooled.scatter:.2g}"
     line = group.slope
     if line is not None:
-        rows[f"{prefix}slope"] = line.verdict.value
+        refused = bool(line.reasons)
+        rows[f"{prefix}slope"] = line.verdict.value if refused else line.sentence
         for number, reason in enumerate(line.reasons, start=1):
             rows[f"{prefix}because {number}"] = reason
-        if line.fit is not None:
+        if line.fit is not None and refused:
             low, high = line.fit.interval(1)
-            name = "not supported: slope" if line.reasons else "line"
             middle = float(line.fit.coefficients[1])
-            rows[f"{prefix}{name}"] = f"{middle:.3g} per decade, 95 % {low:.3g} to {high:.3g}"
+            rows[f"{prefix}not supported: slope"] = f"{middle:.3g} per decade, 95 % {low:.3g} to {high:.3g}"
     if group.long_lever is not None:
         lever = group.long_lever
         rows[f"{prefix}from quasi-static"] = (

@@ -121,6 +121,31 @@ def fit_quality(
     left = {source: left_over(change, jacobian, gain) for source, change in changes.items()}
     spread = objective.spread(gain)
     weights = information_shares(gain, spread, {c: _mask(objective, c) for c in (FORCE, OUTLINE)})
+    return channel_fits(objective, vector, left=left, weights=weights, names=names, judged=FLYER in changes)
+
+
+def channel_fits(
+    objective: Objective,
+    vector: FloatArray,
+    *,
+    left: Mapping[str, FloatArray],
+    weights: Mapping[str, FloatArray],
+    names: tuple[str, ...],
+    judged: bool,
+) -> tuple[FitQuality, ...]:
+    """Judge the residual of each measured channel beside what each source leaves of it.
+
+    Parameters
+    ----------
+    objective, vector, names
+        As of `fit_quality`.
+    left
+        By source, what the free parameters do not absorb of its changes, shape [n, k] or [k].
+    weights
+        By channel, its share of the information on each parameter.
+    judged
+        Whether limits are set.
+    """
     residual = objective.data - vector
     found = []
     for channel, unit in ((FORCE, "N"), (OUTLINE, "m")):
@@ -150,8 +175,8 @@ def fit_quality(
                 correlation=correlation,
                 whiteness=whiteness,
                 weight=dict(zip(names, weights[channel].tolist(), strict=False)),
-                limit=LIMITS[channel] if FLYER in changes else inf,
-                slow_limit=SLOW_LIMITS[channel] if FLYER in changes else inf,
+                limit=LIMITS[channel] if judged else inf,
+                slow_limit=SLOW_LIMITS[channel] if judged else inf,
             )
         )
     return tuple(found)
@@ -274,7 +299,7 @@ much where the ringing is weak. Of 18 made tests that were looked at the one tha
 18, the others have 61 to 690 (docs/validation/coverage.md)."""
 EDGE = 1e-4
 """A value this close to an end of the box that was searched, as a share of it, lies there."""
-UNITS = {"N": (1.0, "N"), "m": (1e6, "um")}
+UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}
 """Factor and unit in which a residual is written."""
 
 
@@ -407,7 +432,7 @@ def _uninformative_channels(result: Identification) -> Iterator[str]:
 
 
 def unexplained(channel: FitQuality) -> str:
-    """The reason why a fit is refused, in numbers."""
+    """The reason why a fit is refused, in numbers; that of a slow test is in units of its sigma."""
     factor, unit = UNITS[channel.unit]
     reasons = []
     if not channel.excess <= channel.limit:

@@ -78,6 +78,8 @@ class Stack:
     """Changes of the shots' counted entries by one standard deviation of what several share, [n, K]."""
     curve: FloatArray | None = None
     """The same of the slow curves' noise, slow tests behind the shots, [n, K + s]."""
+    slow_scatter: FloatArray | None = None
+    """The same of each slow test's own stiffness: its specimen scatters as those of the shots do."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -117,7 +119,7 @@ class Stack:
             rows.append(np.zeros((len(objective.common), len(sigma))))
             rows[-1][:, start:end] = objective.common
             start = end
-        for shared in (self.common, self.curve):
+        for shared in (self.common, self.curve, self.slow_scatter):
             if shared is not None:
                 rows.append(np.pad(shared, ((0, 0), (0, len(sigma) - shared.shape[1]))))
         if more is not None:
@@ -273,6 +275,15 @@ class JointProblem:
         }
         law = self.runs.forwards[0].laws[curve]
         return slow_predicted(self.slow, law, self.first.shot.relaxation, values)
+
+    def slow_parts(self) -> list[tuple[str, slice]]:
+        """Label of each slow test and its entries of the whole vector."""
+        start, found = self.stack.ends[-1], []
+        for one in self.slow:
+            n = int(np.isfinite(one.sigma).sum())
+            found.append((one.label, slice(start, start + n)))
+            start += n
+        return found
 
     def values(self, x: FloatArray) -> Mapping[str, float]:
         """Parameters by name at a point: free and held ones."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.result import Estimate, FitQuality, Verdict
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.relaxation.evidence import Evidence
 
@@ -69,6 +69,62 @@ class JointSettings:
 
 
 @dataclass(frozen=True)
+class OwnStiffness:
+    """The stiffness that one shot asks for by itself, relative to the shared one, by one linear step."""
+
+    value: float
+    """By all its data [-]: 0 where it is the shared one."""
+    sigma: float
+    """Standard uncertainty of its own, what shots share left out [-]."""
+    force: float
+    """By its force [-]; NaN where that does not see it."""
+    sigma_force: float
+    """Its standard uncertainty [-]."""
+    outline: float
+    """By its outline [-]; NaN where none was measured."""
+    sigma_outline: float
+    """Its standard uncertainty [-]."""
+
+
+@dataclass(frozen=True)
+class ShotAgreement:
+    """Whether the shots ask for one stiffness."""
+
+    chi2: float
+    """Sum of squared distances from their weighted mean, each over its variance [-]."""
+    freedom: int
+    """Degrees of freedom, shots less one."""
+    probability: float
+    """Probability of one at least so large where the shots agree [-]."""
+    ratio: float
+    """Stiffness that the stiffest shot asks for over that of the softest [-]."""
+    shots: tuple[str, ...]
+    """The shot that contradicts the others, both of two; empty where none does."""
+    channel: str
+    """The channel that shows it by itself; "" where it is all data together, or none contradicts."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether a shot contradicts the others."""
+        return bool(self.shots)
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        numbers = f"chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom"
+        if not self.apart:
+            return f"the stiffest shot asks for {self.ratio:.3g} times the softest's stiffness ({numbers})"
+        who = " and ".join(self.shots)
+        verb = "contradict each other" if len(self.shots) > 1 else "contradicts the other shots"
+        by = f"the {self.channel} by itself" if self.channel else "all data"
+        return (
+            f"{who} {verb} by {by}: the stiffest shot asks for {self.ratio:.3g} "
+            f"times the softest's stiffness ({numbers}); check the sensitivity of the force, the reference "
+            "curve and the specimen of these shots, or identify each by itself"
+        )
+
+
+@dataclass(frozen=True)
 class ShotPart:
     """One shot in a joint identification."""
 
@@ -96,6 +152,10 @@ class ShotPart:
     """What the model leaves of the force's bins beyond their noise [N]."""
     discrepancy_outline: float
     """The same of the outline [m]."""
+    fit: tuple[FitQuality, ...] = ()
+    """Its channels' residuals beside what a right model leaves."""
+    own: OwnStiffness | None = None
+    """What it asks for by itself; None where nothing shared is the stiffness."""
 
 
 @dataclass(frozen=True)
@@ -181,6 +241,23 @@ class JointResult:
     """Simulations made, those found in the ledger not among them."""
     warnings: tuple[str, ...] = ()
     """What a reader must know."""
+    slow_fit: tuple[FitQuality, ...] = ()
+    """The slow tests' residuals beside what a right model leaves, in units of their sigma."""
+    agreement: ShotAgreement | None = None
+    """Whether the shots ask for one stiffness; None for one shot."""
+
+    @property
+    def explained(self) -> bool:
+        """Whether the shared values explain every shot, channel and slow test, and the shots agree."""
+        fits = (*(fit for shot in self.shots for fit in shot.fit), *self.slow_fit)
+        return all(fit.explained for fit in fits) and not (
+            self.agreement is not None and self.agreement.apart
+        )
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on the whole: "explained" or "withheld"."""
+        return "explained" if self.explained else "withheld"
 
 
 Slow = tuple[Evidence, ...]

@@ -29,6 +29,7 @@ from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
+from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Progress
 
 NODE_RANGE = 1.5
@@ -100,14 +101,22 @@ class Unknowns:
         return found
 
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
-        """Derivative of the data by the logarithm of the whole stiffness, shape [k].
+        """Derivative of the data by the logarithm of the shear stiffness, the bulk modulus held, shape [k].
+
+        K goes with m / (1 - 2 nu): where Poisson's ratio is free it follows by -(1 - 2 nu) / 2. Otherwise a
+        stiffer specimen would ring at another frequency.
 
         ``slopes``: by the unknowns, shape [k, d]. ``x``: where, shape [d].
         """
         if self.nodes:
-            return np.asarray(slopes[:, self.n_parameters :].sum(axis=1))
-        i = self.names.index(MOVED)
-        return np.asarray(slopes[:, i] * x[i])
+            found = slopes[:, self.n_parameters :].sum(axis=1)
+        else:
+            i = self.names.index(MOVED)
+            found = slopes[:, i] * x[i]
+        if VALLEY in self.names:
+            j = self.names.index(VALLEY)
+            found = found - slopes[:, j] * 0.5 * (1.0 - 2.0 * x[j])
+        return np.asarray(found)
 
 
 def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:

@@ -392,6 +392,8 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
     stack, residual = problem.stack, found.vector - problem.stack.data
     change = problem.unknowns.relative_stiffness(found.slopes, found.x)
     patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
+    slow = slow_stiffness(change, [part for _, part in problem.slow_parts()])
+    patterns = np.concatenate([patterns, slow])
     # Each shot's discrepancy is what is left once its own stiffness has followed.
     objectives = stack.weighed_beside(residual, patterns)
     # What the data do not see takes no freedom from them.
@@ -404,5 +406,14 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
             whole = np.zeros(len(one.kept))
             whole[one.kept] = row
             shots.append(replace(one, own={**one.own, SCATTER: whole}))
-        problem.stack = replace(stack, shots=tuple(shots))
+        of_slow = between.value * slow if len(slow) else None
+        problem.stack = replace(stack, shots=tuple(shots), slow_scatter=of_slow)
     return between
+
+
+def slow_stiffness(change: FloatArray, parts: Sequence[slice]) -> FloatArray:
+    """A row a slow test that sees the stiffness: a change of all data within its entries, [n, k]."""
+    rows = np.zeros((len(parts), len(change)))
+    for row, part in zip(rows, parts, strict=True):
+        row[part] = change[part]
+    return rows[np.abs(rows).any(axis=1)]

@@ -411,6 +411,7 @@ class Verdict(StrEnum):
     OUTLINE_ALONE = "identified by the outline alone"
     UNEXPLAINED = "not explained by the model"
     CONTRADICTED = "force and outline contradict each other"
+    SHOTS_CONTRADICT = "the shots contradict each other"
     AT_BOUND = "at a bound of the design"
     BOUND_REACHED = "not told from a bound of the design"
     OTHER_VALLEY = "not told from another valley of the misfit"

@@ -20,13 +20,47 @@ from kolsky.base.hdf5_records import (
     numbers,
     nxdata,
 )
-from kolsky.inverse.joint_result import CurveFound, JointResult, ModelChoice, Scatter, ShotPart, interval
+from kolsky.inverse.joint_result import (
+    CurveFound,
+    JointResult,
+    ModelChoice,
+    OwnStiffness,
+    Scatter,
+    ShotAgreement,
+    ShotPart,
+    interval,
+)
 from kolsky.inverse.parameters import reference_words
-from kolsky.results.hdf5 import ESTIMATE
+from kolsky.results.hdf5 import ESTIMATE, FIT
 
-FORMAT = Format("kolsky joint identification", version=4, readable=(3, 4))
+FORMAT = Format("kolsky joint identification", version=5, readable=(3, 4, 5))
 """Its first version is 3, that of an identification, whose records of a parameter it shares."""
 
+OWN = Record(
+    OwnStiffness,
+    COLLECTION,
+    {
+        "value": Floats("1"),
+        "sigma": Floats("1"),
+        "force": Floats("1"),
+        "sigma_force": Floats("1"),
+        "outline": Floats("1"),
+        "sigma_outline": Floats("1"),
+    },
+)
+AGREEMENT = Record(
+    ShotAgreement,
+    COLLECTION,
+    {
+        "chi2": Floats("1"),
+        "freedom": Integers("1"),
+        "probability": Floats("1"),
+        "ratio": Floats("1"),
+        "shots": Text("shots"),
+        "channel": Text(),
+        "sentence": Text(derived=True),
+    },
+)
 SHOT = Record(
     ShotPart,
     COLLECTION,
@@ -43,6 +77,8 @@ SHOT = Record(
         "chi2_outline": Floats("1", heading="chi2 per outline point"),
         "discrepancy_force": Floats("N", heading="discrepancy of the force"),
         "discrepancy_outline": Floats("m", heading="discrepancy of the outline"),
+        "fit": Parts(FIT, by="channel", since=5),
+        "own": Part(OWN, optional=True, since=5),
     },
 )
 SCATTER = Record(Scatter, COLLECTION, {"value": Floats("1"), "interval": Floats("1", "2", as_tuple=True)})
@@ -90,6 +126,9 @@ JOINT = Record(
         "refined_mesh": Integers("1", "2", as_tuple=True, key=None),
         "runs": Integers("1"),
         "warnings": Text("warnings"),
+        "slow_fit": Parts(FIT, by="channel", since=5),
+        "agreement": Part(AGREEMENT, optional=True, since=5),
+        "verdict": Text(derived=True),
     },
 )
 
@@ -132,7 +171,11 @@ def to_json(found: JointResult) -> dict[str, Any]:
 
 def tables(found: JointResult) -> dict[str, dict[str, Any]]:
     """Shared parameters, shots and, of a free curve, what the impacts ask for: named columns, SI."""
-    made = {"joint_parameters": _parameters(found), "joint_shots": SHOT.columns(found.shots)}
+    made = {
+        "joint_parameters": _parameters(found),
+        "joint_shots": {**SHOT.columns(found.shots), **_own_columns(found)},
+        "joint_fit": _fit_columns(found),
+    }
     return made if found.curve is None else {**made, "joint_curve": _curve(found.curve)}
 
 
@@ -149,6 +192,40 @@ def _parameters(found: JointResult) -> dict[str, list[Any]]:
         "lower end, 95 % (SI)": [low for low, _ in ends],
         "upper end, 95 % (SI)": [high for _, high in ends],
         "verdict": [e.outcome.value for e in rows],
+    }
+
+
+def _own_columns(found: JointResult) -> dict[str, list[float]]:
+    """What each shot asks for by itself, by all data and by each channel."""
+    headings = {
+        "value": "own stiffness over the shared, less 1 (1)",
+        "sigma": "sigma of it (1)",
+        "force": "by its force (1)",
+        "sigma_force": "sigma by its force (1)",
+        "outline": "by its outline (1)",
+        "sigma_outline": "sigma by its outline (1)",
+    }
+    nothing = float("nan")
+    return {
+        heading: [nothing if shot.own is None else getattr(shot.own, name) for shot in found.shots]
+        for name, heading in headings.items()
+    }
+
+
+def _fit_columns(found: JointResult) -> dict[str, list[Any]]:
+    """A row a channel of a shot, and a slow test: residual over what a right model leaves, and its limit."""
+    rows = [(shot.name, fit.channel, fit) for shot in found.shots for fit in shot.fit]
+    rows += [("slow test", fit.channel, fit) for fit in found.slow_fit]
+    return {
+        "of": [of for of, _, _ in rows],
+        "channel": [channel for _, channel, _ in rows],
+        "values (1)": [fit.values for *_, fit in rows],
+        "residual over expected (1)": [fit.excess for *_, fit in rows],
+        "at most (1)": [fit.limit for *_, fit in rows],
+        "slow residual over expected (1)": [fit.slow_excess for *_, fit in rows],
+        "at most, slow (1)": [fit.slow_limit for *_, fit in rows],
+        "chi2 over noise (1)": [fit.chi2 for *_, fit in rows],
+        "explained (0/1)": [int(fit.explained) for *_, fit in rows],
     }
 
 

@@ -194,30 +194,60 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
     return tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
 
 
-def declared_parts(problem: JointProblem, found: Optimum, gain: FloatArray) -> dict[str, FloatArray]:
+def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
+    """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
+
+    A constant of the material has one row, what is a shot's own a row for each shot. The scale of the curve
+    is none of them: m takes it up whole.
+
+    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a moved input does
+    not complete.
+    """
+    changes: dict[str, FloatArray] = {}
+    base = problem.predict("inputs", found.x[None], problem.mesh)[0]
+    shots = [p.forward.shot for p in problem.runs.prepared]
+    for key in _declared_keys(problem):
+        sigmas = np.array([shot.uncertainty.get(key, 0.0) for shot in shots])
+        if key == "curve_scale" and MOVED in problem.unknowns.names:
+            continue
+        if INPUTS[key].specimen:
+            changes[key] = _of_each(problem, _specimen_change(problem, found, base, sigmas, key))
+        elif key in ("Z_offset", "y_offset"):
+            changes[key] = _of_each(problem, _place_change(problem, sigmas, key))
+        elif _held_constant(problem, key):
+            changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
+    return changes
+
+
+def _declared_keys(problem: JointProblem) -> list[str]:
+    shots = [p.forward.shot for p in problem.runs.prepared]
+    return sorted({key for shot in shots for key, sigma in shot.uncertainty.items() if sigma > 0.0})
+
+
+def declared_parts(
+    problem: JointProblem, found: Optimum, gain: FloatArray, changes: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
     """Standard uncertainties of the unknowns by declared source, shape [d] each.
 
     ``problem``, ``found``: the problem and its optimum. ``gain``: linear map from a change of the data to the
-    move of the optimum, shape [d, k]. Raises ValueError if a run with a moved input does not complete.
+    move of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
     """
     parts: dict[str, FloatArray] = {}
-    base = problem.predict("inputs", found.x[None], problem.mesh)[0]
-    shots = [p.forward.shot for p in problem.runs.prepared]
-    names = sorted({key for shot in shots for key, sigma in shot.uncertainty.items() if sigma > 0.0})
-    for key in names:
-        sigmas = np.array([shot.uncertainty.get(key, 0.0) for shot in shots])
+    for key in _declared_keys(problem):
         if key == "curve_scale" and MOVED in problem.unknowns.names:
             # m times the curve is what the data see: the whole of it goes into m
+            sigmas = [p.forward.shot.uncertainty.get(key, 0.0) for p in problem.runs.prepared]
             i = problem.unknowns.names.index(MOVED)
             parts[key] = np.zeros(len(found.x))
-            parts[key][i] = float(sigmas.max()) * float(found.x[i])
-        elif INPUTS[key].specimen:
-            parts[key] = _specimen_part(problem, found, gain, base, sigmas, key)
-        elif key in ("Z_offset", "y_offset"):
-            parts[key] = _outline_place_part(problem, gain, sigmas, key)
-        elif _held_constant(problem, key):
-            parts[key] = _constant_part(problem, found, gain, base, float(sigmas.max()), key)
+            parts[key][i] = float(max(sigmas)) * float(found.x[i])
+        elif key in changes:
+            parts[key] = np.sqrt(((changes[key] @ gain.T) ** 2).sum(axis=0))
     return parts
+
+
+def _of_each(problem: JointProblem, change: FloatArray) -> FloatArray:
+    """A change of all data as a row for each shot, shape [n, k]."""
+    return np.array([problem.stack.of_shot(k, change) for k in range(len(problem.stack.shots))])
 
 
 def _held_constant(problem: JointProblem, key: str) -> bool:
@@ -229,8 +259,8 @@ def _held_constant(problem: JointProblem, key: str) -> bool:
     )
 
 
-def _constant_part(
-    problem: JointProblem, found: Optimum, gain: FloatArray, base: FloatArray, sigma: float, key: str
+def _constant_change(
+    problem: JointProblem, found: Optimum, base: FloatArray, sigma: float, key: str
 ) -> FloatArray:
     """A constant of the material that is held: moved in all shots together."""
     p = PARAMETERS[key]
@@ -239,12 +269,11 @@ def _constant_part(
     if value + step > p.allowed[1]:
         step = -step
     runs = _changed_runs(problem, problem.runs.prepared, {**problem.runs.held, key: value + step})
-    change = (_changed_vector(problem, runs, found.x) - base) / step
-    return np.abs(sigma * gain @ change)
+    return np.asarray(sigma * (_changed_vector(problem, runs, found.x) - base) / step)
 
 
-def _specimen_part(
-    problem: JointProblem, found: Optimum, gain: FloatArray, base: FloatArray, sigmas: FloatArray, key: str
+def _specimen_change(
+    problem: JointProblem, found: Optimum, base: FloatArray, sigmas: FloatArray, key: str
 ) -> FloatArray:
     """A length or the density of every shot's own specimen."""
     moved: list[PreparedShot] = []
@@ -262,7 +291,7 @@ def _specimen_part(
         shots = [prepared.forward.shot for prepared in problem.runs.prepared]
         heights = [height_follows(shot, sigma) for shot, sigma in zip(shots, sigmas.tolist(), strict=True)]
         change = change + _place_change(problem, np.array(heights), "y_offset")
-    return _in_quadrature(problem, gain, change)
+    return change
 
 
 def outlines_with_diameter(
@@ -280,11 +309,6 @@ def outlines_with_diameter(
             found[start:end] = outline_follows(change[start:end], sigma, diameter, n_force)
         start = end
     return found
-
-
-def _outline_place_part(problem: JointProblem, gain: FloatArray, sigmas: FloatArray, key: str) -> FloatArray:
-    """Axis or height of every shot's own outline."""
-    return _in_quadrature(problem, gain, _place_change(problem, sigmas, key))
 
 
 def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
@@ -310,12 +334,6 @@ def _outline_slope(seen: Observations) -> FloatArray:
             fit = np.polynomial.Polynomial.fit(line.y[rows], line.Z[rows], min(4, len(rows) - 1))
             found[rows] = fit.deriv()(line.y[rows])
     return found
-
-
-def _in_quadrature(problem: JointProblem, gain: FloatArray, change: FloatArray) -> FloatArray:
-    """Root of the sum over shots of the squared moves by each shot's part of a change, shape [d]."""
-    moves = [gain @ problem.stack.of_shot(k, change) for k in range(len(problem.stack.shots))]
-    return np.sqrt((np.array(moves) ** 2).sum(axis=0))
 
 
 def _changed_runs(

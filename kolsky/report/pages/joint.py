@@ -22,6 +22,7 @@ def render(result: JointResult) -> str:
         figures=draw_figures(JOINT.values(), result),
         facts=_facts(result),
         parameters=[_parameter(result, name) for name in result.estimates],
+        fits=_fits(result),
         shots=[_shot(result, k) for k in range(len(result.shots))],
     )
 
@@ -30,7 +31,9 @@ write_page = page_writer(render)
 
 
 def _facts(result: JointResult) -> list[tuple[str, str]]:
-    rows = []
+    rows = [("verdict", result.verdict)]
+    if result.agreement is not None:
+        rows.append(("agreement of the shots", result.agreement.sentence))
     reference = reference_words((*result.estimates, *result.fixed))
     if reference:
         rows.append(("what m refers to", reference))
@@ -84,4 +87,22 @@ def _shot(result: JointResult, k: int) -> dict[str, str]:
         "clock": f"{numbers.plain(1e6 * part.clock, 2)}",
         "force": numbers.plain(part.chi2_force, 3),
         "outline": numbers.plain(part.chi2_outline, 3),
+        "itself": "" if part.own is None else numbers.percent(part.own.value),
     }
+
+
+def _fits(result: JointResult) -> list[dict[str, str]]:
+    """A row a channel of a shot, and a slow test."""
+    rows = [(shot.name, fit) for shot in result.shots for fit in shot.fit]
+    rows += [("slow test", fit) for fit in result.slow_fit]
+    return [
+        {
+            "name": name,
+            "channel": fit.channel,
+            "excess": numbers.plain(fit.excess, 2),
+            "slow": numbers.plain(fit.slow_excess, 2),
+            "limit": f"{numbers.plain(fit.limit, 2)}, {numbers.plain(fit.slow_limit, 2)}",
+            "verdict": "explained" if fit.explained else "not explained",
+        }
+        for name, fit in rows
+    ]

@@ -71,7 +71,10 @@ def _slope(line: Slope) -> dict[str, Any]:
     }
     if line.fit is not None:
         value, low, high = _ends(float(line.fit.coefficients[1]), line.fit.interval(1))
-        shown |= {"value": value, "low": low, "high": high}
+        shown |= {"value": value, "low": low, "high": high, "noticed": plain(line.fit.noticeable(1), 2)}
+    if line.fit is not None and line.verdict is SlopeVerdict.NONE_SEEN:
+        bound = max(abs(end) for end in line.fit.interval(1))
+        shown["verdict"] = f"{line.verdict.value} beyond ± {plain(bound, 2)} per decade"
     return shown
 
 

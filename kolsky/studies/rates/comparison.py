@@ -4,7 +4,7 @@ Figs. 13 and 14 of Mates et al. (2012) are shots at fixed strains.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from explicit.materials import MaterialLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import curve_replicates, material_law
 from kolsky.studies.rates.records import (
+    MESH_PART,
     WITHHELD,
     EqualStrain,
     GroupRates,
@@ -22,7 +23,7 @@ from kolsky.studies.rates.records import (
     ShapeAtStrain,
     StiffnessAtStrain,
 )
-from kolsky.studies.rates.scatter import FEWEST_POOLED, Pooled, pool, slope
+from kolsky.studies.rates.scatter import FEWEST_POOLED, TREND_SHARE, Pooled, pool, rate_trend, slope
 
 STEP = 1e-4
 """Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
@@ -265,7 +266,7 @@ def _group(
         pooled = pool(m, own, common=rows)
         rates = np.array([shot.history.nominal_rate for shot in counted])
         spreads = np.array([shot.history.sigma_decades for shot in counted])
-        fitted = slope(rates, spreads, m, own, common=rows)
+        fitted = slope(rates, spreads, m, own, common=_slope_parts(common, rates))
     table = [_stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
     stiffness = tuple(row for row in table if row is not None)
     return GroupRates(
@@ -297,6 +298,18 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
     if shared > 0.0 and shots:
         found["declared", "all shots"] = shared * np.array([shot.m for shot in shots])
     return found
+
+
+def _slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
+    """Shared parts as a slope sees them, [n_shared, n]: errors of the mesh are half common, half a trend."""
+    rows = []
+    for (part, _), row in common.items():
+        if part != MESH_PART:
+            rows.append(row)
+            continue
+        rows.append(np.sqrt(1.0 - TREND_SHARE) * row)
+        rows.append(np.sqrt(TREND_SHARE) * rate_trend(row, rates))
+    return np.array(rows).reshape(len(rows), len(rates))
 
 
 def _long_lever(shots: Sequence[RatedShot], pooled: Pooled) -> LongLever | None:

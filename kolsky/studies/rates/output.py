@@ -125,6 +125,7 @@ def _group_row(group: GroupRates) -> dict[str, Any]:
         "slope, 95 % low (1/decade)": of(fit, lambda f: f.interval(1)[0]),
         "slope, 95 % high (1/decade)": of(fit, lambda f: f.interval(1)[1]),
         "scatter about the line (1)": of(fit, lambda f: f.between),
+        "slope noticed with probability 0.9 (1/decade)": of(fit, lambda f: f.noticeable(1)),
         "slope may be claimed": "no verdict" if line is None else line.verdict.value,
         "decades to the quasi-static rate": of(lever, lambda v: v.decades),
         "slope from the quasi-static rate (1/decade)": of(lever, lambda v: v.slope),
@@ -352,12 +353,17 @@ def _group_facts(group: GroupRates) -> dict[str, Any]:
     if line is not None:
         found["slope"] = {
             "verdict": line.verdict.value,
+            "sentence": line.sentence,
             "reasons": line.reasons,
             "span_decades": line.span,
             **(
                 {}
                 if line.fit is None
-                else {"per_decade": line.fit.coefficients[1], "interval_95": line.fit.interval(1)}
+                else {
+                    "per_decade": line.fit.coefficients[1],
+                    "interval_95": line.fit.interval(1),
+                    "noticed_with_probability_0.9": line.fit.noticeable(1),
+                }
             ),
         }
     if group.long_lever is not None:

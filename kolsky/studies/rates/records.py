@@ -137,6 +137,8 @@ WITHHELD = (Verdict.UNEXPLAINED, Verdict.CONTRADICTED)
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
 """Parts of the noise that shots share, and what they share it through."""
+MESH_PART = "mesh and step"
+"""The part by the mesh: shots on one mesh share it in their mean, and it may go with the rate in a slope."""
 
 
 def _shared(key: str) -> str:
@@ -226,7 +228,7 @@ class RatedShot:
         if mesh > 0.0:
             # What the correction leaves is mostly the element's, which errs to the same side in all of them,
             # whatever the side that the mesh had been corrected to.
-            parts["mesh and step", self.conditions["mesh"]] = mesh
+            parts[MESH_PART, self.conditions["mesh"]] = mesh
         declared = {
             (f"declared {key.replace('_', ' ')}", through[_shared(key)]): shift
             for key, shift in self._declared().items()

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import ndtr
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -18,6 +19,12 @@ from kolsky.base.arrays import FloatArray
 Between = Literal["paule-mandel", "dersimonian-laird", "reml"]
 METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
 """Estimators of the scatter between shots."""
+POWER = 0.9
+"""Probability with which a slope of the size `MixedFit.noticeable` is found."""
+QUANTILES = 400
+"""Quantiles of an estimated uncertainty; a power by so many is right to a thousandth."""
+MOST_FREEDOM = 1e4
+"""Degrees of freedom from which on Student's t is normal, to four digits of its quantiles."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,22 @@ class MixedFit:
         """Interval of a coefficient by Student's t with Knapp and Hartung's variance, Eq. (S.6)."""
         half = float(student.ppf(0.5 + 0.5 * probability, self.effective_freedom(index))) * self.sigma(index)
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
+
+    def noticeable(self, index: int, probability: float = 0.95, power: float = POWER) -> float:
+        """Size of a coefficient whose interval excludes zero with a probability of `power`, Eq. (S.10).
+
+        The estimate over its standard uncertainty has a noncentral t distribution: the mean of two normal
+        probabilities over the estimated uncertainty, whose quantiles stand for its distribution.
+        """
+        freedom = min(self.effective_freedom(index), MOST_FREEDOM)
+        limit = float(student.ppf(0.5 + 0.5 * probability, freedom))
+        levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        ends = limit * np.sqrt(chi2.ppf(levels, freedom) / freedom)
+
+        def excess(size: float) -> float:
+            return float(np.mean(ndtr(size - ends) + ndtr(-size - ends))) - power
+
+        return float(brentq(excess, 0.0, 4.0 * (1.0 + limit))) * self.sigma(index)
 
     def _own(self, index: int) -> float:
         # Below 1 the factor would narrow the interval because the values happen to agree.
@@ -228,14 +251,18 @@ LARGEST_LEVERAGE = 0.9
 """Largest leverage of one shot: nine tenths of its error go into the line, one tenth shows beside it."""
 LARGEST_HALF_WIDTH = 1.0
 """Largest half width of the slope's interval per decade, over the mean stiffness."""
+TREND_SHARE = 0.5
+"""Share of the variance of a shot's mesh error that goes with the logarithm of its rate. The error is a
+smooth function of the rate: a constant, which all shots have, and a trend. Simulations of one test do not
+separate the two, so that each has half."""
 
 
 class SlopeVerdict(StrEnum):
     """The verdict on a slope."""
 
-    REFUSED = "no slope: the rates do not carry one"
-    NONE_SEEN = "no rate sensitivity seen; the interval bounds it"
-    SENSITIVE = "rate sensitive over the rates tested"
+    REFUSED = "not testable"
+    NONE_SEEN = "no rate sensitivity"
+    SENSITIVE = "rate sensitive"
 
 
 @dataclass(frozen=True)
@@ -300,9 +327,33 @@ class Slope:
         return middle - half, middle + half
 
     @property
+    def sentence(self) -> str:
+        """The verdict in words, with the slope or its bound, and what the shots would notice."""
+        if self.fit is None or self.verdict is SlopeVerdict.REFUSED:
+            return f"{SlopeVerdict.REFUSED}: {'; '.join(self.reasons)}"
+        low, high = self.fit.interval(1)
+        found = (
+            f"{self.verdict.value}: {self.fit.coefficients[1]:+.2g} per decade, 95 % {low:.2g} to {high:.2g}"
+        )
+        if self.verdict is SlopeVerdict.NONE_SEEN:
+            found = f"{self.verdict.value} beyond ± {max(-low, high):.2g} per decade"
+        return f"{found}; would notice a slope beyond {self.fit.noticeable(1):.2g} per decade"
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Reasons why a slope is refused, one sentence each."""
         return tuple(c.why for c in self.criteria if not c.met)
+
+
+def rate_trend(part: FloatArray, rates: FloatArray) -> FloatArray:
+    """The part of an error that goes with the logarithm of the rate, shape [n].
+
+    ``part``: what each value is off by where all of the error is common, shape [n]. ``rates``: shape [n]
+    [1/s]. The trend has a root mean square of one over the shots.
+    """
+    x = np.log10(rates) - np.log10(rates).mean()
+    size = float(np.sqrt(np.mean(x**2)))
+    return part * (x / size) if size > 0.0 else np.zeros_like(part)
 
 
 def slope(

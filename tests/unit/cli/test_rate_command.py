@@ -84,7 +84,7 @@ def test_one_object_on_stdout(whole):
     assert [shot["name"] for shot in group["shots"]] == ["c", EVIL, "a"]
     assert f"page       {out / 'rates.html'}" in stderr
     # Three shots at rates within a quarter of each other carry nothing.
-    assert group["slope"]["verdict"].startswith("no slope")
+    assert group["slope"]["verdict"].startswith("not testable")
     assert group["slope"]["span_decades"] == pytest.approx(np.log10(1.0 / 0.8), abs=2e-3)  # noise of 1 um
     assert "there are 3 shots, 4 needed" in group["slope"]["reasons"]
     assert group["from_quasi_static"]["decades"] == pytest.approx(4.1, abs=0.1)

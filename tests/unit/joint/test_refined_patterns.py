@@ -281,10 +281,15 @@ def test_parameters_come_first_in_their_own_coordinates() -> None:
 def test_the_stiffness_of_all_is_m_or_all_nodes_together() -> None:
     slopes = np.arange(12.0).reshape(2, 6)
     nodes = Unknowns({"poisson": None, "damping": None}, nodes=4)
-    np.testing.assert_allclose(nodes.relative_stiffness(slopes, np.ones(6)), [14.0, 38.0])
+    x = np.array([0.4, 1.0, 0.0, 0.0, 0.0, 0.0])
+    # With the bulk modulus held 1 - 2 nu goes with the stiffness: nu falls by (1 - 0.8) / 2.
+    expected = [14.0, 38.0 - 0.1 * 6.0]
+    np.testing.assert_allclose(nodes.relative_stiffness(slopes, x), expected)
     m = Unknowns({"poisson": None, "stiffness_factor": None})
     # d F / d ln m = m d F / d m
-    np.testing.assert_allclose(m.relative_stiffness(slopes[:, :2], np.array([0.49, 1.5])), [1.5, 10.5])
+    np.testing.assert_allclose(
+        m.relative_stiffness(slopes[:, :2], np.array([0.49, 1.5])), [1.5, 10.5 - 0.01 * 6.0]
+    )
 
 
 def test_factors_stand_at_the_nodes_and_their_logarithm_is_linear_between() -> None:

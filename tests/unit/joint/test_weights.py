@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.diagnosis.joint_fit import joint_verdict, own_stiffness, shot_agreement, slow_fit
 from kolsky.diagnosis.relaxation import (
     choice_in_words,
     choice_with_mesh_error,
@@ -19,10 +20,16 @@ from kolsky.diagnosis.relaxation import (
     points_in_step,
 )
 from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
-from kolsky.inverse.joint_result import ModelChoice, rate_of
-from kolsky.inverse.joint_search import LARGEST, expanded_scatter, restricted_deviance, restricted_scatter
+from kolsky.inverse.joint_result import ModelChoice, OwnStiffness, ShotAgreement, rate_of
+from kolsky.inverse.joint_search import (
+    LARGEST,
+    expanded_scatter,
+    restricted_deviance,
+    restricted_scatter,
+    slow_stiffness,
+)
 from kolsky.inverse.observations import Observations
-from kolsky.inverse.result import Verdict
+from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint_identification import _shot_unknown
 from kolsky.uncertainty.mesh_error import MeshChange, mesh_patterns
 
@@ -74,13 +81,14 @@ def test_patterns_are_a_shots_own_or_go_through_several() -> None:
     common = np.array([[0.1, 0.2, 0.0, 0.4, 0.0]])
     # A slow test of sigma 0.3 hangs together with the first shot by the curve's noise; a prior row with none.
     curve = np.array([[0.2, 0.3, 0.0, 0.0, 0.0, 0.4]])
-    stack = Stack((a, b), np.array([7.0]), np.array([0.3]), known=1, common=common, curve=curve)
+    own = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.6]])  # the slow test's specimen is another one
+    stack = Stack((a, b), np.array([7.0]), np.array([0.3]), 1, common=common, curve=curve, slow_scatter=own)
     whitening = stack.whitening([one.objective for one in stack.shots])
     error = 0.2 * late  # what a pattern itself is off by is independent: PATTERN_ERROR
     c = np.diag(np.array([0.5, 0.5, 0.1, 0.5, 0.1, 0.3, 1.0]) ** 2)
     c[:3, :3] += np.diag(error**2) + np.outer(late, late)
     c[:5, :5] += common.T @ common
-    c[:6, :6] += curve.T @ curve
+    c[:6, :6] += curve.T @ curve + own.T @ own
     np.testing.assert_allclose(whitening.precision(np.eye(7)), np.linalg.inv(c), rtol=1e-9, atol=1e-12)
 
 
@@ -282,3 +290,133 @@ def test_the_choice_otherwise() -> None:
     assert choice_in_words(2.0, 0.3, asked=False).startswith(
         "the data do not ask for what relaxes (AIC +2.0; 30 %"
     )
+
+
+# Fit and agreement of the shots
+
+
+def asks(values: list[float], sigma: list[float], outline: list[float] | None = None) -> list[OwnStiffness]:
+    """What shots ask for by all data and by the force; the outline agrees unless given."""
+    seen = outline or [0.0] * len(values)
+    rows = zip(values, sigma, seen, strict=True)
+    return [OwnStiffness(0.0, s, a, s, o, s) for a, s, o in rows]
+
+
+def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
+    # The outline decides the answer of all data: there nothing is seen.
+    found = shot_agreement(["a", "b", "c"], asks([0.02, -0.46, 0.0], [0.01, 0.03, 0.01]), scatter=True)
+    assert found is not None
+    assert (found.shots, found.channel, found.freedom) == (("b",), "force", 2)
+    w = np.array([1e4, 1.0 / 9e-4, 1e4])
+    a = np.array([0.02, -0.46, 0.0])
+    assert found.chi2 == pytest.approx(float(w @ (a - w @ a / w.sum()) ** 2))
+    assert found.probability == pytest.approx(chi2.sf(found.chi2, 2), rel=1e-9)
+    assert found.ratio == pytest.approx(1.02 / 0.54)
+    assert "b contradicts the other shots by the force by itself" in found.sentence
+    pair = shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
+    assert pair is not None
+    assert pair.shots == ("a", "b")
+    # Two estimates: the square of their difference over the sum of their variances.
+    assert pair.chi2 == pytest.approx(0.48**2 / (0.01**2 + 0.03**2))
+    assert "a and b contradict each other" in pair.sentence
+
+
+def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
+    for scatter in (True, False):
+        found = shot_agreement(["a", "b", "c"], asks([0.1, 0.0, -0.1], [0.01] * 3), scatter=scatter)
+        assert found is not None
+        assert found.chi2 == pytest.approx(200.0)
+        assert found.apart is not scatter
+    agree = shot_agreement(["a", "b"], asks([0.1, -0.4], [0.2, 0.2]), scatter=False)
+    assert agree is not None
+    assert not agree.apart  # chi2 3.1 of one degree of freedom, 0.08
+    assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
+
+
+def test_agreeing_shots_seldom_contradict() -> None:
+    rng = np.random.default_rng(3)
+    sigma = [0.05, 0.08, 0.1, 0.06]
+    found = [
+        shot_agreement(list("abcd"), asks((rng.standard_normal(4) * sigma).tolist(), sigma), scatter=False)
+        for _ in range(2000)
+    ]
+    # A third of 0.27 % of 2000 is 1.8; more than 6 come with a probability of 0.2 %.
+    assert sum(one is not None and one.apart for one in found) <= 6
+
+
+def test_the_stiffness_that_a_shot_asks_for_in_closed_form() -> None:
+    # Data c (1 + a) of noise 0.5 with a = 0.1: r = -0.1 c, and the variance 0.5^2 / sum c^2.
+    c = np.linspace(1.0, 30.0, 40)
+    one = shot(1.1 * c, np.zeros(0))
+    value, sigma = own_stiffness(one, c - 1.1 * c, c, np.zeros((0, 40)), "joint")
+    assert value == pytest.approx(0.1, rel=1e-9)
+    assert sigma == pytest.approx(0.5 / np.sqrt(c @ c), rel=1e-6)
+    # An error of the mesh that is a twentieth of c is as large in a.
+    value, sigma = own_stiffness(one, c - 1.1 * c, c, 0.05 * c[None], "force")
+    assert value == pytest.approx(0.1, rel=1e-9)
+    assert sigma == pytest.approx(np.hypot(0.05, 0.5 / np.sqrt(c @ c)), rel=1e-6)
+    assert np.isnan(own_stiffness(one, c - 1.1 * c, c, np.zeros((0, 40)), "outline")).all()
+
+
+def test_a_foreign_slow_test_is_not_explained() -> None:
+    rng = np.random.default_rng(5)
+    noise = rng.standard_normal(64)
+    right = slow_fit("relaxation", noise, {}, peak=50.0, judged=True)
+    assert right.explained
+    assert right.excess == pytest.approx(np.sqrt(np.mean(noise**2)))
+    # Eight means of eight values: noise of 1 / sqrt(8).
+    assert right.slow_expected == pytest.approx(1.0 / np.sqrt(8.0))
+    foreign = slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
+    assert not foreign.explained
+    # The curve is uncertain by 20 sigma there: a right model leaves as much.
+    known = slow_fit(
+        "relaxation", noise + 20.0, {"material curve": np.full((1, 64), 20.0)}, peak=50.0, judged=True
+    )
+    assert known.explained
+    assert known.expected == pytest.approx(np.hypot(1.0, 20.0))
+
+
+def test_the_verdict_on_a_shared_value() -> None:
+    e = Estimate("poisson", "1", 0.499, 1e-4, 0.0, 0.0, {}, outcome=Verdict.IDENTIFIED)
+    good = slow_fit("ramp", np.ones(8), {}, peak=1.0, judged=True)
+    bad = slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=True)
+    apart = ShotAgreement(99.0, 1, 0.0, 2.0, ("a", "b"), "force")
+    assert joint_verdict(e, [good], None).outcome is e.outcome
+    assert joint_verdict(e, [good, bad], apart).outcome is Verdict.UNEXPLAINED
+    assert joint_verdict(e, [good], apart).outcome is Verdict.SHOTS_CONTRADICT
+    assert not Verdict.SHOTS_CONTRADICT.identified
+
+
+def test_each_slow_tests_specimen_scatters_too() -> None:
+    rows = slow_stiffness(np.array([9.0, 9.0, 1.0, 2.0, 0.0]), [slice(2, 4), slice(4, 5)])
+    np.testing.assert_array_equal(rows, [[0.0, 0.0, 1.0, 2.0, 0.0]])  # the second does not see it
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.03, 0.2])
+def test_equal_shots_and_slow_tests_with_a_scatter(scatter: float) -> None:
+    """Two shots and one slow test see ln m with the variances v: u^2 = (v + s^2) / 3."""
+    v = 0.01**2
+    pair = tuple(shot(np.ones(4), np.zeros(0), sigma=2.0 * 0.01) for _ in range(2))
+    stack = Stack(pair, np.ones(1), np.array([0.01]), known=0)
+    slow = slow_stiffness(np.ones(9), [slice(8, 9)])
+    patterns = np.concatenate([[stack.of_shot(k, np.ones(9)) for k in range(2)], slow])
+    objectives = [one.objective for one in stack.shots]
+    within, between = (
+        np.linalg.inv(information(stack.whitening(objectives, s * patterns).apply(np.ones((1, 9))), WIDE))[
+            0, 0
+        ]
+        for s in (0.0, scatter)
+    )
+    assert within == pytest.approx(v / 3.0)
+    assert between == pytest.approx((v + scatter**2) / 3.0)
+    # Half widths: with a scatter never narrower than without, the same where there is none.
+    wide = expanded_scatter(float(np.sqrt(between)), float(np.sqrt(max(between - within, 0.0))), 3)
+    assert wide >= expanded_scatter(float(np.sqrt(within)), 0.0, 3) * (1.0 - 1e-9)
+    if scatter == 0.0:
+        assert wide == pytest.approx(2.0 * np.sqrt(within))
+    # A slow test of a thousandth of the noise does not pin what scatters from specimen to specimen.
+    sharp = replace(stack, slow_sigma=np.array([1e-5]))
+    pinned = np.linalg.inv(
+        information(sharp.whitening(objectives, scatter * patterns).apply(np.ones((1, 9))), WIDE)
+    )[0, 0]
+    assert pinned >= 0.999 * scatter**2 / 3.0

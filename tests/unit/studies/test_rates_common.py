@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from ratedshots import rated
+from scipy.stats import binom, norm
 
-from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.records import RatedShot
+from kolsky.studies.rates.comparison import _slope_parts, compare
+from kolsky.studies.rates.records import MESH_PART, RatedShot
+from kolsky.studies.rates.scatter import MixedFit, SlopeVerdict, mixed_fit, slope
 
 M = "stiffness_factor"
 
@@ -39,3 +41,91 @@ def test_roughness_is_each_shots_own() -> None:
     pooled = compare([shot(i, shift=-0.005, roughness=0.004) for i in range(4)]).groups[0].pooled
     assert pooled is not None
     assert pooled.sigma == pytest.approx(np.hypot(0.005 / 2.0, 0.002), rel=1e-9)
+
+
+RATES = np.array([107.0, 123.0, 215.0, 400.0, 690.0])
+"""Flyers of 0.7 to 4.5 m/s."""
+X = np.log10(RATES) - np.log10(RATES).mean()
+SIZE = float(np.sqrt(np.mean(X**2)))
+ALIKE = np.ones(5)
+
+
+def line(m: np.ndarray, own: float, parts: dict[tuple[str, str], np.ndarray]) -> MixedFit:
+    columns = np.column_stack([np.ones(5), X])
+    return mixed_fit(m, own * ALIKE, columns, common=_slope_parts(parts, RATES))
+
+
+def test_what_all_have_cancels_in_a_slope_and_half_of_the_mesh_does_not() -> None:
+    curve = line(1.12 * ALIKE, 0.003, {("material curve", "a"): 0.05 * ALIKE})
+    # Standard uncertainty of a slope: own over root n times the rms of the abscissas.
+    own = 0.003 / (np.sqrt(5.0) * SIZE)
+    assert curve.sigma(1) == pytest.approx(own, rel=1e-9)
+    mesh = line(1.12 * ALIKE, 0.003, {(MESH_PART, "a"): 0.004 * ALIKE})
+    # The trend of the mesh's error has the rms sqrt(1/2) 0.004: more shots do not average it.
+    assert mesh.sigma(1) == pytest.approx(np.hypot(own, np.sqrt(0.5) * 0.004 / SIZE), rel=1e-9)
+    assert mesh.sigma(0) == pytest.approx(np.hypot(0.003 / np.sqrt(5.0), np.sqrt(0.5) * 0.004), rel=1e-9)
+
+
+def test_the_comparison_gives_the_mesh_to_the_slope_as_a_trend() -> None:
+    shots = [shot(i, shift=0.005) for i in range(4)]
+    fitted = compare(shots).groups[0].slope
+    assert fitted is not None
+    assert fitted.fit is not None
+    x = np.log10([one.history.nominal_rate for one in shots])
+    assert fitted.fit.common[1, 1] == pytest.approx(0.5 * 0.002**2 / x.var(), rel=1e-9)
+
+
+def test_the_power_is_that_of_noncentral_t() -> None:
+    # Nearly all of the variance is known: u (z_0.975 + z_0.9), two quantiles of the normal distribution.
+    many = line(1.12 * ALIKE, 1e-5, {(MESH_PART, "a"): 0.004 * ALIKE})
+    assert many.noticeable(1) == pytest.approx((norm.ppf(0.975) + norm.ppf(0.9)) * many.sigma(1), rel=1e-3)
+    # Three degrees of freedom: drawn t = (z + delta) / sqrt(chi2 / 3) leaves the limit in 90 % of 40 000.
+    few = line(1.12 * ALIKE, 0.003, {})
+    assert few.effective_freedom(1) == 3.0
+    rng = np.random.default_rng(7)
+    drawn = rng.standard_normal(40000) + few.noticeable(1) / few.sigma(1)
+    ratio = drawn / np.sqrt(rng.chisquare(3.0, 40000) / 3.0)
+    # 3.182 is Student's t at 0.975; five standard deviations of a share of 0.9 in 40 000 draws.
+    assert np.mean(np.abs(ratio) > 3.182) == pytest.approx(0.9, abs=5.0 * np.sqrt(0.09 / 40000))
+
+
+SETS = 200
+ALLOWED = int(binom.ppf(0.975, SETS, 0.05))
+"""16: more false alarms of 200 come with a probability of 2.5 % where each has 5 %."""
+
+
+@pytest.mark.parametrize(
+    ("own", "between", "mesh"),
+    [(0.003, 0.0, 0.0), (0.001, 0.01, 0.0), (0.003, 0.003, 0.003), (0.001, 0.001, 0.008)],
+    ids=["agree", "scatter", "default mesh", "coarse mesh"],
+)
+def test_elastic_sets_are_seldom_called_rate_sensitive(own: float, between: float, mesh: float) -> None:
+    rng = np.random.default_rng([11, int(1e4 * own), int(1e4 * between), int(1e4 * mesh)])
+    alarms, sizes = 0, []
+    for _ in range(SETS):
+        common, trend = np.sqrt(0.5) * mesh * rng.standard_normal(2)
+        m = 1.12 + common + trend * X / SIZE + np.hypot(own, between) * rng.standard_normal(5)
+        fit = line(m, own, {(MESH_PART, "a"): mesh * ALIKE, ("force scale", "rig"): 0.02 * ALIKE})
+        low, high = fit.interval(1)
+        alarms += not low <= 0.0 <= high
+        sizes.append(fit.noticeable(1))
+    print(f"{alarms} of {SETS} false alarms; would notice {np.median(sizes):.3g} per decade")
+    assert alarms <= ALLOWED
+    # A bound that grew to a tenth of the stiffness per decade would raise no alarm and tell nothing.
+    assert np.median(sizes) < 0.14
+
+
+def test_the_verdict_in_words() -> None:
+    spread, own = np.full(5, 0.05), np.full(5, 0.003)
+    none = slope(RATES, spread, 1.12 + 0.003 * np.array([1.0, -1.0, 0.0, -1.0, 1.0]), own)
+    assert none.verdict is SlopeVerdict.NONE_SEEN
+    assert none.fit is not None
+    bound = max(abs(end) for end in none.fit.interval(1))
+    assert none.sentence == (
+        f"no rate sensitivity beyond ± {bound:.2g} per decade; would notice a slope beyond "
+        f"{none.fit.noticeable(1):.2g} per decade"
+    )
+    steep = slope(RATES, spread, 1.12 + 0.2 * X, own)
+    assert steep.sentence.startswith("rate sensitive: +0.2 per decade, 95 % ")
+    few = slope(RATES[:3], spread[:3], 1.12 * np.ones(3), own[:3])
+    assert few.sentence.startswith("not testable: there are 3 shots, 4 needed")

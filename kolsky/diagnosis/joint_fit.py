@@ -1,0 +1,372 @@
+"""Do the shared values explain every shot, channel and slow test, and do the shots agree?
+
+The residual of each is judged with the reference of a single shot (`kolsky.diagnosis.fit_quality`): what
+noise, inputs, mesh and declared uncertainties leave once the shared unknowns have followed. A shot's own part
+of the scatter is taken out first.
+
+Whether the shots agree is judged by the stiffness that each asks for by itself. Linear about the joint
+optimum, with the residual r = prediction less data of one shot and the change u of its data by a relative
+change of its stiffness,
+
+    a = -u C^-1 r / (u C^-1 u),    Q = sum_k (a_k - mean)^2 / v_k,
+
+where C holds the noise, the shot's own patterns, its mesh error and the discrepancy of what a leaves. Q has
+the distribution of chi-square with n - 1 degrees of freedom where the shots agree. The bulk modulus stays as
+it is: two specimens of one material differ in stiffness, not in compressibility.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from scipy.special import chdtrc
+
+from doe.least_squares import Whitening
+from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.fit_quality import (
+    BLOCKS,
+    DECLARED,
+    WITHHELD,
+    block_means,
+    block_noise,
+    channel_fits,
+    correlated,
+    information_shares,
+    left_over,
+    mesh_changes,
+    unexplained,
+)
+from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
+from kolsky.inverse.joint_result import OwnStiffness, ShotAgreement
+from kolsky.inverse.joint_search import Optimum
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, NOISE, OUTLINE, Estimate, FitQuality, Verdict
+from kolsky.uncertainty.budgets import as_drawn
+from kolsky.uncertainty.mesh_error import MeshChange
+
+SLOW_TEST_LIMIT = 3.0
+"""Largest residual of a slow test over what a right model leaves [-]: that of the force's bins."""
+UNLIKELY = 2.7e-3
+"""Probability of the shots' differences below which they disagree, that of three standard deviations; each
+of the three tests takes a third of it."""
+LEAST_RATIO = 1.05
+"""Stiffness of one shot over another's from which on they disagree where no scatter is in the interval [-]:
+on coarse meshes right shots of other speeds differ by up to 3 %."""
+LARGEST_RATIO = 1.5
+"""Stiffness of one shot over another's beyond which they are no specimens of one material that scatter [-].
+Cast specimens of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity,
+unit or material moves a shot by a factor of two or more."""
+
+
+def residual_changes(
+    problem: JointProblem, mesh: MeshChange, declared: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Changes of the whole vector by one standard uncertainty of each source, shape [n, k] each."""
+    stack = problem.stack
+    size, shots = len(stack.data), range(len(stack.shots))
+    front = [_placed(stack, k, stack.shots[k].front) for k in shots]
+    own = [
+        _placed(stack, k, row[None])
+        for k in shots
+        for name, row in stack.shots[k].own.items()
+        if name != SCATTER
+    ]
+    found = {MESH: mesh_changes(mesh)}
+    if any(len(rows) for rows in front):
+        found[FLYER] = as_drawn(np.concatenate(front))
+    if stack.curve is not None and len(stack.curve):
+        found[CURVE] = as_drawn(np.pad(stack.curve, ((0, 0), (0, size - stack.curve.shape[1]))))
+    if stack.common is not None and len(stack.common):
+        found["force scale"] = as_drawn(np.pad(stack.common, ((0, 0), (0, size - stack.common.shape[1]))))
+    rows = [*own, *declared.values()]
+    if rows:
+        found[DECLARED] = as_drawn(np.concatenate(rows))
+    return found
+
+
+def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
+    """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
+    found = np.zeros((len(rows), len(stack.data)))
+    start = stack.ends[k - 1] if k else 0
+    found[:, start : stack.ends[k]] = rows[:, stack.shots[k].kept]
+    return found
+
+
+def joint_fits(
+    problem: JointProblem,
+    found: Optimum,
+    *,
+    gain: FloatArray,
+    whitening: Whitening,
+    objectives: Sequence[Objective],
+    changes: Mapping[str, FloatArray],
+    own: Sequence[float],
+) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
+    """The residual of each shot's channels, and of each slow test, beside what a right model leaves.
+
+    Parameters
+    ----------
+    problem, found
+        The problem and its optimum.
+    gain
+        Linear map from a change of the data to the move of the optimum, shape [d, k].
+    whitening, objectives
+        Weights of the whole vector and of the shots.
+    changes
+        Changes of the whole vector by each source, `residual_changes`.
+    own
+        Each shot's part of the scatter, in standard deviations.
+
+    Returns
+    -------
+    tuple
+        Of each shot its channels; the slow tests in their order.
+    """
+    stack, names = problem.stack, problem.unknowns.names
+    left = {source: left_over(change, found.slopes, gain) for source, change in changes.items()}
+    spread = gain * whitening.sigma**2
+    if whitening.patterns is not None:
+        spread = spread + (gain @ whitening.patterns.T) @ whitening.patterns
+    everything = np.arange(len(stack.data))
+    judged, shots = FLYER in changes, []
+    for k, (one, objective, vector) in enumerate(
+        zip(stack.shots, objectives, stack.parts(found.vector), strict=True)
+    ):
+        start = stack.ends[k - 1] if k else 0
+        part = slice(start, stack.ends[k])
+        masks = {
+            FORCE: (everything >= start) & (everything < start + objective.n_force),
+            OUTLINE: (everything >= start + objective.n_force) & (everything < stack.ends[k]),
+        }
+        row = one.own.get(SCATTER)
+        followed = vector if row is None else vector + own[k] * row[one.kept]
+        shots.append(
+            channel_fits(
+                objective,
+                followed,
+                left={source: change[..., part] for source, change in left.items()},
+                weights=information_shares(gain, spread, masks),
+                names=names,
+                judged=judged,
+            )
+        )
+    slow = tuple(
+        _slow_fit(label, part, problem, found, left, judged=judged) for label, part in problem.slow_parts()
+    )
+    return tuple(shots), slow
+
+
+def _slow_fit(
+    label: str,
+    part: slice,
+    problem: JointProblem,
+    found: Optimum,
+    left: Mapping[str, FloatArray],
+    *,
+    judged: bool,
+) -> FitQuality:
+    """A slow test's residual in units of its declared sigma."""
+    stack = problem.stack
+    sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
+    return slow_fit(
+        label,
+        (stack.data - found.vector)[part] / sigma,
+        {source: change[..., part] / sigma for source, change in left.items()},
+        peak=float(np.abs(stack.data[part] / sigma).max()),
+        judged=judged,
+    )
+
+
+def slow_fit(
+    label: str, residual: FloatArray, left: Mapping[str, FloatArray], *, peak: float, judged: bool
+) -> FitQuality:
+    """Judge a slow test: its residual and what each source leaves, in units of its sigma.
+
+    Parameters
+    ----------
+    label
+        Its label.
+    residual
+        Measurement less model, shape [n].
+    left
+        What a right model leaves by source, one standard uncertainty, shape [m, n] or [n].
+    peak
+        Largest value [-].
+    judged
+        Whether a limit is set.
+    """
+    n = len(residual)
+    block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
+    block = np.unique(block, return_inverse=True)[1]
+    slow = [_size(block_means(change, block)) for change in left.values()]
+    correlation, whiteness = correlated(residual, np.arange(n - 1), np.arange(1, n))
+    return FitQuality(
+        channel=label,
+        unit="1",
+        values=n,
+        residual=_size(residual),
+        predicted={NOISE: 1.0, **{source: _size(change) for source, change in left.items()}},
+        peak=peak,
+        slow_residual=_size(block_means(residual, block)),
+        slow_expected=float(np.hypot.reduce([block_noise(np.ones(n), block), *slow])),
+        chi2=float(np.mean(residual**2)),
+        discrepancy_share=0.0,
+        correlation=correlation,
+        whiteness=whiteness,
+        limit=SLOW_TEST_LIMIT if judged else inf,
+        slow_limit=SLOW_TEST_LIMIT if judged else inf,
+    )
+
+
+def _size(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def own_stiffnesses(
+    problem: JointProblem, found: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
+) -> tuple[OwnStiffness, ...]:
+    """The stiffness that each shot asks for by itself, by all its data and by each channel."""
+    stack = problem.stack
+    change = problem.unknowns.relative_stiffness(found.slopes, found.x)
+    own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
+    more = np.concatenate([mesh_changes(mesh), *own_errors])
+    parts = zip(stack.shots, stack.parts(found.vector - stack.data), stack.parts(change), strict=True)
+    shots = []
+    for k, (one, residual, u) in enumerate(parts):
+        start = stack.ends[k - 1] if k else 0
+        rows = more[:, start : stack.ends[k]]
+        without = replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
+        whole, force, outline = (
+            own_stiffness(without, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
+        )
+        shots.append(OwnStiffness(*whole, *force, *outline))
+    return tuple(shots)
+
+
+ROUNDS = 4
+"""Rounds in which discrepancy and stiffness follow each other; the third changes nothing that is printed."""
+BLANK = 1e6
+"""Factor on the standard deviation of what does not count."""
+
+
+def own_stiffness(
+    one: ShotData, residual: FloatArray, change: FloatArray, patterns: FloatArray, channel: str
+) -> tuple[float, float]:
+    """Relative stiffness that a shot asks for beyond the shared one, and its standard uncertainty [-].
+
+    ``one``: the shot. ``residual``: prediction less data, shape [k]. ``change``: of its data by a relative
+    change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a
+    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN where nothing of it was measured.
+    """
+    objective, amount, variance = one.objective, 0.0, float("nan")
+    use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
+        channel, objective.mask("joint")
+    )
+    if not (change[use] != 0.0).any():
+        return float("nan"), float("nan")
+    alone = Stack((one,), np.zeros(0), np.zeros(0), known=0)
+    for _ in range(ROUNDS):
+        weighed = objective.with_discrepancy(objective.data + residual + amount * change)
+        sigma = np.where(use, weighed.own_sigma, BLANK * weighed.own_sigma)
+        whitening = Whitening(sigma, np.concatenate([weighed.common, patterns]) * use)
+        u, r = whitening.apply(change), whitening.apply(residual)
+        amount = -float(u @ r) / float(u @ u)
+        left = residual + amount * change
+        variance = covariance(change[:, None], left * use, whitening, alone, np.array([inf]))[0, 0]
+    return amount, float(np.sqrt(variance))
+
+
+def shot_agreement(
+    names: Sequence[str], own: Sequence[OwnStiffness], *, scatter: bool
+) -> ShotAgreement | None:
+    """Whether the shots ask for one stiffness, and which does not; None for one shot.
+
+    All data, the force and the outline are tested by themselves: the weights of a fit let a channel that
+    disagrees in one shot count for little. The channel that is least likely is given where one contradicts.
+
+    ``names``: of the shots. ``own``: what each asks for. ``scatter``: whether a scatter between them is in
+    the interval: only what is no scatter of specimens contradicts then.
+    """
+    tested = []
+    for channel, value, sigma in (
+        ("", "value", "sigma"),
+        (FORCE, "force", "sigma_force"),
+        (OUTLINE, "outline", "sigma_outline"),
+    ):
+        a = np.array([getattr(one, value) for one in own])
+        s = np.array([getattr(one, sigma) for one in own])
+        use = np.flatnonzero(np.isfinite(a) & np.isfinite(s) & (s > 0.0))
+        if len(use) >= 2:
+            kept = [names[k] for k in use.tolist()]
+            tested.append(_agreement(kept, a[use], s[use], channel, scatter=scatter))
+    apart = [one for one in tested if one.apart]
+    return min(apart or tested, key=lambda one: one.probability, default=None)
+
+
+def _agreement(
+    names: Sequence[str], a: FloatArray, s: FloatArray, channel: str, *, scatter: bool
+) -> ShotAgreement:
+    """The test of one channel: chi-square of n estimates about their weighted mean."""
+    chi2, freedom = _chi_square(a, s), len(a) - 1
+    probability, ratio = float(chdtrc(freedom, chi2)), _ratio(a)
+    least = LARGEST_RATIO if scatter else LEAST_RATIO
+    culprits: tuple[str, ...] = ()
+    if probability < UNLIKELY / 3.0 and ratio > least:
+        culprits = tuple(names) if len(a) == 2 else (names[_farthest(a, s)],)
+    return ShotAgreement(chi2, freedom, probability, ratio, culprits, channel if culprits else "")
+
+
+def _chi_square(a: FloatArray, s: FloatArray) -> float:
+    """Sum of squared distances from the weighted mean, each over its variance."""
+    weight = s**-2.0
+    mean = float(weight @ a) / float(weight.sum())
+    return float(weight @ (a - mean) ** 2)
+
+
+def _ratio(amounts: FloatArray) -> float:
+    """Stiffness of the stiffest over the softest shot [-]; infinite where one asks for none."""
+    low, high = 1.0 + float(amounts.min()), 1.0 + float(amounts.max())
+    return high / low if low > 0.0 else inf
+
+
+def _farthest(a: FloatArray, s: FloatArray) -> int:
+    """The shot without which the others agree best: the largest fall of chi-square."""
+    kept = [np.arange(len(a)) != i for i in range(len(a))]
+    return int(np.argmin([_chi_square(a[use], s[use]) for use in kept]))
+
+
+def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:
+    """A shared value with the verdict that fit and agreement allow, gravest first."""
+    if e.outcome not in WITHHELD:
+        return e
+    if not all(fit.explained for fit in fits):
+        return replace(e, outcome=Verdict.UNEXPLAINED)
+    if agreement is not None and agreement.apart:
+        return replace(e, outcome=Verdict.SHOTS_CONTRADICT)
+    return e
+
+
+def joint_fit_warnings(
+    names: Sequence[str],
+    shots: Sequence[tuple[FitQuality, ...]],
+    slow: Sequence[FitQuality],
+    agreement: ShotAgreement | None,
+) -> list[str]:
+    """Why the answer is withheld, a sentence a cause."""
+    said = [
+        f"{name}: {unexplained(fit)}"
+        for name, fits in zip(names, shots, strict=True)
+        for fit in fits
+        if not fit.explained
+    ]
+    said += [
+        f"slow test {unexplained(fit)}: check its unit, its sigma and that it is of this material"
+        for fit in slow
+        if not fit.explained
+    ]
+    if agreement is not None and agreement.apart:
+        said.append(agreement.sentence)
+    return said
