@@ -25,7 +25,7 @@ from kolsky.bodies.actuator_control import (
 from kolsky.bodies.actuator_model import Actuator, Pneunet
 from kolsky.bodies.actuator_reading import read_actuator, volume_reading
 from kolsky.cli.commandline import app
-from kolsky.equilibrium.loads import FollowerPressure, faces_on
+from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
 from kolsky.equilibrium.meshes import box
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
@@ -245,12 +245,13 @@ TET = """$MeshFormat
 2.2 0 8
 $EndMeshFormat
 $PhysicalNames
-5
+6
 2 1 "clamp"
 2 2 "cavity"
 0 3 "tip"
 0 4 "origin"
 3 5 "body"
+2 6 "inlet"
 $EndPhysicalNames
 $Nodes
 4
@@ -260,12 +261,13 @@ $Nodes
 4 0 0 10
 $EndNodes
 $Elements
-5
+6
 1 2 2 1 1 1 3 4
 2 2 2 2 2 2 3 4
 3 15 2 3 3 2
 4 15 2 4 4 1
 5 4 2 5 5 1 2 3 4
+6 2 2 6 6 2 3 4
 $EndElements
 """
 
@@ -366,6 +368,24 @@ def test_faces_that_meet_in_an_edge_are_two() -> None:
     assert sum(len(f.cells) for f in faces_on(s.mesh, "cavity")) == sum(
         len(f.cells) for f in faces_on(s8.mesh, "cavity")
     )
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex27", "tet4"])
+def test_a_cavity_ends_on_clamp_and_mirror_alone(kind: str) -> None:
+    mesh = Pneunet(chambers=1, element=kind).mesh
+    ends = rim(mesh, "cavity")
+    held = [np.isin(ends, mesh.nodes(name)).all(axis=1) for name in ("clamp", "mirror")]
+    assert len(ends) > 0
+    assert (held[0] | held[1]).all()
+    assert len(rim(Pneunet(chambers=1, element=kind, half=False, separate=True).mesh, "cavity_1")) == 0
+
+
+def test_edges_of_a_hole_in_a_closed_surface() -> None:
+    # Without one corner of the hollow three faces are missing: a rim of six edges.
+    mesh = Pneunet(chambers=1, element="hex8", half=False, separate=True).mesh
+    own = mesh.nodes("cavity_1")
+    corner = own[np.argmax(mesh.points[own].sum(axis=1))]
+    assert len(rim(mesh.with_set("cavity_1", own[own != corner]), "cavity_1")) == 6
 
 
 @pytest.mark.parametrize(
