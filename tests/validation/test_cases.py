@@ -173,3 +173,18 @@ def test_a_closed_cavity_bends_as_felupe_says(shared, tmp_path):
     found = printed(shared / "data/cases/actuator/good.toml", tmp_path, "actuator", "simulate")
     angles = np.degrees(found["bends"]["downward"]["angle_rad"])
     assert angles == pytest.approx([2.15200, 2.50166], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_intervals_of_a_bonded_cylinder_contain_its_constants(shared, tmp_path):
+    words = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]
+    words += ["--specimen", "80 mm x 70 mm", "--ends", "bonded", "--laws", "reduced_polynomial", "--json"]
+    path = shared / "data/cases/bonded/push.csv"
+    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, "--out", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    found = json.loads(run.stdout)
+    (law,) = found["laws"]
+    for name, right in (("C10", 1404.9), ("C20", 699.4)):
+        assert abs(law["constants"][name] - right) < 2.0 * law["sigma"][name]
+    assert abs(found["poisson"]["value"] - 0.4995) < 2.0 * found["poisson"]["sigma"]
+    assert "the constants change with the range" in law["remark"]

@@ -193,6 +193,21 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     assert found.covariance == pytest.approx(1e-5 * 1e-12 * inverse @ middle @ inverse)
 
 
+def test_a_field_that_is_explained_does_not_excuse_a_force() -> None:
+    problem = made(_sheet(), start=constants())
+    data = replace(problem.data, force=2.0 * problem.data.force)
+    off = FieldProblem(problem.sheet, data, problem.constants)
+    cost = off.cost(constants().start)
+    assert not isinstance(cost, str)
+    zeros = np.zeros((2, 2, *data.displacements.shape[1:]))
+    no = (False, False)
+    found = FieldFit(off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, 2)), True, no, 1)
+    assert found.force_misfit == pytest.approx(0.5)
+    assert found.adequate
+    assert not found.force_explained
+    assert not found.explained
+
+
 def test_second_derivatives_are_those_of_the_gradient() -> None:
     # Data far from the model, so that the second derivatives of u and f count; a held region beside.
     mesh = small_mesh()
