@@ -143,6 +143,7 @@ class ControlSection(Section):
     most: Pressure
     modes: Annotated[int, Field(ge=1, le=60)] = 8
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     snapshots: Annotated[int, Field(ge=3, le=200)] = 13
     plant_stiffness: Annotated[float, Field(gt=0.0, le=10.0)] = 0.85
     delay: Annotated[int, Field(ge=0, le=50)] = 1

@@ -18,12 +18,14 @@ from kolsky.bodies.actuator_control import (
     Controller,
     Plant,
     ReducedBend,
+    Reduction,
+    check_targets,
     largest_gain,
     reduce_actuator,
     run_loop,
 )
 from kolsky.bodies.actuator_model import Actuator, Pneunet
-from kolsky.bodies.actuator_reading import read_actuator, volume_reading
+from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
 from kolsky.cli.commandline import app
 from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
 from kolsky.equilibrium.meshes import box
@@ -486,6 +488,36 @@ def test_in_real_time_a_tick_begins_when_it_is_due(monkeypatch: pytest.MonkeyPat
     assert found.real_time
     assert clock["now"] == pytest.approx(100.009 + 4 * 50e-3 + 3e-3)  # nine bends make the controller
     assert not run_loop(controller, plant, wanted, rate=20.0, seed=1).real_time
+
+
+def _check(angles: list[float], *, error: float = 0.005, reach: tuple[float, float] = (0.0, 0.4)) -> None:
+    """Check angles against a plant up to 0.3 rad and a reduced model that is off by `error` at 0.2 rad."""
+    unseen = np.array([0.1, 0.2, 0.3])
+    made = Reduction(Line(), unseen, unseen, np.array([0.0, -error, 1.0]), np.nan)  # type: ignore[arg-type]
+    section = ControlSection.model_construct(angles=angles, most=1e5, plant_stiffness=0.9, error=0.05)
+    plant = Plant(np.array([0.0, 1e5]), np.array([0.0, 0.3]), 0.0, 0, 0.0)
+    check_targets("down", made, plant, section, reach=reach)
+
+
+def test_an_angle_beyond_reach_is_refused_before_the_loop() -> None:
+    _check([0.19, 0.1])
+    with pytest.raises(ValueError, match=r"20.05° is beyond reach: the plant, 0.9 times as stiff, .* 17.19°"):
+        _check([0.35])
+    with pytest.raises(
+        ValueError, match=r"10.89° is beyond reach: the model bends from 0° to 8.594° up to 1"
+    ):
+        _check([0.19], reach=(0.0, 0.15))
+    with pytest.raises(ValueError, match="beyond reach"):
+        _check([-0.01])
+
+
+def test_the_reduced_model_is_judged_over_the_angles_it_is_asked_for() -> None:
+    # the error of 1 rad at 0.3 rad is beyond what is asked; 0.0096 of 0.19 is above 5 %
+    _check([0.19], error=0.0094)
+    with pytest.raises(ValueError, match=r"0.55° off a bend of 10.89°, more than control.error = 0.05"):
+        _check([0.19], error=0.0096)
+    with pytest.raises(ValueError, match="off a bend"):
+        _check([0.25])
 
 
 def test_error_is_judged_where_it_has_settled() -> None:

@@ -492,7 +492,7 @@ def test_a_doubted_point_comes_back_if_the_sheet_predicts_it(two_materials: Fiel
     nodal = np.moveaxis(data.displacements, 0, 1).reshape(len(sheet.mesh.points), -1)
     rng = np.random.default_rng(2)
     flat = interpolated(sheet.mesh, nodal, points)[0] + 1e-6 * rng.standard_normal((len(points), 4))
-    flat[40] += 5e-4
+    flat[40, 2] += 5e-4
     doubted = np.isin(np.arange(len(points)), [40, 67, 70])
     moved = np.moveaxis(flat.reshape(len(points), 2, 2), 1, 0)
     measured = MeasuredField(two_materials, points, doubted, moved, (1, 2), {}, 1e-6)
