@@ -35,7 +35,6 @@ class Row:
     part: str
     """"hardware", "pattern", "analysis" or "noise floor"."""
     name: str
-    """Name of the quantity."""
     value: str
     """Number with unit, words, or `NOT_STATED`."""
 
@@ -263,11 +262,7 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
 
 
 def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns of equal length, named with their units, as one table; NaN is an empty cell.
-
-    Raises ValueError: columns of different length. Raises OSError if the file cannot be written; an older one
-    is then unchanged.
-    """
+    """Write columns of equal length, named with their units, as one table; NaN is an empty cell."""
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns have different lengths: {lengths}")

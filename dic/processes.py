@@ -110,8 +110,7 @@ def background_pool(
 ) -> Iterator[Callable[..., list[Result]]]:
     """Begin several works in forks, if there are some, while this process does something else.
 
-    ``works``, ``processes``: as of `run_parallel`. Yields: joins in the work and gives what `run_parallel`
-    gives; takes its `progress`.
+    Yields: joins in the work and gives what `run_parallel` gives; takes its `progress`.
     """
     forked = can_fork() and (processes is not None or _FORKS_ALLOWED.get())
     workers = min(cores() if processes is None else processes, len(works)) if forked else 1
@@ -153,9 +152,8 @@ def run_parallel(
     """Do several works, each of which takes the next one that nobody has begun, and return their results in
     order.
 
-    ``works``: as for `background`. ``processes``: processes that work, this one among them. With None as many
-    as there are cores within `allow_forks`, and else this one alone, with a thread a core. ``progress``: told
-    here of the works done, or begun where forks work, and their number.
+    With None as many as there are cores within `allow_forks`, and else this one alone, with a thread a core.
+    ``progress``: told here of the works done, or begun where forks work, and their number.
     """
     with background_pool(works, processes=processes) as joined:
         return joined(progress)

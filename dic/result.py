@@ -64,7 +64,6 @@ class Placement:
     """Test frame in the rig's frame, and the cylinder it was taken from."""
 
     frame: SpecimenFrame
-    """The test frame."""
     radius: float
     """Radius of the cylinder that fits the specimen at rest best [m]."""
     radius_sigma: float
@@ -155,7 +154,6 @@ class Extension:
     """Length of a virtual extensometer through the frames; NaN where the outcome is not VALID."""
 
     name: str
-    """Its name."""
     ends: FloatArray
     """Its two ends in the reference picture of camera 0 (x, y) [px], shape [2, 2]."""
     length: FloatArray
@@ -223,7 +221,6 @@ class FullField(_Surfaced):
     noise: FloatArray
     """Standard deviation of the grey values of each camera [grey], shape [n_cameras]."""
     extensions: tuple[Extension, ...] = ()
-    """Virtual extensometers."""
     cylinder: FittedCylinder | None = None
     """Cylinder of each frame, of the kind "cylinder"."""
     remarks: tuple[Remark, ...] = ()

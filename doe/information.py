@@ -52,10 +52,7 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LinearData:
-    """Data with their derivatives by some parameters.
-
-    Raises ValueError if shapes do not match, an entry is not finite, or a sigma or scale is not > 0.
-    """
+    """Data with their derivatives by some parameters."""
 
     names: tuple[str, ...]
     """Parameters, length d."""
@@ -188,8 +185,7 @@ def best_groups(
 
     ``groups``: information of each group, e.g. of all that is seen at one height [-], shape [n, d, d].
     ``count``: how many to choose, 1 to n. ``base``: information that is there anyway [-], shape [d, d]; none
-    if left out. ``criterion``: "D" or "A". Raises ValueError if `count` is outside its range. Raises
-    UndecidedError if every choice is singular.
+    if left out. ``criterion``: "D" or "A".
     """
     n, d, _ = groups.shape
     count = index(count)

@@ -73,9 +73,7 @@ class SearchResult:
     value: float
     """The function there."""
     evaluations: int
-    """Calls of the function."""
     outcome: SearchOutcome
-    """How the search ended."""
     at_bound: dict[str, str]
     """ "lower" or "upper" for each parameter within 10 tolerances of a face; also filled when the search
     did not converge."""

@@ -232,7 +232,6 @@ class HistoryIndices:
     aggregated_total_interval: FloatArray
     """Ends of the bootstrap interval of the total one [-], shape [d, 2]."""
     components: int
-    """Number of components kept."""
     kept_variance: float
     """Share of the scaled variance in them [-]."""
 
@@ -250,8 +249,7 @@ def history_indices(
     ``box``: where the parameters vary, uniformly and independently. ``function``: the histories at points,
     shape [n, d] -> [n, k]. ``scale``: what entries are measured by when they are put together, > 0, in their
     units: a number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer
-    seed or generator. Raises ValueError if an argument is outside its range, an answer is unusable, or the
-    history does not vary at all.
+    seed or generator.
     """
     seed = seed_of(rng)
     sample = SaltelliSample.draw(box.dimension, n, seed)

@@ -98,10 +98,7 @@ def choices(
 ) -> list[Choice]:
     """Every combination, each name checked.
 
-    Raises
-    ------
-    ValueError
-        If a name is not known; the message lists those that are.
+    Raises ValueError if a name is not known; the message lists those that are.
     """
     combinations = [(*pair, number, shape) for pair, number, shape in product(contacts, precisions, elements)]
     for faces, side, number, shape in combinations:

@@ -109,10 +109,7 @@ LIMIT = 1 << 25
 
 
 class Piece:
-    """A piece of memory on the host.
-
-    ``memory``: its Warp array.
-    """
+    """A piece of memory on the host."""
 
     def __init__(self, memory: Any) -> None:
         self.memory = memory
@@ -209,7 +206,6 @@ class PreparedBatch:
     numbers: Precision
     """Its arithmetic."""
     where: Any
-    """The device."""
     parameters: Any
     """Parameters of every simulation, on the device."""
     output: Any
@@ -227,7 +223,6 @@ class Launched:
     """A batch at work on a GPU."""
 
     batch: PreparedBatch
-    """The batch."""
     state: Any
     """Its fields on the device, kept until it is collected."""
     parts: tuple[tuple[int, int, Any], ...]

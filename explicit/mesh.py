@@ -150,7 +150,15 @@ def _graded(place: FloatArray, grading: float) -> FloatArray:
 
 
 _HOURGLASS = np.array([1.0, -1.0, 1.0, -1.0])
-_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+"""Corners of the square that every element is an image of [-]."""
+
+
+def bilinear(xi: float, eta: float) -> tuple[FloatArray, FloatArray]:
+    """Shape functions of the corners at a point of the square, and their slopes, shapes [4] and [4, 2]."""
+    x, y = CORNERS.T
+    along, across = 1.0 + xi * x, 1.0 + eta * y
+    return 0.25 * along * across, 0.25 * np.column_stack([x * across, y * along])
 
 
 @dataclass(frozen=True)
@@ -201,13 +209,7 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
     pattern_y = np.zeros(n)
     for xi, w_xi in zip(points, weights, strict=True):
         for eta, w_eta in zip(points, weights, strict=True):
-            shape = 0.25 * (1.0 + xi * _CORNERS[:, 0]) * (1.0 + eta * _CORNERS[:, 1])
-            local = 0.25 * np.column_stack(
-                [
-                    _CORNERS[:, 0] * (1.0 + eta * _CORNERS[:, 1]),
-                    _CORNERS[:, 1] * (1.0 + xi * _CORNERS[:, 0]),
-                ]
-            )
+            shape, local = bilinear(xi, eta)
             jacobian = np.einsum("ai,eaj->eij", local, corners)
             det = np.linalg.det(jacobian)
             if (det <= 0.0).any():
@@ -247,9 +249,8 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
 def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:
     """Volume-averaged deformation gradient of each element, the one at the stress point of "one_point".
 
-    ``mesh``: the undeformed mesh. ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2].
-    Returns: in (r, y, hoop) [-], shape [..., n_elements, 3, 3]. Raises ValueError if the nodes are not those
-    of the mesh.
+    ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2]. Returns: in (r, y, hoop) [-], shape
+    [..., n_elements, 3, 3].
     """
     x = np.asarray(nodes, dtype=float)
     if x.shape[-2:] != (mesh.n_nodes, 2):

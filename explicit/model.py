@@ -287,8 +287,7 @@ def scale_of(name: str, value: float) -> float:
 def stencil_for(name: str, value: float, widest: float) -> Stencil:
     """The central formula, or a one-sided one where a step would leave the parameter's range.
 
-    ``name``: the parameter. ``value``, ``widest``: its value and the widest step, in its unit. Raises
-    ValueError if neither side has room for the widest step.
+    ``value``, ``widest``: its value and the widest step, in its unit.
     """
     low, high = BOUNDS[name]
     for stencil in (CENTRAL, FORWARD, BACKWARD):

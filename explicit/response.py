@@ -84,7 +84,6 @@ class Ending:
     """End of one simulation: outcome, time and place."""
 
     outcome: Outcome
-    """How."""
     time: float
     """The time it reached [s]."""
     element: int = -1

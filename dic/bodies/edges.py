@@ -65,8 +65,7 @@ def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
     """Follow the edge of a flyer that comes in by the first row.
 
     ``pictures``: grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames,
-    rows, columns]. ``noise``: standard deviation of their noise. Raises ValueError if nothing moves rigidly
-    into the picture, or no row is found where it ends.
+    rows, columns]. ``noise``: standard deviation of their noise.
     """
     n, rows, _ = pictures.shape
     travel, first = _coarse_travel(pictures)

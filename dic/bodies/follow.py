@@ -232,12 +232,11 @@ def follow_body(
 
     ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
     usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
-    ``margin``: least distance from a point to the region's rim [px]. ``tracking``: how points are followed in
-    time. ``stereo``: how they are matched between the cameras. ``health``: `FrameOutcome` of the pictures of
-    the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture, shape [rows,
-    columns]; None: those within its corners. ``rigid``: True for a body that only translates. ``name``: what
-    the stages are called to `progress`. Raises ValueError: a region outside the picture, or no frame that
-    both cameras saw.
+    ``margin``: least distance from a point to the region's rim [px]. ``health``: `FrameOutcome` of the
+    pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture,
+    shape [rows, columns]; None: those within its corners. ``rigid``: True for a body that only translates.
+    ``name``: what the stages are called to `progress`. Raises ValueError: a region outside the picture, or no
+    frame that both cameras saw.
     """
     matched = match_body(
         pictures, rig, region, step=step, margin=margin, tracking=tracking, stereo=stereo, noise=noise,
@@ -255,8 +254,7 @@ def follow_bodies(
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
-    ``stereo``: how they were matched between the cameras. ``progress``: told of the frames done; of those of
-    camera 1 when all are.
+    ``progress``: told of the frames done; of those of camera 1 when all are.
     """
     report = progress or (lambda stage, done, total: None)
 

@@ -149,9 +149,8 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     """Find specimen, flyer and the transmission platen's edge.
 
     ``pictures``: the series of camera 0. ``static``: frames in which both bodies rest, shape [n_frames].
-    ``usable``: frames with a usable picture, shape [n_frames]. ``toward``: where the flyer lies: a key of
-    `TURNS`. Raises ValueError if an edge is not in view or not clear; the message says which, and to declare
-    the region.
+    ``usable``: frames with a usable picture, shape [n_frames]. Raises ValueError if an edge is not in view or
+    not clear; the message says which, and to declare the region.
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")

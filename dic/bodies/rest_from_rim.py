@@ -85,11 +85,10 @@ def find_rim(
 ) -> Rim | None:
     """Find the rim of the flyer's face in all frames that show it.
 
-    ``pictures``: both series. ``body``: the flyer, followed; the rim is looked for beyond the end of its
-    region. ``rig``, ``frame``: the cameras and the test frame. ``places``: its points at translation zero
-    [m], shape [n_points, 3]; NaN where not known. ``moves``: translations of the frames [m], shape [n_frames,
-    3]; NaN where not known. ``geometry``: the specimen, for the band between it and the rim. Returns: None if
-    neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
+    ``body``: the flyer, followed; the rim is looked for beyond the end of its region. ``places``: its points
+    at translation zero [m], shape [n_points, 3]; NaN where not known. ``moves``: translations of the frames
+    [m], shape [n_frames, 3]; NaN where not known. ``geometry``: the specimen, for the band between it and the
+    rim. Returns: None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
     finite = np.asarray(np.isfinite(places).all(axis=1))
     if finite.sum() < 3:

@@ -140,7 +140,7 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
     r2 = x * x + y * y
 
     shared = np.zeros((n, 2, SHARED_PARAMETERS))
-    by_camera = shared[:, :, _camera_columns(view.camera)]
+    by_camera = shared[:, :, view.camera * CAMERA_PARAMETERS : (view.camera + 1) * CAMERA_PARAMETERS]
     by_camera[:, 0, 0], by_camera[:, 1, 1] = plane[:, 0], plane[:, 1]
     by_camera[:, 0, 2] = by_camera[:, 1, 3] = 1.0
     by_camera[:, 0, 4] = plane[:, 1]
@@ -168,11 +168,6 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
         by_place = by_place @ camera.rotation
     pose = np.concatenate([crossed(turned, by_place), by_place], axis=2)
     return shared, pose
-
-
-def _camera_columns(camera: int) -> slice:
-    """Columns of a camera's own parameters."""
-    return slice(camera * CAMERA_PARAMETERS, (camera + 1) * CAMERA_PARAMETERS)
 
 
 Pose = tuple[FloatArray, FloatArray]

@@ -466,10 +466,6 @@ def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArr
     return alike, float(radius[best].sum())
 
 
-def _no_dots() -> Dots:
-    return Dots(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
-
-
 def _outlines(
     eight: NDArray[np.uint8], size: int, step: float, round_dots: bool
 ) -> list[tuple[FloatArray, bool]]:
@@ -532,7 +528,7 @@ def _locate_dots(
     values = centroids(image, ellipses, noise)
     good = np.isfinite(values).all(axis=1)
     if not good.any():
-        return _no_dots()
+        return Dots(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     values, ellipses = values[good], ellipses[good]
     radius = 0.5 * np.sqrt(ellipses[:, 2] * ellipses[:, 3])
     hollow = np.array([hole for _, hole in outlines])[good]

@@ -88,8 +88,6 @@ def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
 
     The focal length is that of least median misfit over a few pictures, from a scan: it cannot run away, as
     the closed form from homographies does with a long lens and nearly parallel boards.
-
-    Raises Undetermined if no pose explains any picture.
     """
     middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
     few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, FOCAL_TRIALS).round().astype(int))]

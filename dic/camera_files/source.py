@@ -38,7 +38,6 @@ class Source:
     """The text of a camera file."""
 
     path: Path
-    """Path of the file."""
     text: str
     """All of it."""
 

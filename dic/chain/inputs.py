@@ -12,7 +12,7 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape
 from dic.images import PictureError, Pictures
-from dic.images.health import frame_health
+from dic.images.health import check_series, frame_health
 from dic.images.quality import GreyNoise, grey_noise
 from dic.images.series import Grey, decode_once
 from dic.outcome import FrameOutcome
@@ -61,7 +61,6 @@ class ChainSettings:
     stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
     """Settings of the match between the cameras."""
     device: str = "cpu"
-    """Device of the correlation."""
 
     @property
     def subset(self) -> int:
@@ -115,7 +114,6 @@ class Inputs:
     rig: StereoRig
     """The cameras, for pictures with their crop."""
     settings: ChainSettings
-    """Settings of the measurement."""
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     static: BoolArray
@@ -191,7 +189,12 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
         raise ChainError(
             f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
         )
-    outcome = frame_health(series).outcome
+    health = frame_health(series)
+    try:
+        check_series(series, health)
+    except PictureError as error:
+        raise ChainError(f"camera {camera}: {error}") from error
+    outcome = health.outcome
     rest_frames = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
     if rest_frames.size < 2:
         raise ChainError(
@@ -212,10 +215,7 @@ def _line(grey: GreyNoise) -> Noise:
 
 
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
-    """Findings about the cameras from a first pair of pictures, matched without their parameters.
-
-    Raises ChainError if no frame has a usable picture of both cameras.
-    """
+    """Findings about the cameras from a first pair of pictures, matched without their parameters."""
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     try:
         frame = material_frame(health, region.frame)

@@ -290,7 +290,6 @@ class Speckles:
     picture: FloatArray
     """Mean of the static pictures [grey], shape [rows, columns]."""
     quality: SpeckleQuality
-    """Their quality."""
 
 
 def speckles(

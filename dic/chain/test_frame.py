@@ -65,7 +65,7 @@ def refined_end(
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
     zero = on_cylinder(rig.cameras[0], declared, cylinder)
     frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
-    if not _sees_end(rig.cameras[0], frame, 0.0):
+    if _slope(rig.cameras[0], frame, 0.0) < 0.0:  # the camera stands below the plane of the lower end
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, count = 0.0, np.inf, 0
@@ -106,11 +106,6 @@ def _scale(camera: Camera, frame: SpecimenFrame, y: float, radius: float) -> flo
     """Pixels of a length along the axis on the cameras' side [px/m]."""
     place = frame.in_rig(np.array([0.0, y, radius]))
     return float(np.linalg.norm(pixels_per_length(camera, place, frame.rotation[1])))
-
-
-def _sees_end(camera: Camera, frame: SpecimenFrame, y: float) -> bool:
-    """True if a camera stands above the plane of the lower end."""
-    return _slope(camera, frame, y) >= 0.0
 
 
 def end_in_camera(

@@ -91,7 +91,6 @@ class Correlation:
     subset: int = 21
     """Side of the square subset in the material picture [px]: odd, 5 to 101."""
     shape: Shape = Shape.AFFINE
-    """Shape function."""
     prefilter: float = 0.0
     """Standard deviation of the Gaussian that both pictures are smoothed with [px]; 0: none."""
     max_iterations: int = 30
@@ -200,7 +199,6 @@ class PictureStack:
     """Pictures of one camera, ready to be matched; make it with `prepare`."""
 
     n_pictures: int
-    """Number of pictures."""
     shape: tuple[int, int]
     """Rows and columns [px]."""
     noise: tuple[Noise, ...]

@@ -12,7 +12,7 @@ from dic.basics import BoolArray, FloatArray, IntArray
 from dic.bodies.region import grid_points
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape, apply, overlap_correlation
-from dic.images import PictureError, Pictures, frame_health
+from dic.images import PictureError, Pictures, check_series, frame_health
 from dic.images.quality import grey_noise
 from dic.images.series import PicturesInMemory, decode_once
 from dic.outcome import FrameOutcome, PointOutcome
@@ -53,7 +53,6 @@ class FullFieldSettings:
     """Standard deviation of a grey value [grey]; None: from the static frames, or from the residuals of the
     matches where there is only one."""
     device: str = "cpu"
-    """Device of the correlation."""
 
     @property
     def subset(self) -> int:
@@ -97,7 +96,6 @@ class Extensometer:
     """A virtual extensometer."""
 
     name: str
-    """Its name."""
     ends: tuple[tuple[float, float], tuple[float, float]]
     """Its ends in the reference picture of camera 0 (x, y) [px]."""
     window: int = 3
@@ -243,7 +241,6 @@ def noise_from_matches(
 
     ``picture``: the reference picture, shape [rows, columns]. ``points``: places of the matched subsets'
     centres [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
-    Raises ValueError if there are no points.
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")
@@ -311,7 +308,9 @@ def measure_plane(
     """
     chosen = settings or FullFieldSettings()
     series = as_series(pictures)
-    health = frame_health(series).outcome
+    found = frame_health(series)
+    check_series(series, found)
+    health = found.outcome
     usable_reference([health], chosen)
     time, timed = times_of(series, t)
     mask = full_mask(mask, series)
@@ -407,8 +406,9 @@ def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> 
     frames = np.flatnonzero(counts >= max(1, counts.max() // 2))
     if not counts.any():
         raise ValueError(
-            "no point was followed into another frame: check region, subset and the size of the motion, or "
-            "declare the noise of the grey values"
+            "no point was followed into another frame, though the pictures are usable. Likely causes: the "
+            "motion from frame to frame is larger than the search, the region lies beside the pattern, or "
+            "the subset is smaller than the speckles. Correct region or subset, or take a later reference"
         )
     frame = int(frames[np.argmin(np.abs(frames - settings.reference))])
     valid = tracked.outcome[frame] == PointOutcome.VALID

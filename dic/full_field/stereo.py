@@ -36,7 +36,7 @@ from dic.full_field.measure import (
     times_of,
     usable_reference,
 )
-from dic.images import Pictures, frame_health
+from dic.images import Pictures, check_series, frame_health
 from dic.outcome import PointOutcome
 from dic.result import FittedCylinder, FullField
 from dic.stereo.diagnose import check_setup
@@ -201,14 +201,10 @@ def _remove_curvature_bias(
         tracks = (body.tracks[0], without_bias(track, bias, body.material))
         body = _apply_epipolar_gate(
             rig,
-            replace(first, tracks=tracks, reconstruction=_reconstruct_body(rig, first, tracks)),
+            replace(first, tracks=tracks, reconstruction=reconstruct(rig, *tracks, common=first.common)),
             rest_frames,
         )
     return body, size, plain
-
-
-def _reconstruct_body(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
-    return reconstruct(rig, *tracks, common=body.common)
 
 
 def cylinders(
@@ -332,7 +328,10 @@ def _measured(
     series = (as_series(pictures[0]), as_series(pictures[1]))
     if series[0].n_frames != series[1].n_frames:
         raise ValueError(f"the cameras have {series[0].n_frames} and {series[1].n_frames} pictures")
-    health = (frame_health(series[0]).outcome, frame_health(series[1]).outcome)
+    found = [frame_health(one) for one in series]
+    for one, own in zip(series, found, strict=True):
+        check_series(one, own)
+    health = (found[0].outcome, found[1].outcome)
     usable_reference(health, settings)
     time, timed = times_of(series[0], t)
     region = full_mask(mask, series[0])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dic.files import regular
 from dic.images import cine, hdf5, numbered, photron, tiff
-from dic.images.health import FrameHealth, frame_health, saturated_mask
+from dic.images.health import FrameHealth, check_series, frame_health, saturated_mask
 from dic.images.numbered import WEIGHTS
 from dic.images.quality import GreyNoise, SpeckleQuality, grey_noise, speckle_quality
 from dic.images.series import MOST_FRAMES, Grey, PictureError, Pictures, checked_frame, checked_index
@@ -99,15 +99,20 @@ def declared(
 
 def of_colours(series: Sequence[Pictures]) -> tuple[Remark, ...]:
     """Remarks on series whose pictures have colours, which became grey by a rule."""
-    return tuple(
-        Remark(
-            name="colour pictures",
-            text=f"the pictures of camera {camera} have colours; a grey value is {WEIGHTS} of them",
-            cure="export grey values as they were recorded: a colour sensor's neighbours are interpolated",
-        )
-        for camera, pictures in enumerate(series)
-        if getattr(getattr(pictures, "pictures", pictures), "coloured", False)
-    )
+    remarks = []
+    for camera, pictures in enumerate(series):
+        own = getattr(pictures, "pictures", pictures)
+        if getattr(own, "coloured", False):
+            text = f"the pictures of camera {camera} have colours; a grey value is {WEIGHTS} of them"
+            cure = "export grey values as they were recorded: a colour sensor's neighbours are interpolated"
+            remarks.append(Remark(name="colour pictures", text=text, cure=cure))
+        elif getattr(own, "tripled", False):
+            text = (
+                f"the pictures of camera {camera} store each grey value as three equal colours; one was taken"
+            )
+            cure = "none is needed; export grey values to save space"
+            remarks.append(Remark(name="grey in three colours", text=text, cure=cure))
+    return tuple(remarks)
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,6 @@ class Format:
     """A picture file format."""
 
     name: str
-    """Name for users."""
     sniff: Callable[[Path, bytes], bool]
     """True if a file, given with its first `SNIFFED` bytes, is of this format."""
     read: Callable[[Path], Pictures]
@@ -214,6 +218,7 @@ __all__ = [
     "PictureError",
     "Pictures",
     "SpeckleQuality",
+    "check_series",
     "declared",
     "frame_health",
     "grey_noise",

@@ -41,7 +41,6 @@ class Hdf5Pictures:
     crop_offset: tuple[float, float]
     times: NDArray[np.float64] | None
     dataset: str
-    """Name of the dataset."""
 
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, shape [rows, columns].

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.basics import FloatArray, IntArray
-from dic.images.series import PictureError, Pictures
+from dic.images.series import PictureError, Pictures, PictureSizeError
 from dic.outcome import FrameOutcome
 
 AROUND = 11
@@ -54,6 +54,10 @@ class FrameHealth:
     """Grey value at which pixels saturate: 2**bits - 1, or lower if they are seen to pile up below it."""
     notes: Mapping[int, str]
     """Frame number to what was found, in one line, of frames that are not VALID or that flashed."""
+    mismatched: tuple[int, ...]
+    """Frames of another size, or of other bits, than the series."""
+    constant: NDArray[np.bool_]
+    """Frames whose grey values are all alike, below the largest. Shape [n_frames]."""
 
 
 def frame_health(
@@ -108,11 +112,16 @@ def frame_health(
     black |= statistics.contrast < max(noise, least_contrast * typical)
     outcome[black & readable] = int(FrameOutcome.BLACK)
     outcome[saturated > most_saturated] = int(FrameOutcome.SATURATED)
+    # Every grey value alike, below the largest: no light reached the sensor, or the file is no picture.
+    constant = (statistics.contrast == 0.0) & (statistics.correlation == 0.0)
+    constant &= statistics.mean < 2**pictures.bits - 1
+    outcome[constant] = int(FrameOutcome.BLACK)
     outcome[~readable] = int(FrameOutcome.UNREADABLE)
     flashed = (flash > flash_share) & (outcome == FrameOutcome.VALID)
     notes = dict(statistics.unreadable)
     for index in np.flatnonzero(readable & ((outcome != FrameOutcome.VALID) | flashed)).tolist():
         name = "flash" if flashed[index] else FrameOutcome(int(outcome[index])).name.lower()
+        name = "constant" if constant[index] else name
         notes[index] = (
             f"{pictures.path}, frame {index}: {name}: mean {statistics.mean[index]:.4g}, "
             f"contrast {statistics.contrast[index]:.3g} (usual {typical:.3g}), neighbours correlate "
@@ -130,6 +139,48 @@ def frame_health(
         flashed=flashed,
         ceiling=ceiling,
         notes=MappingProxyType(notes),
+        mismatched=statistics.mismatched,
+        constant=constant,
+    )
+
+
+_CURES = {
+    "unreadable": "",  # its error has one
+    "constant": "was the lens cap on, or the light off? is it the right file?",
+    "black": "was the lens cap on, or the light off? is it the right file?",
+    "saturated": "expose shorter, or close the lens; declare bits where the camera has fewer than stored",
+    "repeated": "export each frame once",
+}
+"""What a picture that cannot be used is, in a word -> the cure."""
+
+
+def check_series(pictures: Pictures, health: FrameHealth) -> None:
+    """Refuse a series that cannot be correlated, before it is.
+
+    ``pictures``, ``health``: the series and what `frame_health` found in it. Raises PictureError, which names
+    the first file or frame and the cause: a picture of another size or of other bits than the series, or
+    fewer than two pictures that are readable and neither constant, black, saturated nor repeated.
+    """
+    count = pictures.n_frames
+    if health.mismatched:
+        raise PictureError(
+            pictures.path,
+            f"{len(health.mismatched)} of {count} pictures are not like the others, the first: "
+            f"{health.notes[health.mismatched[0]]}",
+            cure="is a picture of another recording among them? leave it out, or export all alike",
+        )
+    bad = np.flatnonzero(health.outcome != FrameOutcome.VALID).tolist()
+    if count - len(bad) >= 2 or count < 2:  # a correlation compares two pictures
+        return
+    kinds = [
+        "constant" if health.constant[i] else FrameOutcome(int(health.outcome[i])).name.lower() for i in bad
+    ]
+    most = max(dict.fromkeys(kinds), key=kinds.count)
+    words = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    raise PictureError(
+        pictures.path,
+        f"{len(bad)} of {count} pictures cannot be used ({words}), the first: {health.notes[bad[0]]}",
+        cure=_CURES[most],
     )
 
 
@@ -163,6 +214,7 @@ class _Scan:
     total: IntArray
     """Fine histogram of all frames."""
     unreadable: dict[int, str]
+    mismatched: tuple[int, ...]
     repeats: NDArray[np.bool_]
     """True where every pixel is as in the readable frame before."""
 
@@ -173,12 +225,14 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
     starts = np.arange(0, len(total), max(len(total) // 1024, 1))
     histograms: list[IntArray | None] = []
     unreadable: dict[int, str] = {}
+    mismatched: list[int] = []
     repeats, before = np.zeros(pictures.n_frames, dtype=bool), b""
     for index in range(pictures.n_frames):
         try:
             picture = pictures.frame(index)
         except PictureError as error:
             unreadable[index] = str(error)
+            mismatched += [index] if isinstance(error, PictureSizeError) else []
             histograms.append(None)
             continue
         digest = blake2b(picture.tobytes(), digest_size=16).digest()
@@ -192,7 +246,19 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
         mean[index] = counts @ np.arange(len(counts)) / values.size
         middle[index] = np.searchsorted(np.cumsum(counts), values.size / 2.0)
         contrast[index], correlation[index] = _shared(picture, used)
-    return _Scan(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable, repeats)
+    return _Scan(
+        mean,
+        middle,
+        contrast,
+        correlation,
+        top,
+        at_top,
+        histograms,
+        total,
+        unreadable,
+        tuple(mismatched),
+        repeats,
+    )
 
 
 def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from dic.files import regular
 from dic.images import tiff
-from dic.images.series import Grey, PictureError, checked_bits, checked_frame, checked_index, checked_shape
+from dic.images.series import (
+    Grey,
+    PictureError,
+    PictureSizeError,
+    checked_bits,
+    checked_frame,
+    checked_index,
+    checked_shape,
+)
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_END_WITHIN = 65_536
@@ -116,6 +124,10 @@ class NumberedPictures:
     times: NDArray[np.float64] | None = None
     coloured: bool = False
     """Whether the first picture has pixels whose three colours differ."""
+    stored: int = 0
+    """Bits in which each grey value is stored, 8 or 16; 0: not compared."""
+    tripled: bool = False
+    """Whether the first picture has three equal colours, of which one is taken."""
 
     @property
     def n_frames(self) -> int:
@@ -131,16 +143,23 @@ class NumberedPictures:
             raise PictureError(
                 self.path, f"no file has the number {self.numbers[index]}", frame=index, cure="copy it again"
             )
-        return checked_frame(file, index, _decode(file, index)[0], self.shape, self.bits)
+        picture = _decode(file, index)[0]
+        stored = 8 * picture.dtype.itemsize
+        if self.stored and stored != self.stored:
+            raise PictureSizeError(
+                file,
+                f"has grey values of {stored} bits, the series {self.stored}",
+                frame=index,
+                cure="export all pictures with the same bits",
+            )
+        return checked_frame(file, index, picture, self.shape, self.bits)
 
 
 def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     """Open the series in a folder.
 
-    ``path``: the folder. ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``;
-    without it all pictures of the folder must belong to one series, by the last number in their names. Raises
-    PictureError if there is no such series or more than one, two files have one number, the numbers are no
-    frame numbers, or no file can be decoded.
+    ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``; without it all
+    pictures of the folder must belong to one series, by the last number in their names.
     """
     candidates = _matching(path, pattern) if pattern is not None else _only_series(path)
     by_number: dict[int, Path] = {}
@@ -166,10 +185,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
-
-    Raises PictureError if there is no file or none can be decoded.
-    """
+    """Open picture files in the order given; frame i is file i, a file that is not there a missing frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")
     return _opened(files[0].parent, list(files), tuple(range(len(files))))
@@ -189,8 +205,16 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> N
         shape = checked_shape(file, *picture.shape)
         data = file.read_bytes()
         used = checked_bits(file, bits, 16)
+        three, differ = (False, False) if tiff.sniff(file, data) else _colours(data)
         return NumberedPictures(
-            path, tuple(files), numbers, shape, used, coloured=not tiff.sniff(file, data) and _colours(data)
+            path,
+            tuple(files),
+            numbers,
+            shape,
+            used,
+            coloured=differ,
+            stored=8 * picture.dtype.itemsize,
+            tripled=three and not differ,
         )
     raise PictureError(
         path,
@@ -301,9 +325,11 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
     return np.asarray(picture), picture.dtype.itemsize * 8
 
 
-def _colours(data: bytes) -> bool:
-    """Whether a PNG, JPEG or BMP has pixels whose three colours differ."""
+def _colours(data: bytes) -> tuple[bool, bool]:
+    """Whether a PNG, JPEG or BMP has three colours, and pixels in which they differ."""
     from dic.basics import cv2
 
     picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-    return picture is not None and picture.ndim == 3 and bool((picture != picture[..., :1]).any())
+    if picture is None or picture.ndim != 3:
+        return False, False
+    return True, bool((picture != picture[..., :1]).any())

@@ -49,7 +49,6 @@ class Header:
     """The fields of a camera information header, by their names in the text form."""
 
     path: Path
-    """The header file."""
     fields: dict[str, str]
     """Name and value as written."""
 

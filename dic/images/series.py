@@ -36,7 +36,7 @@ class PictureError(ValueError):
 
 
 class PictureSizeError(PictureError):
-    """A picture of another size than those of its series."""
+    """A picture of another size, or of other bits, than those of its series."""
 
 
 @runtime_checkable

@@ -37,10 +37,7 @@ from dic.stereo.geometry import (
 
 @dataclass(frozen=True, kw_only=True)
 class StereoSearch:
-    """Search for initial guesses.
-
-    Raises ValueError: a value outside its range; the message names it.
-    """
+    """Search for initial guesses."""
 
     distances: tuple[float, float] | None = None
     """Nearest and farthest distance of the specimen along camera 0's rays [m]; None: wherever the
@@ -245,7 +242,6 @@ class Pair:
     """Inputs of one stereo match; every point has a place in camera 0."""
 
     rig: StereoRig
-    """The cameras."""
     pictures: tuple[NDArray[np.float32], NDArray[np.float32]]
     """Their grey values, each of shape [rows, columns]."""
     stacks: tuple[PictureStack, PictureStack]
@@ -259,9 +255,7 @@ class Pair:
     settings: Correlation
     """Of the match."""
     search: StereoSearch
-    """Search for initial guesses."""
     gates: StereoGates
-    """Gates of a match."""
 
     @property
     def places(self) -> FloatArray:

@@ -140,8 +140,7 @@ def reconstruct(
 def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
     """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
 
-    ``reconstruction``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there. Raises ValueError if
-    the standard deviations of the epipolar distances are not known.
+    ``reconstruction``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there.
     """
     if reconstruction.epipolar_sigma is None:
         raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")

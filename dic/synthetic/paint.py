@@ -239,8 +239,7 @@ def board_texture(target: Any, pitch: float) -> tuple[Texture, FloatArray]:
     """Paint of a target, in the frame that its points are numbered in, and the corners of the board.
 
     ``target``: a `FiducialDots`, `Chessboard` or `Charuco`. ``pitch``: largest distance of texels [m]; x is
-    around, y along. Returns: the paint. Returns: of the board [m], shape [4, 2]. Raises TypeError: another
-    target.
+    around, y along. Returns: the paint. Returns: of the board [m], shape [4, 2].
     """
     if isinstance(target, FiducialDots):
         texture = _dots(target, pitch)

@@ -44,8 +44,7 @@ def picture_series(
     ``scene``: bodies at the instants of the frames. ``shape``: rows and columns [px]. ``lens``: point spread
     and rays a pixel; default `Lens()`. ``haze``: displacements of the picture by the air [px], as
     `dic.synthetic.scene.haze` makes them; None: none. ``haze_pitch``: distance of its nodes [px]. ``device``:
-    "cpu" or a GPU, "cuda:0". Yields: the next frames, in their order. Raises ValueError: an unknown device; a
-    lens distortion that cannot be undone.
+    "cpu" or a GPU, "cuda:0". Yields: the next frames, in their order.
     """
     lens = lens or Lens()
     start = select_device(device)

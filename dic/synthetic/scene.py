@@ -147,7 +147,6 @@ class Scene:
     bodies: tuple[RevolvedBody, ...]
     """Every body that may be in view."""
     lamp: Lamp = field(default_factory=Lamp)
-    """The light."""
     background: float = 0.05
     """Reflectance where there is no body [-]."""
 

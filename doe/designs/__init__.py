@@ -49,10 +49,7 @@ __all__ = [
 
 
 def design_kind(option: str) -> DesignKind:
-    """Look a design up by its name at a command line.
-
-    Raises ValueError if there is no such design; the message lists those there are.
-    """
+    """Look a design up by its name at a command line."""
     for kind in DESIGNS.values():
         if kind.option == option:
             return kind

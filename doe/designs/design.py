@@ -111,10 +111,9 @@ class DesignKind:
     ) -> Design:
         """The design by options that are the same for all kinds; those it does not need are not looked at.
 
-        ``levels``: one number for all parameters or one each. ``runs``: number of points. ``rng``: integer
-        seed or NumPy generator. ``generators``: words of a fractional factorial. ``candidates``: points to
-        choose from, in parameter units, shape [c, d]; the kind's own if None. ``points``: points chosen
-        elsewhere, likewise. Raises ValueError if an option does not fit the box or the kind.
+        ``levels``: one number for all parameters or one each. ``runs``: number of points. ``candidates``:
+        points to choose from, in parameter units, shape [c, d]; the kind's own if None. ``points``: points
+        chosen elsewhere, likewise. Raises ValueError if an option does not fit the box or the kind.
         """
         arguments = {
             "levels": levels,

@@ -38,9 +38,7 @@ def d_optimal(
     the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
     terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
     ``candidates``: in parameter units, shape [c, d], constraints met; a grid of five levels a parameter if
-    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it. Raises
-    ValueError if a candidate is outside the box, n is outside its range, the degree is below 1, or the
-    candidates do not fix the polynomial.
+    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it.
     """
     n, seed = count_of(n), seed_of(rng)
     if degree < 1:
@@ -60,7 +58,7 @@ def d_optimal(
         )
     generator = np.random.default_rng(seed)
     exchanged = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
-    best = max(exchanged, key=lambda rows: _log_det(model[rows]))
+    best = max(exchanged, key=lambda rows: float(np.linalg.slogdet(model[rows].T @ model[rows])[1]))
     settings = {"n": n, "candidates": len(points), "degree": degree, "starts": STARTS, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
 
@@ -107,10 +105,6 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
         if gain[i, j] <= GAIN:
             return rows
         rows[j] = i
-
-
-def _log_det(model: FloatArray) -> float:
-    return float(np.linalg.slogdet(model.T @ model)[1])
 
 
 def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:

@@ -21,9 +21,7 @@ def fractional_factorial(box: Box, generators: str) -> Design:
     """A two-level fractional factorial, 2^(d-p) of the box's corners.
 
     ``generators``: one word a parameter: a letter alone is a factor of its own, a word of letters the product
-    of theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners. Raises ValueError if
-    there is not one word a parameter, a word is not of letters a to z, a letter in a word is no factor, or a
-    letter alone stands twice.
+    of theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners.
     """
     words = generators.split()
     if len(words) != box.dimension:
@@ -49,7 +47,6 @@ def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced
 
     ``shape``: "faced", corners of the box, axis points in the middle of its faces; or "inscribed", axis
     points in the middle of the faces, corners drawn in so that the design is rotatable, alpha = 2^(d/4).
-    Raises ValueError if the box has fewer than two parameters or the shape is unknown.
     """
     if box.dimension < 2:
         raise ValueError("a central composite design needs two parameters or more, got 1")
@@ -62,10 +59,7 @@ def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced
 
 
 def box_behnken(box: Box) -> Design:
-    """Middles of the box's edges and its centre, once: a quadratic design without the corners.
-
-    Raises ValueError if the box has fewer than three parameters.
-    """
+    """Middles of the box's edges and its centre, once: a quadratic design without the corners."""
     if index(box.dimension) < 3:
         raise ValueError(f"a Box-Behnken design needs three parameters or more, got {box.dimension}")
     from pydoe import bbdesign

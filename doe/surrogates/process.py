@@ -101,7 +101,6 @@ class GaussianProcess:
     """Columns of values, each a linear trend and a Gaussian process around it, of one correlation."""
 
     hyperparameters: Hyperparameters
-    """Its correlation."""
     unit_points: FloatArray
     """The runs in the unit box [-], shape [n, d]."""
     values: FloatArray
@@ -344,8 +343,7 @@ class ProcessSurrogate:
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
         """The surrogate as if runs at these points had given what it predicts, shape [m, d].
 
-        Its mean stays (up to the nugget); its standard deviation falls about the points. Raises ValueError if
-        a point is outside the box.
+        Its mean stays (up to the nugget); its standard deviation falls about the points.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []

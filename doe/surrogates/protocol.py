@@ -31,11 +31,8 @@ class SurrogateError(ValueError):
 class Kernel:
     """A radial function of the distance in the unit box, and the degree of its polynomial tail.
 
-    Raises
-    ------
-    ValueError
-        If the name is unknown, the degree too low for it, or `shape` is missing, not positive, or given
-        for a kernel that has none.
+    Raises ValueError if the name is unknown, the degree too low for it, or `shape` is missing, not positive,
+    or given for a kernel that has none.
     """
 
     name: str

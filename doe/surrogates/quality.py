@@ -88,13 +88,11 @@ def fitness(
 ) -> Fitness:
     """Judge a surrogate by its leave-one-out error, and how that falls over nested parts of the design.
 
-    ``fit``: builds the surrogate. ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k].
-    ``sigma``: noise of each entry, in response units, a number or shape [k]. ``allowed``: largest allowed
-    error, > 0. ``gain``: linear map from a change of the response to what the surrogate is for, in units of
-    what is allowed to be wrong: the optimum's move over its half width, shape [m, k]. The error is then the
-    root mean square of its largest component. Left out, it is that of residual / sigma over all entries.
-    Raises ValueError if `allowed` is not > 0, or shapes do not match. Raises SurrogateError if the whole
-    design does not carry a surrogate.
+    ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k]. ``sigma``: noise of each entry,
+    in response units, a number or shape [k]. ``allowed``: largest allowed error, > 0. ``gain``: linear map
+    from a change of the response to what the surrogate is for, in units of what is allowed to be wrong: the
+    optimum's move over its half width, shape [m, k]. The error is then the root mean square of its largest
+    component. Left out, it is that of residual / sigma over all entries.
     """
     if not 0.0 < allowed < np.inf:
         raise ValueError(f"allowed must be finite and > 0, got {allowed}")

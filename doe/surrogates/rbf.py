@@ -36,7 +36,6 @@ class RadialBasis:
     """An interpolant s(u) = sum_i c_i phi(|u - u_i|) + tail, one for each column of the values."""
 
     kernel: Kernel
-    """Its kernel."""
     unit_points: FloatArray
     """The runs in the unit box [-], shape [n, d]."""
     loo_residuals: FloatArray

@@ -50,10 +50,7 @@ class Posterior:
     def interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
         """Equal-tailed credible interval of a parameter, in its units.
 
-        Raises
-        ------
-        ValueError
-            If the name is unknown or the probability outside (0, 1).
+        Raises ValueError if the name is unknown or the probability outside (0, 1).
         """
         if name not in self.names or not 0.0 < probability < 1.0:
             raise ValueError(

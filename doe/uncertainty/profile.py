@@ -38,7 +38,6 @@ class Profile:
     """The profile likelihood of one parameter."""
 
     name: str
-    """The parameter."""
     values: FloatArray
     """Where it was held, ascending, in its units, shape [n]."""
     rise: FloatArray
@@ -261,9 +260,6 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
     At both ends of the interval, or of the box where the interval is open, it is asked what the move of
     each other parameter would cost alone. One whose move costs more than the level made the difference;
     one that drifts at no cost did not.
-
-    ``likelihood``: of the data. ``profiles``: holds the optimum and the level. ``profile``: of the parameter
-    in question.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)
@@ -312,7 +308,6 @@ class Verdict:
     """The verdict on one parameter inside the box."""
 
     name: str
-    """The parameter."""
     kind: VerdictKind
     """In one word."""
     interval: Interval

@@ -51,7 +51,6 @@ class Gradient:
     """Partial derivative by the law's initial shear modulus [1/Pa], through the bulk modulus, the damping
     and the hourglass control, the stress of the law held fixed."""
     steps: StepSequence
-    """The steps that were taken."""
     memory: int
     """Memory of checkpoints, rows of a segment and their gradients [B]."""
 

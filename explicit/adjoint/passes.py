@@ -60,7 +60,6 @@ class ForceSampling:
     """
 
     steps: StepSequence
-    """The steps."""
     times: FloatArray
     """Requested times [s], shape [n_times]."""
 
@@ -124,7 +123,6 @@ class ReturnedWave:
     """
 
     support: CharacteristicBar
-    """The bar."""
     returned: list[float] = field(default_factory=list)
     """Wave h that returned in each step [m/s]."""
     outgoing: list[float] = field(default_factory=list)
@@ -196,9 +194,7 @@ class ForwardRun:
 def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
     """Run forward, segment by segment of as many steps as the plan's window holds.
 
-    ``plan``: the simulation. ``sampling``: what to record. ``steps``: the steps to take; default: measured as
-    by `explicit.run`. Raises ValueError if a requested time is before the model's start, or the run does not
-    reach its end; the message has the cause and the cure.
+    ``steps``: the steps to take; default: measured as by `explicit.run`.
     """
     window, model = plan.window, plan.model
     earliest = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))

@@ -230,15 +230,12 @@ class PhasePlan:
     """One simulation, ready to run in phases on the CPU in double precision."""
 
     model: Model
-    """What is simulated."""
     samples: Samples
     """With which parameters: one sample."""
     stepping: Stepping
     """Numerical choices."""
     kernels: PhaseKernels
-    """The phases."""
     window: Window
-    """The rows."""
     element_inputs: tuple[Any, ...]
     """Arguments of the elements' phase after k and `measure`."""
     node_inputs: tuple[Any, ...]
@@ -346,7 +343,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     choices = {"bound": stepping.bound, "volumetric": model.volumetric}
     loop = time_loop_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
-    batch = batch_of(loop, model, samples, _no_samples(model), stepping, numbers, device)
+    no_samples = Sampling(np.array([model.start]), np.array([model.start]))
+    batch = batch_of(loop, model, samples, no_samples, stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
     batch.solids.requires_grad = True
     batch.friction.requires_grad = True
@@ -394,10 +392,6 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
             *(a["returned"], a["lower_platen"], a["outgoing"]),
         ),
     )
-
-
-def _no_samples(model: Model) -> Sampling:
-    return Sampling(np.array([model.start]), np.array([model.start]))
 
 
 def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch: Any) -> Window:

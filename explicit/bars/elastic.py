@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 
 from explicit.arrays import FloatArray, IntArray
 from explicit.bars.lines import Section, loaded_line
+from explicit.mesh import CORNERS, bilinear
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,6 @@ def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
     return 2.0 * share / a[:, None] ** 2
 
 
-_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
-
 @dataclass(frozen=True)
 class ElementMatrices:
     """Matrices of every element over a full turn; degrees of freedom (u_r, u_x) corner by corner."""
@@ -142,11 +140,8 @@ def _element_matrices(mesh: ElasticMesh) -> ElementMatrices:
     stiffness, mass = np.zeros((n, 8, 8)), np.zeros((n, 4))
     law = np.array([_elasticity(s.youngs_modulus, s.poisson) for s in mesh.sections])[mesh.part]
     density = np.array([section.density for section in mesh.sections])[mesh.part]
-    for xi, eta in _CORNERS / np.sqrt(3.0):
-        shape = 0.25 * (1.0 + xi * _CORNERS[:, 0]) * (1.0 + eta * _CORNERS[:, 1])
-        local = 0.25 * np.column_stack(
-            [_CORNERS[:, 0] * (1.0 + eta * _CORNERS[:, 1]), _CORNERS[:, 1] * (1.0 + xi * _CORNERS[:, 0])]
-        )
+    for xi, eta in CORNERS / np.sqrt(3.0):
+        shape, local = bilinear(xi, eta)
         jacobian = np.einsum("ai,eaj->eij", local, corners)
         slope = np.einsum("eij,aj->eai", np.linalg.inv(jacobian), local)
         radius = corners[:, :, 0] @ shape
@@ -229,7 +224,6 @@ class ElasticBar:
     """A mesh of elastic parts that can be integrated in time; made by `elastic_bar`."""
 
     mesh: ElasticMesh
-    """The mesh."""
     stiffness: csr_array = field(repr=False)
     """Stiffness [N/m], shape [2 n_nodes, 2 n_nodes], degrees of freedom (u_r, u_x) node by node."""
     mass: FloatArray = field(repr=False)
@@ -374,18 +368,9 @@ class PulseResponse:
     def histories(self, impulse: FloatArray, kind: str) -> FloatArray:
         """Histories under forces that act from rest, shape of `impulse`.
 
-        Parameters
-        ----------
-        impulse
-            Impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples, n]; from a
-            NaN on nothing presses any more.
-        kind
-            "path", "seen" or "section".
-
-        Raises
-        ------
-        ValueError
-            If there are more steps than the response has.
+        ``impulse``: impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples,
+        n]; from a NaN on nothing presses any more. ``kind``: "path", "seen" or "section". Raises ValueError
+        if there are more steps than the response has.
         """
         n = impulse.shape[1]
         table = getattr(self, kind)
@@ -418,21 +403,10 @@ def pulse_on_bars(
 ) -> PulseResponse:
     """The response of one-dimensional bars, free at their far end.
 
-    Parameters
-    ----------
-    sections
-        Bars bonded one behind the other, the loaded one first.
-    step
-        Distance of the times [s].
-    n
-        Number of times.
-    sensor, seen
-        Distance of the transducer's section and of the place that is seen from the loaded face [m].
-
-    Raises
-    ------
-    ValueError
-        If a distance is outside the bars, or a section is shorter than half a wave's way in a time step.
+    ``sections``: bars bonded one behind the other, the loaded one first. ``step``: distance of the times [s].
+    ``n``: number of times. ``sensor``, ``seen``: distance of the transducer's section and of the place that
+    is seen from the loaded face [m]. Raises ValueError if a distance is outside the bars, or a section is
+    shorter than half a wave's way in a time step.
     """
     least = max(2, int(np.ceil(step / FINEST)))
     travel = np.array([section.travel_time for section in sections])
@@ -463,19 +437,10 @@ def pulse_on_mesh(
 ) -> PulseResponse:
     """The response of elastic parts as an axisymmetric mesh.
 
-    Parameters
-    ----------
-    sections, step, n, sensor, seen
-        As of `pulse_on_bars`; `observed` lies on the outer surface. A sensor at 0 is the face itself.
-    size
-        Largest side of an element [m].
-    radius
-        Radius within which the force presses on the face, evenly [m].
-
-    Raises
-    ------
-    ValueError
-        If a distance is outside the parts or on their far end, or a size is not positive.
+    ``sections``, ``step``, ``n``, ``sensor``, ``seen``: as of `pulse_on_bars`; `observed` lies on the outer
+    surface. A sensor at 0 is the face itself. ``size``: largest side of an element [m]. ``radius``: radius
+    within which the force presses on the face, evenly [m]. Raises ValueError if a distance is outside the
+    parts or on their far end, or a size is not positive.
     """
     depths = [] if sensor == 0.0 else [sensor]
     parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])

@@ -186,12 +186,7 @@ class WaveLine:
 def loaded_line(sections: Sequence[Section], force: FloatArray, *, step: float) -> LineHistory:
     """Sections at rest under a compressive force on the left end, the right one free.
 
-    Parameters
-    ----------
-    force : shape [n_times]
-        Force at 0, `step`, 2 `step` ... [N].
-    step : float
-        Time step [s].
+    ``force``: force at 0, `step`, 2 `step` ... [N]. ``step``: time step [s].
     """
     line = WaveLine(sections, step=step, n_times=len(force))
     for n, value in enumerate(force.tolist()):
@@ -349,13 +344,11 @@ class Apparatus:
     """Striker, bars, flyer and specimen, left to right."""
 
     striker: tuple[Section, ...]
-    """The striker."""
     speed: float
     """Its velocity at impact [m/s]."""
     shaper: PulseShaper | None
     """What lies between striker and incident bar; None is face on face."""
     incident: tuple[Section, ...]
-    """The incident bar."""
     joint: Joint
     """What holds the flyer to the incident bar."""
     flyer: tuple[Section, ...]

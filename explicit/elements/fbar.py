@@ -31,7 +31,7 @@ from explicit.elements.base import (
 )
 from explicit.layout.structs import entries_function, entries_if_function, entry_function
 from explicit.materials.volumetric import volumetric_functions
-from explicit.mesh import Mesh
+from explicit.mesh import CORNERS, Mesh, bilinear
 from explicit.precision import Precision
 
 
@@ -156,9 +156,6 @@ def fbar_point_functions(law: type, precision: Precision, bound: str) -> PointFu
     return PointFunctions(point, point_energy, point_strains)
 
 
-_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
-
 @dataclass(frozen=True)
 class GaussPoints:
     """Constants of the four points of every element, point 0 nearest to corner 0 and so on."""
@@ -178,11 +175,8 @@ class GaussPoints:
 def gauss_points(mesh: Mesh) -> GaussPoints:
     """Evaluate the shape functions of every element at its Gauss points."""
     corners = mesh.nodes[mesh.quads]
-    points = _CORNERS / np.sqrt(3.0)
-    one_r = 1.0 + points[:, None, 0] * _CORNERS[None, :, 0]
-    one_y = 1.0 + points[:, None, 1] * _CORNERS[None, :, 1]
-    shape = 0.25 * one_r * one_y
-    local = 0.25 * np.stack([_CORNERS[:, 0] * one_y, _CORNERS[:, 1] * one_r], axis=-1)
+    at_points = [bilinear(xi, eta) for xi, eta in CORNERS / np.sqrt(3.0)]
+    shape, local = (np.stack(parts) for parts in zip(*at_points, strict=True))
     jacobian = np.einsum("gai,eaj->egij", local, corners)
     det = np.linalg.det(jacobian)
     if (det <= 0.0).any():

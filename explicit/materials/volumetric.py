@@ -72,10 +72,7 @@ class VolumetricLaw:
 
 
 def checked_form(form: str) -> str:
-    """The name of a form.
-
-    Raises ValueError if there is no such form; the message lists those there are.
-    """
+    """The name of a form."""
     if form not in get_args(Form):
         raise ValueError(f"volumetric must be one of {sorted(get_args(Form))}, got {form!r}")
     return form

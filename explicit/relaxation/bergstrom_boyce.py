@@ -266,12 +266,7 @@ class BergstromBoyce:
     def flow_rate(self, stress: ArrayLike, chain_stretch: ArrayLike) -> FloatArray:
         """gamma of Eq. (V.3) [1/s].
 
-        Parameters
-        ----------
-        stress : array
-            Frobenius norm of the deviatoric stress of network B [Pa].
-        chain_stretch : array
-            lam_v [-].
+        ``stress``: frobenius norm of the deviatoric stress of network B [Pa]. ``chain_stretch``: lam_v [-].
         """
         crept = np.maximum(np.asarray(chain_stretch, dtype=float) - 1.0, 0.0) + self.first_creep
         return np.asarray(

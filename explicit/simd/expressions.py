@@ -65,7 +65,6 @@ class Struct:
     """A Warp struct: a C++ reference where uniform, its loaded fields where varying."""
 
     type: Any
-    """The Warp struct."""
     code: str = ""
     """C++ name of a uniform struct."""
     fields: dict[str, "Value"] | None = None

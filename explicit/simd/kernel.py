@@ -226,17 +226,8 @@ def lane_kernel(
 ) -> LaneKernel:
     """Generate the lanes of a time loop.
 
-    Parameters
-    ----------
-    time_loop
-        The scalar Warp kernel.
-    structs, precision
-        Types of its arguments and its arithmetic.
-    mapping
-        "simulation": a lane is a simulation; "worker": the lanes share one simulation, which several threads
-        may.
-    lanes : int
-        Lanes of a pack, a power of two.
+    ``mapping``: "simulation": a lane is a simulation; "worker": the lanes share one simulation, which several
+    threads may. ``lanes``: lanes of a pack, a power of two.
     """
     arguments: dict[str, Any] = {
         name: Struct(kind, name)

@@ -71,10 +71,7 @@ class Switches(Mapping[str, bool]):
 
 
 def correction_key(key: str) -> str:
-    """The switch of `CORRECTIONS` that a key means; underscores stand for blanks.
-
-    Raises ValueError: naming the nearest one, and all.
-    """
+    """The switch of `CORRECTIONS` that a key means; underscores stand for blanks."""
     known = str(key).replace("_", " ")
     if known not in CORRECTIONS:
         near = get_close_matches(known, CORRECTIONS, n=1)
@@ -99,10 +96,9 @@ def compare(
     Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
     compared, or the reason is missing.
 
-    ``name``: what it is, e.g. "dispersion, incident wave". ``key``: its switch. ``before``, ``after``: the
-    signal without and with it, shape [n]. ``applied``: whether the result has it. ``unit``: unit of the
-    signal. ``reason``: why, with the values it rests on, in one sentence. ``over``: the samples of the pulse;
-    all of them by default.
+    ``name``: what it is, e.g. "dispersion, incident wave". ``before``, ``after``: the signal without and with
+    it, shape [n]. ``applied``: whether the result has it. ``unit``: unit of the signal. ``reason``: why, with
+    the values it rests on, in one sentence. ``over``: the samples of the pulse; all of them by default.
     """
     key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)

@@ -37,10 +37,7 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 
 
 def check_quantities(quantities: Sequence[Quantity]) -> None:
-    """Refuse impossible quantities and names that occur twice.
-
-    Raises ValueError: with the quantity's name.
-    """
+    """Refuse impossible quantities and names that occur twice."""
     seen: set[str] = set()
     for q in quantities:
         if q.name in seen:
@@ -59,10 +56,7 @@ def check_quantities(quantities: Sequence[Quantity]) -> None:
 def correlation_matrix(
     quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
 ) -> FloatArray:
-    """Coefficients by pairs of names as a matrix, shape [n, n].
-
-    Raises ValueError if a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
-    """
+    """Coefficients by pairs of names as a matrix, shape [n, n]."""
     place = {q.name: i for i, q in enumerate(quantities)}
     R = np.eye(len(place))
     for (one, other), r in correlations.items():
@@ -227,9 +221,8 @@ class Budget:
 def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
     """The budget at the numbers that are quoted, e.g. at the peak stress.
 
-    ``budget``: as `propagate` made it. ``results``: by the name of the quoted number: output, flat index of
-    the sample (None: that of the largest magnitude), unit. Returns: a row for every quantity, then one for
-    the noise of every quoted number.
+    ``results``: by the name of the quoted number: output, flat index of the sample (None: that of the largest
+    magnitude), unit. Returns: a row for every quantity, then one for the noise of every quoted number.
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]

@@ -117,7 +117,6 @@ class History:
     sigma: FloatArray
     """Standard uncertainty (k = 1) of each, noise and systematic parts together, shape [n]."""
     unit: str
-    """Its unit."""
 
 
 @dataclass(frozen=True)
@@ -229,7 +228,6 @@ class Contribution:
     """Share of one input of the budget in the variance of the results."""
 
     quantity: Quantity
-    """The input."""
     shares: Mapping[str, float]
     """Its share of the variance of each result, by the result's name [-]."""
     sensitivity: Mapping[str, float] = field(default_factory=dict)
@@ -284,7 +282,6 @@ class WavesResult(ReducedTest):
     transmission: BarSignal
     """Strain at the transmission gauge."""
     windows: Windows
-    """Time windows of the pulses."""
     faces: FaceWaves
     """The waves at the specimen."""
     analysis: str = "three waves"

@@ -44,3 +44,5 @@ HeaderLine = Annotated[
     int | None, Option("Line of the column names; 0: none.", min=0, show_default="found in the file")
 ]
 """Line of a table's column names, counted from 1."""
+SheetName = Annotated[str | None, Option("Sheet of a workbook.", metavar="NAME", show_default="found")]
+"""Sheet of a workbook that holds the table."""

@@ -14,6 +14,7 @@ DIMENSIONS = {
     "s": ("a time", "25 us"),
     "V": ("a voltage", "1 V"),
     "Pa": ("a stress", "190 GPa"),
+    "m^2": ("an area", "12 mm^2"),
     "kg/m^3": ("a mass density", "870 kg/m^3"),
     "V/N": ("volts per force", "0.0112 V/N"),
     "1/s": ("a rate", "10 1/s"),
@@ -54,8 +55,23 @@ LONGEST = 200
 """Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Pint evaluates whole expressions, towers of powers included; a unit is names, small powers, "*" and "/".
-_NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2}|[²³])?)"
-_UNIT = re.compile(rf"\s*(?:{_NAME}(?:(?:\s*[*·/]\s*|\s+){_NAME}){{0,8}})?\s*")
+_NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2})?)"
+_UNIT = re.compile(rf"\s*(?:{_NAME}(?:(?:\s*[*/]\s*|\s+){_NAME}){{0,8}})?\s*")
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺−·⋅∙", "0123456789-+-***")
+"""Raised digits, signs and dots between units in plain characters."""
+_POWER = re.compile(r"([A-Za-zµμΩ])([+-]?\d)(?![\w.])")
+"""A power right behind a unit: "cm2", "s-1"."""
+_DOT = re.compile(r"(?<=[A-Za-zµμ0-9])\.(?=[A-Za-zµμ])")
+"""A dot between two units: "kgf.cm-2"."""
+_SPELLINGS = {
+    "kp": "kgf", "kgf": "kgf", "gf": "gf", "lbf": "lbf", "kn": "kN", "newton": "N", "newtons": "N",
+    "psi": "psi", "ksi": "ksi", "bar": "bar", "mbar": "mbar", "kpa": "kPa", "gpa": "GPa",
+    "pascal": "Pa", "pascals": "Pa", "strain": "strain",
+}  # fmt: skip
+"""Units in small letters -> as Pint writes them; only those that mean one thing in any case. Not "mpa"."""
+_CAPITALS = {"MPA": "MPa", "MM": "mm", "ε": "strain", "µε": "microstrain", "με": "microstrain"}
+"""Units in exactly these letters -> as Pint writes them."""
+_WORD = re.compile(r"[A-Za-zµμε]+")
 
 
 class UnitError(ValueError):
@@ -88,10 +104,11 @@ def unit_factor(text: str, unit: str) -> float:
         return USUAL[unit][text]
     import pint
 
-    if len(text) > LONGEST or not _UNIT.fullmatch(text):
+    plain = _pint_text(text) if len(text) <= LONGEST else text
+    if len(text) > LONGEST or not _UNIT.fullmatch(plain):
         raise UnitError(text, "is not a unit", unit)
     try:
-        written = _registry().Quantity(1.0, _registry().parse_units(text))
+        written = _registry().Quantity(1.0, _registry().parse_units(plain))
         factor = float(written.to(unit if unit != "1" else "dimensionless").magnitude)
     except pint.DimensionalityError:
         raise UnitError(text, f"is {_in_words(written)}", unit) from None
@@ -107,6 +124,17 @@ def unit_factor(text: str, unit: str) -> float:
     if not 1e-40 < factor < 1e40:  # no unit of a laboratory is out there
         raise UnitError(text, "is not a usable unit", unit)
     return factor
+
+
+def _pint_text(text: str) -> str:
+    """A unit as machines print it in the signs that Pint reads: "kgf/cm2", "N·mm⁻²", "kgf.cm-2", "PSI"."""
+
+    def spelled(match: re.Match[str]) -> str:
+        word = match[0]
+        return _CAPITALS.get(word) or _SPELLINGS.get(word.lower(), word)
+
+    plain = _WORD.sub(spelled, text.translate(_RAISED))
+    return _DOT.sub("*", _POWER.sub(r"\1^\2", plain))
 
 
 SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")

@@ -71,10 +71,7 @@ class Direction:
 
 
 def simulate_all(spec: ActuatorSpec) -> list[Direction]:
-    """Simulate every direction of gravity at the declared pressures and at steps between them.
-
-    Raises ValueError if an equilibrium is not found, with its reason.
-    """
+    """Simulate every direction of gravity at the declared pressures and at steps between them."""
     pressures, asked = schedule(spec.pressures)
     directions = []
     for name, g in spec.gravities.items():
@@ -251,7 +248,6 @@ class Inversion:
     slope: FloatArray
     """dTheta/dp there [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
-    """How it ended."""
     equilibria: int
     """Equilibria that were needed."""
 

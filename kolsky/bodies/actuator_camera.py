@@ -101,10 +101,7 @@ def board_corners(square: float) -> FloatArray:
 
 
 def find_corners(picture: np.ndarray) -> FloatArray:
-    """Corners of the chessboard in a picture [px], row by row, shape [n, 2].
-
-    Raises ValueError if they are not all found.
-    """
+    """Corners of the chessboard in a picture [px], row by row, shape [n, 2]."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
     ok, corners = cv2.findChessboardCornersSB(grey, BOARD)
     if not ok:
@@ -196,8 +193,7 @@ def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
     """Find blue markers in a picture in blue, green, red.
 
     ``picture``: grey values, shape [height, width, 3]. ``count``: number of markers. ``start``: pixel at
-    which the row of markers begins, shape [2]. Raises NoMarkersError if there are fewer blue pixels than so
-    many markers need, or more parts than markers.
+    which the row of markers begins, shape [2].
     """
     mask = _blue_mask(picture)
     n, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)

@@ -43,7 +43,6 @@ class ReducedBend:
     slope: float
     """dTheta/dp [rad/Pa]."""
     state: ReducedState
-    """The equilibrium."""
 
     @property
     def ok(self) -> bool:
@@ -469,10 +468,8 @@ def run_control(
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
     """Reduce the actuator, simulate the plant, and close the loop.
 
-    ``actuator``, ``gravities``, ``section``: what SPEC declares. ``basis``: folder in which the reductions
-    and the plants' bends are kept, and from which they are taken where they follow from the same inputs;
-    None: neither. Raises ValueError if an equilibrium of the model or of the plant is not found. Raises
-    InputError if a file of the folder is damaged.
+    ``basis``: folder in which the reductions and the plants' bends are kept, and from which they are taken
+    where they follow from the same inputs; None: neither.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
     controllers = {}

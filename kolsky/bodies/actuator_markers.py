@@ -187,11 +187,7 @@ EQUAL_PRESSURES = 1e-6
 def compared_markers(
     spec: ActuatorSpec, directions: Sequence[Direction]
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
-    """Compare the markers that a SPEC names, fit the stiffness to them; with the hash of their file.
-
-    Raises InputError if the file names a direction or pressure that the SPEC does not declare, or markers are
-    missing. Raises ValueError if an equilibrium of the fit is not found.
-    """
+    """Compare the markers that a SPEC names, fit the stiffness to them; with the hash of their file."""
     section = spec.declared.markers
     if section is None:
         return [], None, {}

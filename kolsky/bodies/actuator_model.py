@@ -49,7 +49,6 @@ class Actuator:
     """A mesh with the sets of `kolsky.bodies.actuator_model.Pneunet.mesh`, and its material."""
 
     mesh: Mesh
-    """The mesh."""
     cavities: tuple[str, ...]
     """Sets of pressurised walls; each has a pressure of its own."""
     solid: Solid
@@ -125,10 +124,8 @@ class Actuator:
     ) -> tuple["Bending", ArcPath]:
         """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
 
-        ``gravity``, ``pressures``, ``solid``: as of `simulate`. ``first``, ``steps``, ``longest``: as of
-        `kolsky.equilibrium.arc_length.follow`. Returns: the equilibria that a pressure raised from 0 meets,
-        and the whole path between them. Raises ValueError if the path ends before the last pressure, with its
-        reason.
+        Returns: the equilibria that a pressure raised from 0 meets, and the whole path between them. Raises
+        ValueError if the path ends before the last pressure, with its reason.
         """
         constants = None if solid is None else solid.parameters()
         path = follow(

@@ -199,11 +199,9 @@ class ActuatorSpec:
     """A SPEC.toml that was read."""
 
     toml: TomlFile
-    """The file."""
     declared: ActuatorFile
     """What it declares, in SI."""
     actuator: Actuator
-    """The actuator."""
     shape: Pneunet | None
     """Its dimensions; None of a mesh from a file."""
     healed: Solid | None
@@ -329,8 +327,6 @@ def volume_reading(d1: Any) -> float:
 
     A compressibility is that of U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper); a modulus
     is that of U = D1 (J - 1)^2, K = 2 D1.
-
-    Raises UnitError if it is neither.
     """
     try:
         value, modulus = quantity(d1, "1/Pa"), None

@@ -101,7 +101,6 @@ class SearchOptimum:
     converged: bool
     """Whether the search came to rest."""
     ended: str
-    """How it ended."""
     simulations: int
     """Trial points, refused ones included."""
 
@@ -118,8 +117,7 @@ def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
     """Eliminate the displacements, see the top of this module.
 
-    ``samples``: the data. ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
-    ``there``: what the simulation gave.
+    ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
     """
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)

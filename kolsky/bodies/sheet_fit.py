@@ -226,8 +226,7 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
     taken relative to their values: with Pa and pure numbers beside each other an eigenvector has no meaning.
 
     ``slopes``: du/dm of every nodal displacement, shape [p, n]. ``mass``: mass matrix of the whole domain,
-    sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p]. Raises ValueError if a
-    constant is zero or no constant moves a displacement.
+    sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p].
     """
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: choose the value for which the test is planned")
@@ -268,7 +267,6 @@ class FieldFit:
     """Constants of a sheet, and what the data say of them."""
 
     problem: FieldProblem
-    """What was fitted."""
     constants: Constants
     """The law with the fitted values in place."""
     cost: Cost
@@ -321,13 +319,13 @@ class FieldFit:
     def force_misfit(self) -> float:
         """Misfit of the forces of all steps over their size [-]."""
         data = self.problem.data
-        return _share(np.linalg.norm(self.cost.state.force - data.force), np.linalg.norm(data.force))
+        return _share(self.cost.state.force - data.force, data.force)
 
     @property
     def force_noise(self) -> float:
         """The misfit that the declared noise of the forces alone would make [-]."""
         data = self.problem.data
-        return _share(np.sqrt(len(data.force)) * data.sigma_force, np.linalg.norm(data.force))
+        return _share(np.full(len(data.force), data.sigma_force), data.force)
 
     @property
     def adequate(self) -> bool:
@@ -416,16 +414,14 @@ class FieldFit:
         return warnings
 
 
-def _share(part: float, size: float) -> float:
-    """A part over its size; infinite where there is no size."""
-    return float(part / size) if size > 0.0 else np.inf
+def _share(part: FloatArray, whole: FloatArray) -> float:
+    """Size of a vector over that of another; infinite where the other is zero."""
+    size = float(np.linalg.norm(whole))
+    return float(np.linalg.norm(part)) / size if size > 0.0 else np.inf
 
 
 def fit_field(problem: FieldProblem) -> FieldFit:
-    """Fit a sheet by Newton's method, Eq. (K.17).
-
-    Raises ValueError if the simulation at the start fails, or the data do not determine the constants.
-    """
+    """Fit a sheet by Newton's method, Eq. (K.17)."""
     low, high = problem.constants.bounds
     free = problem.constants.start
     here = problem.cost(free)

@@ -55,10 +55,7 @@ class MeasuredField:
 
 
 def read_field(spec: Specification) -> MeasuredField:
-    """Read the mesh, the points and the pad of a sheet.
-
-    Raises InputError if a file cannot be read, a frame is missing, or points do not lie on the mesh.
-    """
+    """Read the mesh, the points and the pad of a sheet."""
     section, toml = spec.declared.field, spec.toml
     assert section is not None  # whoever calls this has looked
     folder = toml.path.parent
@@ -282,8 +279,7 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
     """Measurements of a sheet with the declared constants, at the points and pad displacements of its files.
 
     ``measured``: the sheet; what was measured of it is not used but for the places and the noise. ``seed``:
-    of the noise of displacements and forces; None: no noise. Raises ValueError if the simulation fails, with
-    its reason.
+    of the noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
     cost = _simulated(problem)
@@ -303,8 +299,6 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
 
     The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), Eq. (K.30) over the noise of one
     point for the area a, that of the force df/dm_I df/dm_J / sigma_f^2.
-
-    Raises ValueError if the simulation fails, with its reason.
     """
     cost, data, constants = _simulated(problem), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2

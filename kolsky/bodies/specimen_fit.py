@@ -156,9 +156,8 @@ def intervals(
 ) -> Intervals:
     """Intervals at the end of a search.
 
-    ``names``, ``values``: the free constants, shape [p]. ``reduced``: the whitened problem there. ``series``:
-    the same residuals, one series for each moving end of each test, neighbours beside each other.
-    ``at_bound``: constants at a bound. ``bounds``: least and largest values.
+    ``names``, ``values``: the free constants, shape [p]. ``series``: the same residuals, one series for each
+    moving end of each test, neighbours beside each other. ``at_bound``: constants at a bound.
     """
     free = np.flatnonzero(~np.asarray(at_bound))
     degrees = len(reduced.residual) - len(free)
@@ -263,18 +262,10 @@ def debonding(
 
     Returns: None if the constants imitate every opening, so that this test cannot say.
 
-    Parameters
-    ----------
-    residual
-        Measured less simulated force of one end, over sigma [-], shape [n].
-    jacobian
-        Its slopes by the fitted constants over sigma, shape [n, p].
-    shortened
-        Force with a bond shorter by `amount`, less the force as it is, over sigma, shape [n].
-    amount
-        Peeled length of each bond that `shortened` stands for [m].
-    scale
-        Variance of the residuals over that of the declared noise, >= 1.
+    ``residual``: measured less simulated force of one end, over sigma [-], shape [n]. ``jacobian``: its
+    slopes by the fitted constants over sigma, shape [n, p]. ``shortened``: force with a bond shorter by
+    `amount`, less the force as it is, over sigma, shape [n]. ``amount``: peeled length of each bond that
+    `shortened` stands for [m]. ``scale``: variance of the residuals over that of the declared noise, >= 1.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)
@@ -304,7 +295,6 @@ class SlowTest:
     """A specimen and what was measured on it."""
 
     model: SpecimenModel
-    """The specimen."""
     samples: Samples
     """Displacements and forces of its ends, with their noise."""
 
@@ -319,7 +309,6 @@ class TestFit:
     """A test beside its simulation with the fitted constants."""
 
     test: SlowTest
-    """The test."""
     displacement: FloatArray
     """Displacements of the simulation: the measured ones within their noise [m], shape [n, ends]."""
     force: FloatArray
@@ -350,7 +339,6 @@ class SpecimenFit:
     tests: tuple[TestFit, ...]
     """Fitted tests, then predicted ones."""
     found: SearchOptimum
-    """The search."""
     starts: tuple[FloatArray, ...]
     """Where the other starts ended, best first, each of shape [p]."""
 

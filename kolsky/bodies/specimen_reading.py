@@ -27,7 +27,6 @@ class Specification:
     """A SPEC.toml that was read."""
 
     toml: TomlFile
-    """The file."""
     declared: SpecimenFile
     """What it declares, in SI."""
     constants: Constants
@@ -173,8 +172,7 @@ class Simulated:
 def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str, Simulated]:
     """Simulate every test of a specification with its declared constants.
 
-    ``spec``: the specification. ``seed``: of the noise of displacements and forces; None: no noise. Raises
-    ValueError if a simulation fails, with its reason.
+    ``seed``: of the noise of displacements and forces; None: no noise.
     """
     rng = None if seed is None else np.random.default_rng(seed)
     solid = spec.constants.solid(spec.constants.start)

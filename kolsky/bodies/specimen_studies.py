@@ -77,8 +77,7 @@ def noise_study(
 ) -> list[StudyRow]:
     """Constants with noise of rising size added to the forces (their Fig. 9).
 
-    ``test``, ``constants``: as in `resolution_study`. ``sigmas``: standard deviations of what is added [N].
-    ``repeats``: draws of each. ``seed``: of the draws.
+    ``sigmas``: standard deviations of what is added [N]. ``repeats``: draws of each.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -111,7 +110,6 @@ class Expected:
     """What a choice of tests would tell."""
 
     tests: tuple[str, ...]
-    """The tests."""
     relative: FloatArray
     """Expected standard deviation of each constant over its size [-], shape [p]; infinite if not seen."""
     correlation: FloatArray

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dic.files import one_line
-from kolsky.base.options import HeaderLine, Option
+from kolsky.base.options import HeaderLine, Option, SheetName
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
 
@@ -55,7 +55,7 @@ def channels(
         str | None, Option('Decimal sign: "." or ",".', show_default="found in the file")
     ] = None,
     header_line: HeaderLine = None,
-    sheet: Annotated[str | None, Option("Sheet of a workbook.")] = None,
+    sheet: SheetName = None,
     time: Annotated[str | None, Option("The time column, by name or number.")] = None,
     time_unit: Annotated[str | None, Option("Unit of the time column, e.g. ms.")] = None,
     interval: Annotated[

@@ -55,7 +55,6 @@ class Printout:
     """Printed answer of an identification; it can be pickled."""
 
     shot: str
-    """Name of the shot."""
     lines: tuple[str, ...]
     """First lines: the free parameters with their intervals, the fit."""
     rows: Mapping[str, Any]
@@ -65,7 +64,6 @@ class Printout:
     warnings: tuple[str, ...]
     """Remarks for the user of the answer."""
     page: Path
-    """The report."""
 
 
 def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.base.options import HeaderLine, Option
+from kolsky.base.options import HeaderLine, Option, SheetName
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 
@@ -145,6 +145,7 @@ def reference_curve(
         Option("Unit of a column; repeat for more.", metavar="COLUMN=UNIT", show_default="found in the file"),
     ] = (),
     header_line: HeaderLine = None,
+    sheet: SheetName = None,
     diameter: Annotated[
         float | None, Option('Diameter of the specimen, e.g. "9.5 mm".', unit="m", positive=True)
     ] = None,
@@ -208,6 +209,7 @@ def reference_curve(
     from kolsky.material import reference_curve as curves
     from kolsky.material.end_friction.problem import CorrectionNumerics
     from kolsky.material.uniaxial import Toe
+    from kolsky.readers.contents import Layout
 
     folder = usable_folder(out.parent)
     if friction == "free" and not columns.bulge:
@@ -244,7 +246,7 @@ def reference_curve(
             convention=convention,
             branch=branch,
             units=units,
-            header_line=header_line,
+            layout=Layout(header_line=header_line, sheet=sheet),
             specimen=size,
         )
         if str(path) in hashes:

@@ -70,6 +70,7 @@ def _fit_cylinder_with_friction(
     poisson: float | None,
     hashes: dict[str, str],
     folder: Path,
+    taken: Sequence[str],
 ) -> None:
     """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
 
@@ -124,11 +125,15 @@ def _fit_cylinder_with_friction(
     print_result(
         {},
         content,
+<<<<<<< HEAD
         lines=[
             *_cylinder_lines(fitted),
             f"  Poisson's ratio {numerics.poisson:.6g} ± {2.0 * numerics.poisson_sigma:.2g} "
             + ("(declared)" if poisson is not None else "(assumed, k = 2; --poisson declares it)"),
         ],
+=======
+        lines=[*taken, *_cylinder_lines(fitted)],
+>>>>>>> main
         files={"constants": folder / "specimen_constants.csv"},
         warnings=[
             *mean.remarks,
@@ -184,8 +189,8 @@ def poisson_of(option: str, text: str) -> float | Literal["free"]:
 
 def read_tests(
     files: Sequence[str], columns: Columns, *, mean: int = 0
-) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str]]":
-    """The tests, and the hashes of their files by path.
+) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str], tuple[str, ...]]":
+    """The tests, the hashes of their files by path, and which columns were taken where none was named.
 
     ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: columns of the files. ``mean``: strains
     at which the files of a mode are averaged; 0 keeps each as a test with all its points. Raises InputError
@@ -194,22 +199,24 @@ def read_tests(
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,
         read_homogeneous_test,
-        with_table_headings,
+        with_recognised_columns,
         with_unique_names,
     )
 
     hashes: dict[str, str] = {}
     tests: list[HomogeneousTest] = []
+    taken: list[str] = []
     for text in files:
         mode, path = _mode_and_path(text)
-        complete = with_table_headings(path, columns)
+        complete, words = with_recognised_columns(path, columns)
+        taken += [words] if words else []
         _refuse_columns(path, mode, complete)
         test, hashes[str(path)] = read_homogeneous_test(path, complete, mode=mode)
         tests.append(test)
     if mean:
         with texts.refused("--mean: ", cure="give two files or more of one kind of test"):
             tests = means_by_mode(tests, mean)
-    return with_unique_names(tests), hashes
+    return with_unique_names(tests), hashes, tuple(taken)
 
 
 def _mode_and_path(text: str) -> "tuple[Mode, Path]":
@@ -237,7 +244,6 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.fits.homogeneous_test import CONVENTIONS
-    from kolsky.readers.contents import Layout
     from kolsky.readers.measured_tables import column_names
 
     texts.one_of("--convention", columns.convention, CONVENTIONS)
@@ -257,7 +263,7 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
             )
         return
     if not columns.stress or not (columns.stretch or columns.strain):
-        columns_of_file = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
+        columns_of_file = ", ".join(column_names(path, columns.layout))
         raise InputError(
             path,
             f"the columns of the test are not named; the file has the columns of numbers {columns_of_file}",
@@ -348,7 +354,7 @@ def material_fit(
             "does not go with --specimen",
             cure="leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
         )
-    tests, hashes = read_tests(files, columns, mean=mean)
+    tests, hashes, taken = read_tests(files, columns, mean=mean)
     if specimen is not None:
         _fit_cylinder_with_friction(
             tests,
@@ -358,6 +364,7 @@ def material_fit(
             poisson=ratio,
             hashes=hashes,
             folder=folder,
+            taken=taken,
         )
         return
     texts.refuse({"--ends": bool(ends)}, "goes with --specimen", cure="give the cylinder's size")
@@ -397,7 +404,7 @@ def material_fit(
     print_result(
         {},
         content,
-        lines=_lines(comparison),
+        lines=[*taken, *_lines(comparison)],
         files={"report": folder / "material.html"},
         warnings=remarks(comparison),
     )

@@ -67,7 +67,7 @@ def material_healing(
     print_result(
         {},
         content,
-        lines=_lines(result),
+        lines=[*groups[0][2], *groups[1][2], *_lines(result)],
         files={"table": folder / "healing.csv"},
         warnings=result.remarks,
     )

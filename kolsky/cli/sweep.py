@@ -332,10 +332,7 @@ _SCHEDULER_START = "start one with `dask scheduler` and give its address or its 
 
 
 def dask_client(place: str) -> Any:
-    """A client of the scheduler at an address or in a scheduler file, which the caller closes.
-
-    Raises InputError if Dask is not installed, or no scheduler answers within `PATIENCE`.
-    """
+    """A client of the scheduler at an address or in a scheduler file, which the caller closes."""
     try:
         from distributed import Client
     except ImportError:

@@ -89,7 +89,6 @@ class ReferenceCurve:
     modulus: ApparentModulus
     """E_a of the material's curve, Eq. (M.9)."""
     friction: FrictionCorrection | None
-    """The friction's correction."""
     remarks: tuple[str, ...]
     """Remarks for the user."""
 
@@ -255,7 +254,7 @@ def read_uniaxial_test(
     convention: str,
     branch: str,
     units: Mapping[str, str] | None = None,
-    header_line: int | None = None,
+    layout: Layout | None = None,
     specimen: Specimen | None = None,
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
@@ -274,8 +273,8 @@ def read_uniaxial_test(
         One of `BRANCHES`.
     units
         Column -> unit, where the file does not say it.
-    header_line
-        Line of the column names; found if None, 0 for none.
+    layout
+        What is declared of the file; the rest is found.
     specimen
         Undeformed size; needed for displacement and force.
     """
@@ -286,7 +285,7 @@ def read_uniaxial_test(
             what: WantedColumn(column, COLUMNS[what], (units or {}).get(column))
             for what, column in columns.items()
         },
-        Layout(header_line=header_line),
+        layout,
     )
     compression = branch == "compression"
     sign = 1.0 if compression == (convention == "compression-positive") else -1.0

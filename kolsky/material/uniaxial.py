@@ -73,8 +73,7 @@ class UniaxialTest:
         """The test without the deformation of the machine: u = u_measured - C F.
 
         ``compliance``: compliance C of machine, load cell and platens in series [m/N]. ``area``, ``length``:
-        undeformed cross-section [m^2] and length [m] of the specimen. Raises ValueError if the compliance is
-        negative, or so large that the specimen itself would get longer under load.
+        undeformed cross-section [m^2] and length [m] of the specimen.
         """
         if not compliance >= 0.0:
             raise ValueError(f"a compliance must be >= 0 m/N, got {compliance}")
@@ -94,8 +93,6 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
 
     A turn counts when the strain has gone back by `REVERSAL` of the test's range, so noise makes none. The
     first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
-
-    Raises ValueError if the strain never rises.
     """
     strain = test.strain
     least = REVERSAL * float(np.ptp(strain))
@@ -116,14 +113,9 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     return ramps
 
 
-def _stretch_of(strain: FloatArray, *, compression: bool) -> FloatArray:
-    """Stretch along the load [-] of a strain that is positive along its branch."""
-    return 1.0 - strain if compression else 1.0 + strain
-
-
 def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
     """|lam - lam^-2| [-]: by Gaussian rubber elasticity the stress is E_a / 3 times it, Eq. (M.9)."""
-    lam = _stretch_of(strain, compression=compression)
+    lam = 1.0 - strain if compression else 1.0 + strain
     return np.asarray(np.abs(lam - lam**-2))
 
 
@@ -165,12 +157,7 @@ class ZeroedTest:
 
 
 def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
-    """Find the zero of the strain and leave out the toe.
-
-    ``test``: one loading ramp. ``toe``: what is declared of it. Raises ValueError if the range has fewer than
-    `FEWEST` samples, the stress does not rise over it, or the continued curve meets zero stress only inside
-    the range itself.
-    """
+    """Find the zero of the strain and leave out the toe."""
     if toe.kind == "none":
         return ZeroedTest(test.part(test.strain > 0.0), 0.0, 0.0)
     inside = (test.strain >= toe.low) & (test.strain <= toe.high)

@@ -161,6 +161,22 @@ def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
     return PictureSet(toml=toml, frames=frames, series=(decode_once(first), decode_once(second)))
 
 
+def check_frames(pictures: PictureSet) -> None:
+    """Read every frame of both cameras once, and refuse a series that cannot be correlated.
+
+    Raises InputError with the first frame and the cause, see `dic.images.check_series`.
+    """
+    from dic.images import PictureError, check_series, frame_health
+
+    problems = []
+    for camera, series in zip(CAMERAS, pictures.series, strict=True):
+        try:
+            check_series(series, frame_health(series))
+        except PictureError as error:
+            problems.append(pictures.toml.error(f"pictures.{camera}", f"cannot be correlated: {error}"))
+    refuse(problems)
+
+
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
     """Complaint about a crop on a sensor of so many columns and rows; None if it fits."""
     if sensor is None:

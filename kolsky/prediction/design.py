@@ -135,8 +135,7 @@ def scan(
 ) -> Scan:
     """Predict the test over a full factorial, the specimen by its static curve.
 
-    ``test``: the test as declared. ``varied``: what is varied. ``progress``: called with the runs done and
-    their number. Raises InputError if a value is not allowed.
+    ``test``: the test as declared. Raises InputError if a value is not allowed.
     """
     design = full_factorial(_box(varied), [one.levels for one in varied])
     tests = [_at(test, varied, point) for point in design.points]  # all are checked before the first run
@@ -151,9 +150,8 @@ def scan(
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
     """The point of a scan's box that does as wanted, by surfaces through its numbers and runs there.
 
-    ``test``: the test as declared. ``found``: a scan of it. ``wanted``: numbers of `NAMES` and their values,
-    SI. Raises ValueError if a name is unknown, a wanted value is not positive, or too few points know the
-    number.
+    ``test``: the test as declared. ``wanted``: numbers of `NAMES` and their values, SI. Raises ValueError if
+    a name is unknown, a wanted value is not positive, or too few points know the number.
     """
     for name, value in wanted.items():
         if name not in NAMES:

@@ -28,7 +28,6 @@ class PlannedTest:
     """A test file read."""
 
     file: TomlFile
-    """The file."""
     declared: TestFile
     """What it declares, in SI."""
 
@@ -127,7 +126,6 @@ class Prediction:
     """A planned test carried out."""
 
     test: PlannedTest
-    """What was planned."""
     bars: FlightHistory
     """What the bars did."""
     events: Events

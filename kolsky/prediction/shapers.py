@@ -112,8 +112,7 @@ def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
 def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: Section) -> PulseShaper | None:
     """The pulse shaper that a test declares; None for face on face.
 
-    ``table``: [shaper]. ``folder``: where the test's file lies. ``striker``, ``incident``: the bars, which a
-    pulse is read with. Raises InputError if a file cannot be read or holds no law.
+    ``table``: [shaper]. ``striker``, ``incident``: the bars, which a pulse is read with.
     """
     if table.kind == "none":
         return None

@@ -39,12 +39,17 @@ def limit(form: str) -> None:
 
 
 def xls(path: str, place: str) -> list[dict[str, Any]]:
-    """The sheets of a workbook: title, and rows of texts, numbers and truth values."""
-    from python_calamine import load_workbook
+    """The sheets of a workbook: title, whether it is shown, and rows of texts, numbers and truth values."""
+    from python_calamine import SheetVisibleEnum, load_workbook
 
     with load_workbook(path) as book:
+        shown = {one.name: one.visible == SheetVisibleEnum.Visible for one in book.sheets_metadata}
         return [
-            {"title": title, "rows": book.get_sheet_by_name(title).to_python(skip_empty_area=False)}
+            {
+                "title": title,
+                "shown": shown.get(title, True),
+                "rows": book.get_sheet_by_name(title).to_python(skip_empty_area=False),
+            }
             for title in book.sheet_names
         ]
 

@@ -152,6 +152,11 @@ class Contents:
     metadata: Mapping[str, str] = field(default_factory=dict)
     """What else the file says, by its own keys."""
 
+    def without_numbers(self) -> str:
+        """The columns or variables that hold no numbers, in words for a message; empty without any."""
+        others = self.facts.get("without numbers")
+        return f"; without numbers are {others}" if others else ""
+
 
 def clock_words(interval: float, samples: int) -> str:
     """Rate, number and duration of a record as a person checks them: "800 kHz, 120 samples, 150 us"."""
@@ -206,6 +211,28 @@ def head_of(path: Path, size: int = 4096) -> bytes:
             return stream.read(size)
     except OSError:
         return b""
+
+
+_FIRST_BYTES = (
+    (b"PK\x03\x04", "an Excel workbook or another zip archive", "rename a workbook to end in .xlsx"),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an old Excel workbook", "rename it to end in .xls"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "rename it to end in .h5"),
+    (b"MATLAB 5.0 MAT", "a MATLAB file", "rename it to end in .mat"),
+    (b"TDSm", "a TDMS file of LabVIEW", "rename it to end in .tdms"),
+    (b"%PDF", "a PDF document", "export the numbers as CSV"),
+)
+"""First bytes of a file -> what it is, and the cure where its name says that it is text."""
+
+
+def check_name(path: Path) -> None:
+    """Refuse a file whose ending is that of text, and whose first bytes are those of another format.
+
+    Raises InputError: with the format and the ending it should have.
+    """
+    head = head_of(path, 16)
+    for start, kind, cure in _FIRST_BYTES:
+        if head.startswith(start):
+            raise InputError(path, f"is {kind} by its first bytes, and is named as text", cure=cure)
 
 
 TIMEOUT = 9.0

@@ -53,6 +53,11 @@ def read_lines(
     names, units = names_by_key(metadata, dialect.numeric, found.names, found.units)
     sheet = found.sheet(path, names, units, metadata=metadata, word=word)
     first = {"first samples": str(found.first + 1), "counted in": f"{word}s"}
+    others = [
+        f"'{name}'" for i, name in enumerate(names) if i not in dialect.numeric and not name.isdecimal()
+    ]
+    if others:
+        first["without numbers"] = ", ".join(others)
     return Contents(
         path=path,
         sha256=sha256,

@@ -46,14 +46,14 @@ def read(path: Path, layout: Layout) -> Contents:
     return sheet_contents(path, sha256, "excel", title, rows, layout)
 
 
-def table_lines(path: Path) -> list[str]:
-    """The rows of the sheet with data as lines with tabs between the cells.
+def table_lines(path: Path, wanted: str | None) -> list[str]:
+    """The rows of the sheet that is named, else of the one with data, as lines with tabs between the cells.
 
     Raises InputError as `read`.
     """
     file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)
-    return sheet_lines(path, *_rows(path, None))
+    return sheet_lines(path, *_rows(path, wanted))
 
 
 def sheet_lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
@@ -105,8 +105,13 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
     if len(filled) != 1:
         raise InputError(
             path,
-            f"has {len(filled)} sheets with data: {list(filled) or list(titles)}",
-            cure='say which: sheet = "NAME"',
+            f"has {len(filled)} sheets with data: {list(filled)}"
+            if filled
+            else f"has no cell with data in its sheets {list(titles)}",
+            cure='name the sheet: layout = { sheet = "NAME" } in a TOML file, --sheet NAME for a command; or '
+            "keep one sheet with data"
+            if filled
+            else "is it the right file? if so, save it in Excel with the values of its formulas",
         )
     return filled[0]
 
@@ -149,6 +154,8 @@ def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]
     try:
         sheets = {sheet.title: sheet for sheet in book.worksheets}
         filled = [title for title, sheet in sheets.items() if wanted is None and _has_rows(sheet)]
+        shown = [title for title in filled if sheets[title].sheet_state == "visible"]
+        filled = shown or filled  # a hidden sheet holds a program's settings
         title = chosen_sheet(path, list(sheets), filled, wanted)
         rows: list[tuple[object, ...]] = []
         for row in sheets[title].iter_rows(values_only=True):

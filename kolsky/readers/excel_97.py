@@ -25,21 +25,23 @@ def read(path: Path, layout: Layout) -> Contents:
     return sheet_contents(path, sha256, "excel 97", title, rows, layout)
 
 
-def table_lines(path: Path) -> list[str]:
-    """The rows of the sheet with data as lines with tabs between the cells.
+def table_lines(path: Path, wanted: str | None) -> list[str]:
+    """The rows of the sheet that is named, else of the one with data, as lines with tabs between the cells.
 
     Raises InputError as `read`.
     """
-    _, title, rows = _chosen(path, None)
+    _, title, rows = _chosen(path, wanted)
     return sheet_lines(path, title, rows)
 
 
 def _chosen(path: Path, wanted: str | None) -> tuple[str, str, list[list[object]]]:
     """Hash of the file, and title and rows of the sheet that is meant."""
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
-    sheets = {sheet["title"]: sheet["rows"] for sheet in read_in_child(path, "xls", path, damaged)}
+    read = read_in_child(path, "xls", path, damaged)
+    sheets = {sheet["title"]: sheet["rows"] for sheet in read}
     filled = [
         title for title, rows in sheets.items() if any(cell not in ("", None) for r in rows for cell in r)
     ]
+    filled = [sheet["title"] for sheet in read if sheet["shown"] and sheet["title"] in filled] or filled
     title = chosen_sheet(path, list(sheets), filled, wanted)
     return sha256, title, sheets[title]

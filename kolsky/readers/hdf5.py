@@ -83,11 +83,14 @@ def array_channels(
     wanted = (
         [str(t) for t in stated.values()] if isinstance(stated, Mapping) else [str(stated)] if stated else []
     )
+    wanted = [name if name in by_name else f"/{name}" for name in wanted]
     for name in wanted:
         if name not in by_name:
             names = ", ".join(f"'{array}'" for array in list(by_name)[:20])
             raise InputError(
-                path, f"has no array '{name}'; it has {names}", cure="correct time in the layout"
+                path,
+                f"has no array '{name.removeprefix('/')}' of times; it has {names}",
+                cure="correct time in the layout",
             )
     times = wanted or [array.name for array in arrays if _last(array.name) in ("t", "time", "times")]
     signals = [array for array in arrays if array.name not in times]
@@ -97,8 +100,11 @@ def array_channels(
     def clock_of(signal: NamedArray) -> Clock:
         header = clock_of_numbers(path, {**scalars, **signal.keys}, layout)
         interval, start = header.interval, header.start
-        name = stated.get(signal.name) if isinstance(stated, Mapping) else None
-        near = [str(name)] if name is not None else [t for t in times if by_name[t].samples == signal.samples]
+        near = [t for t in times if by_name[t].samples == signal.samples]
+        if isinstance(stated, Mapping):
+            own = {f"/{str(key).removeprefix('/')}": str(time) for key, time in stated.items()}
+            name = own.get(f"/{signal.name.removeprefix('/')}")
+            near = [n for n in (name, f"/{name}") if n in by_name] if name is not None else near
         if interval is not None and (start is not None or not near):
             return stated_clock(interval, start, header.source)
         if not near:
@@ -198,27 +204,38 @@ def read(path: Path, layout: Layout) -> Contents:
     file.
     """
     sha256 = file_hash(path)
-    arrays, scalars, metadata = inside(path)
+    arrays, scalars, metadata, others = inside(path)
+    if not arrays:
+        raise InputError(
+            path,
+            "holds no array of numbers" + (f", but {', '.join(others[:8])}" if others else ""),
+            cure="save the signals as plain arrays of numbers",
+        )
     return Contents(
         path=path,
         sha256=sha256,
         channels=array_channels(path, arrays, scalars, layout),
-        facts={"format": "hdf5"},
+        facts={"format": "hdf5", **({"without numbers": ", ".join(others[:20])} if others else {})},
         metadata=metadata,
     )
 
 
-def table_lines(path: Path) -> list[str]:
+def table_lines(path: Path, _sheet: str | None) -> list[str]:
     """The vectors of equal length as lines with tabs.
 
     Raises InputError as `read`.
     """
     file_hash(path)
-    return array_lines(path, inside(path)[0])
+    arrays, _, _, others = inside(path)
+    if not arrays and others:
+        raise InputError(
+            path, f"holds no array of numbers, but {', '.join(others[:8])}", cure="save numbers as arrays"
+        )
+    return array_lines(path, arrays)
 
 
-def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str]]:
-    """Vectors, single numbers and texts of a file.
+def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
+    """Vectors, single numbers and texts of a file, and the names of datasets that are none, with their kind.
 
     Raises InputError as `read`.
     """
@@ -227,15 +244,16 @@ def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, st
     arrays: list[NamedArray] = []
     scalars: dict[str, float] = {}
     texts: dict[str, str] = {}
+    others: list[str] = []
     try:
         with h5py.File(regular(path), "r") as file:
             _attributes("/", file.attrs, scalars, texts)
-            _walk(path, file, "", {}, arrays, scalars, texts)
+            _walk(path, file, "", {}, arrays, scalars, texts, others)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         raise InputError(
             path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
         ) from None
-    return arrays, scalars, texts
+    return arrays, scalars, texts, others
 
 
 def _walk(
@@ -246,8 +264,9 @@ def _walk(
     arrays: list[NamedArray],
     scalars: dict[str, float],
     texts: dict[str, str],
+    others: list[str],
 ) -> None:
-    """Collect a group; links to elsewhere are refused, what holds no numbers is passed over."""
+    """Collect a group; links to elsewhere are refused, what holds no numbers is named."""
     import h5py
 
     keys = {**above, **_numbers(group.attrs)}
@@ -264,9 +283,9 @@ def _walk(
         item = group[name]
         if isinstance(item, h5py.Group):
             _attributes(full, item.attrs, {}, texts)
-            _walk(path, item, full, keys, arrays, scalars, texts)
+            _walk(path, item, full, keys, arrays, scalars, texts, others)
         elif isinstance(item, h5py.Dataset):
-            _dataset(path, item, full, keys, arrays, scalars)
+            _dataset(path, item, full, keys, arrays, scalars, others)
 
 
 def _dataset(
@@ -276,13 +295,28 @@ def _dataset(
     keys: dict[str, float],
     arrays: list[NamedArray],
     scalars: dict[str, float],
+    others: list[str],
 ) -> None:
-    if item.dtype.kind not in "fiu" or item.shape is None:
+    """Collect a dataset: its vectors, the fields of a table of records, or a single number."""
+    fields = item.dtype.names or ()
+    if item.shape is None or not (item.dtype.kind in "fiu" or (fields and len(item.shape) == 1)):
+        others.append(f"{full} ({'text' if item.dtype.kind in 'OSU' else item.dtype})"[:100])
         return
     if item.is_virtual or item.external:
         raise InputError(
             path, f"'{full}' lies in another file", cure="save the signals themselves in one file"
         )
+    if fields:
+        numeric = [name for name in fields if item.dtype[name].kind in "fiu" and not item.dtype[name].shape]
+        others += [f"{full}/{name}" for name in fields if name not in numeric]
+        for name in numeric:
+            check_samples(path, f"{full}/{name}", max(2, item.size))
+
+            def entries(full: str = full, name: str = name) -> FloatArray:
+                return _values(path, full, None, {}, name)
+
+            arrays.append(NamedArray(f"{full}/{name}", item.size, entries))
+        return
     if item.size == 1:
         scalars[full] = float(item[()].ravel()[0]) if item.shape else float(item[()])
         return
@@ -309,13 +343,16 @@ def _dataset(
         arrays.append(NamedArray(name, samples, values, unit, own))
 
 
-def _values(path: Path, full: str, column: int | None, keys: dict[str, float]) -> FloatArray:
+def _values(
+    path: Path, full: str, column: int | None, keys: dict[str, float], name: str | None = None
+) -> FloatArray:
+    """A vector, a column of an array, or the field `name` of a table of records."""
     import h5py
 
     try:
         with h5py.File(regular(path), "r") as file:
-            array = file[full][()]
-    except (OSError, KeyError, RuntimeError) as error:
+            array = file[full][()] if name is None else file[full][name]
+    except (OSError, KeyError, RuntimeError, ValueError) as error:
         raise InputError(path, f"'{full}' cannot be read ({error})", cure="copy or export it again") from None
     values = column_of(array, column)
     if array.dtype.kind in "iu" and "YInc" in keys:  # Keysight stores the recorder's codes

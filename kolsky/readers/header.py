@@ -7,9 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.base.units import DIMENSIONS, dimension_of
+from kolsky.base.units import DIMENSIONS, SHOT_KINDS, dimension_of, unit_factor
 from kolsky.readers.contents import Layout
-from kolsky.readers.text import LONGEST_PAIR, Dialect, full_match
+from kolsky.readers.text import LONGEST_FIELD, LONGEST_PAIR, Dialect, full_match
 
 _PREFIXES = {
     "": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9,
@@ -31,20 +31,27 @@ _WORDS = {
 _BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
 _PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
+_BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 """A unit behind a last underscore, a comma or "in": time_s, "CH1, mV", "Zeit in ms"."""
+_ANY_TAIL = re.compile(r"(.*?\S)(?:\s*_\s*(?!1/)|\s*,\s*|\s+in\s+)(?!bar\b)((?:1/)?[A-Za-zµμε%][^\s_,]*)")
+"""A unit of any kind behind the same: "Weg in mm", "Load, kgf/cm2", "force_kN"; no "incident_bar"."""
 _KEY_TAIL = re.compile(r"(.*?[^\s_,])(?:[\s_,]+|[\s_,]+in\s+)([A-Za-zµμ/1]+)")
 """A unit behind the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
 _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
-_TAIL_UNITS = re.compile(r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?)")
+_TAIL_UNITS = re.compile(
+    r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
+)
 """Units that a tail may name in any column; of times they are those of time. CH_A is no current."""
+_MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
+"""How units of force and stress begin that testing machines print and `_BASES` does not have."""
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
     """The SI unit and the factor to it of a unit as instruments write it; None if it is not known.
 
-    "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6).
+    "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6), "kgf/cm2" ("Pa", 98066.5).
     """
     plain = text.strip().strip("()[]").strip()
     plain = _WORDS.get(plain.lower(), plain)
@@ -54,7 +61,8 @@ def si_unit(text: str) -> tuple[str, float] | None:
         prefix = plain.removesuffix(base)
         if plain.endswith(base) and prefix in _PREFIXES:
             return unit, _PREFIXES[prefix]
-    return None
+    kind = dimension_of(plain, ("N", "Pa")) if _MECHANICAL.match(plain) else ""
+    return (kind, unit_factor(plain, kind)) if kind else None
 
 
 def split_unit(heading: str) -> tuple[str, str | None]:
@@ -62,10 +70,12 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
     "CH1 (mV)", "Time [s]", "Time/s", and by its last word "time_s", "strain_microstrain", "Zeit in ms".
     """
-    match = full_match(_BRACKETS, heading) or full_match(_SLASH, heading)
-    if match is not None and si_unit(match.group(2)) is not None:
-        return match.group(1).strip(), match.group(2)
     tail = full_match(_TAIL, heading.strip())
+    for name, unit in _unit_places(heading) if tail is None else ():
+        if si_unit(unit) is not None:
+            return name, unit
+        if "/" in unit and dimension_of(unit, DIMENSIONS):  # "Rate/1/s" is in 1/s and no time
+            return heading.strip(), None
     if tail is not None and (known := si_unit(tail.group(2))) is not None:
         name, unit = tail.groups()
         of_time = known[0] == "s" and _TIME_WORDS.fullmatch(name) is not None
@@ -74,30 +84,47 @@ def split_unit(heading: str) -> tuple[str, str | None]:
     return heading.strip(), None
 
 
-_BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
-_NAMED_UNIT = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+)|\s+in\s+(\S+)|_([A-Za-zµ%]+))\s*")
-"""A unit in brackets, behind a stroke, "in", or a last underscore."""
+def _unit_places(heading: str) -> list[tuple[str, str]]:
+    """Name and unit of a heading by its brackets, else by strokes and its tail, the longest unit first.
+
+    "Speed in m/s" is a speed in m/s, and no time in s.
+    """
+    match = full_match(_BRACKETED, heading)
+    if match is not None:
+        return [(match.group(1).strip(), match.group(2))]
+    places = []
+    if len(heading) <= LONGEST_FIELD:
+        parts = heading.split("/")
+        places = [("/".join(parts[:i]).strip(), "/".join(parts[i:]).strip()) for i in range(1, len(parts))]
+    tail = full_match(_ANY_TAIL, heading.strip())
+    if tail is not None:
+        places.append((tail.group(1), tail.group(2)))
+    return sorted((place for place in places if all(place)), key=lambda place: -len(place[1]))
+
+
+def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]:
+    """Name of a heading, and its unit of one of some kinds, wherever it stands; None if there is none."""
+    for name, text in _unit_places(heading):
+        unit = "1" if text == "-" else text
+        if dimension_of(unit, kinds):
+            return name, unit
+    return heading.strip(), None
 
 
 def heading_unit(heading: str) -> str | None:
-    """The unit of any kind that a heading has in brackets, "mm" of "Travel (mm)"; None if none is known."""
-    match = full_match(_BRACKETED, heading)
-    text = match.group(2) if match else ""
-    return ("1" if text == "-" else text) if dimension_of(text, DIMENSIONS) else None
+    """The unit of any kind in a heading: "Travel (mm)", "Weg/mm", "Kraft in N", "force_kN"; None without."""
+    return _name_and_unit(heading, DIMENSIONS)[1]
 
 
 def likely_unit(heading: str) -> str:
     """The unit that a heading seems to name, of a quantity in a shot's tables; empty if none: for drafts."""
-    match = full_match(_NAMED_UNIT, heading)
-    text = next((group for group in match.groups() if group), "") if match else ""
-    text = "1" if text == "-" else text
-    return text if dimension_of(text) else ""
+    return _name_and_unit(heading, SHOT_KINDS)[1] or ""
 
 
 def name_without_unit(heading: str) -> str:
-    """A heading without what stands in brackets at its end."""
+    """A heading without its unit, or what else stands in brackets at its end."""
     match = full_match(_BRACKETED, heading)
-    return match.group(1) if match else heading
+    return match.group(1) if match else _name_and_unit(heading, DIMENSIONS)[0]
 
 
 def time_factor(path: Path, unit: str | None, what: str) -> float:

@@ -44,13 +44,13 @@ def read(path: Path, layout: Layout) -> Contents:
         facts={
             "format": "matlab",
             "version": version,
-            **({"not opened": ", ".join(others)} if others else {}),
+            **({"without numbers": ", ".join(others)} if others else {}),
         },
         metadata={name: f"{value:.12g}" for name, value in scalars.items()},
     )
 
 
-def table_lines(path: Path) -> list[str]:
+def table_lines(path: Path, _sheet: str | None) -> list[str]:
     """The numeric arrays of equal length as lines with tabs.
 
     Raises InputError as `read`.
@@ -63,14 +63,13 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
     """Arrays, scalars, what is neither, and the version of a file."""
     head = head_of(path, _HDF5_OFFSET + 8)
     if head[_HDF5_OFFSET:].startswith(b"\x89HDF") or head.startswith(b"\x89HDF"):
-        arrays, scalars, _ = inside(path)
+        arrays, scalars, _, others = inside(path)
         arrays = [
             NamedArray(a.name.removeprefix("/"), a.samples, a.values, a.unit, a.keys)
             for a in arrays
             if a.name.count("/") == 1
         ]
         scalars = {name.removeprefix("/"): value for name, value in scalars.items()}
-        others: list[str] = []
         version = "7.3"
     else:
         file_hash(path, limit=LIMIT)
@@ -80,7 +79,8 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
         raise InputError(
             path,
             "holds no numeric array" + (f", but {', '.join(others[:8])}" if others else ""),
-            cure="save the signals as plain arrays: save('shot.mat', 'time', 'ch1', 'ch2')",
+            cure="save the signals as plain arrays: save('shot.mat', 'time', 'ch1', 'ch2'), or the fields of "
+            "a structure: save('shot.mat', '-struct', 'test')",
         )
     return arrays, scalars, others, version
 
@@ -115,6 +115,10 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
 
 
 def _damaged(path: Path, error: str) -> InputError:
+    head = head_of(path, 200)
+    text = head.count(0) == 0 and not head.startswith(b"MATLAB")
     return InputError(
-        path, f"is not a .mat file that can be read ({error})", cure="copy it again; it may be cut off"
+        path,
+        f"is not a .mat file that can be read ({error})",
+        cure="it seems to be text: rename it to end in .csv" if text else "copy it again; it may be cut off",
     )

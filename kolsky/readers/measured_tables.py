@@ -1,5 +1,6 @@
 """Tables of measurements by their columns, in SI: frame by frame in a shot, and tests of materials."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
+from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, unit_factor
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.header import heading_unit, name_without_unit, si_unit, split_unit
 from kolsky.readers.recordings import check_finite, read_contents
@@ -115,12 +116,53 @@ def read_columns(
             raise InputError(
                 path,
                 f"column '{one.column}' for the {quantity} is missing; the columns of numbers are "
-                + ", ".join(_numbered(contents)),
+                + ", ".join(_numbered(contents))
+                + contents.without_numbers(),
                 cure="correct its name, or give its number; `kolsky channels FILE` lists them",
             )
         values[quantity] = channel.values() * _factor(path, channel, one, quantity)
         check_finite(path, channel, values[quantity])
     return values, contents.sha256
+
+
+QUANTITIES: Mapping[str, tuple[str, re.Pattern[str]]] = {
+    "strain": ("1", re.compile(r"strain|dehnung|stauchung|d[ée]formation|epsilon|ε", re.IGNORECASE)),
+    "stress": ("Pa", re.compile(r"stress|spannung|contrainte|σ", re.IGNORECASE)),
+    "stretch": ("1", re.compile(r"stretch|streckung|λ", re.IGNORECASE)),
+    "displacement": (
+        "m",
+        re.compile(
+            r"displ|extension|elongation|travel|stroke|crosshead|compression|\b(standard)?weg|traverse"
+            r"|d[ée]placement|allongement|verschiebung|verlängerung|deformation",
+            re.IGNORECASE,
+        ),
+    ),
+    "force": ("N", re.compile(r"force|load|kraft|\blast|fuerza|carga", re.IGNORECASE)),
+}
+"""Quantity of a test -> its SI unit and the words by which a column's name tells it."""
+_NOT_THE_QUANTITY = re.compile(
+    r"rate|true|wahre|hencky|sigma|std|uncert|unsich|incert|écart|geschw|speed|lateral", re.IGNORECASE
+)
+"""Words in the names of columns that belong to a quantity and do not hold it."""
+
+
+def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
+    """Quantity -> the one column whose name and unit tell it; nothing for one with no or several columns.
+
+    ``path``: the file. ``layout``: what is declared of it. Raises InputError if it cannot be read.
+    """
+    found: dict[str, str] = {}
+    channels = read_contents(path, layout=layout).channels
+    for quantity, (base, words) in QUANTITIES.items():
+        fitting = []
+        for channel in channels:
+            name, unit = name_without_unit(channel.name), channel.unit or heading_unit(channel.name)
+            named = words.search(name) is not None and _NOT_THE_QUANTITY.search(name) is None
+            if named and (unit is None or dimension_of(unit, (base,))):
+                fitting.append(channel.name)
+        if len(fitting) == 1:
+            found[quantity] = fitting[0]
+    return found
 
 
 def column_names(path: Path, layout: Layout) -> list[str]:
@@ -137,7 +179,7 @@ def _numbered(contents: Contents) -> list[str]:
 
 def _channel(contents: Contents, column: str) -> Channel | None:
     """The column of a heading, of a heading without its unit, or of a number."""
-    found = [c for c in contents.channels if column == c.name]
+    found = [c for c in contents.channels if c.name in (column, f"/{column}")]
     for channel in () if found else contents.channels:
         bare = name_without_unit(channel.name)
         if column in (bare, f"{bare} ({channel.unit})", split_unit(channel.name)[0]):
@@ -155,8 +197,13 @@ def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
     """A column of times is no channel while it is the clock of the others: let one of them serve as it."""
     if not contents.channels:
         return None
-    other = Layout(header_line=layout.header_line, time=contents.channels[0].number, time_unit="s")
-    return _channel(read_contents(contents.path, layout=other), column)
+    first = contents.channels[0]
+    time = first.number if contents.facts.get("format") not in ("hdf5", "matlab") else first.name
+    other = Layout(header_line=layout.header_line, sheet=layout.sheet, time=time, time_unit="s")
+    try:
+        return _channel(read_contents(contents.path, layout=other), column)
+    except InputError:
+        return None  # there is no second column
 
 
 def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -> float:
@@ -179,5 +226,5 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -
             path,
             f"column '{channel.name}' for the {quantity} {problem}",
             allowed=f"in a unit of {words}",
-            cure=f"say it: {option}",
+            cure=f"declare it: {option}",
         ) from None

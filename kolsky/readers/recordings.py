@@ -33,6 +33,8 @@ from kolsky.readers.contents import (
     Clock,
     Contents,
     Layout,
+    check_name,
+    head_of,
 )
 from kolsky.readers.header import si_unit
 from kolsky.readers.table import Column, Table, read_table
@@ -215,8 +217,17 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
     for form in FORMATS.values():
         if form.sniff(path):
             return form.read(path, layout)
-    if path.stat().st_size == 0:
+    head = head_of(path)
+    if not head.strip():
         raise InputError(path, "is empty", cure="export or copy it again")
+    check_name(path)
+    if head.count(0) == 0 and path.suffix.lower() not in delimited.SUFFIXES:
+        raise InputError(
+            path,
+            f"seems to be text, and its name ends in '{path.suffix}'",
+            cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or say "
+            'format = "delimited" in a layout',
+        )
     raise InputError(
         path,
         "is of no known format",
@@ -238,7 +249,7 @@ def _check_layout(path: Path, layout: Layout) -> None:
 
 
 def _find(contents: Contents, wanted: str) -> Channel:
-    named = [channel for channel in contents.channels if channel.name == wanted]
+    named = [channel for channel in contents.channels if channel.name in (wanted, f"/{wanted}")]
     if not named and wanted.isdecimal():
         named = [channel for channel in contents.channels if channel.number == int(wanted)]
     if len(named) == 1:
@@ -251,7 +262,7 @@ def _find(contents: Contents, wanted: str) -> Channel:
     names = ", ".join(f"'{channel.name}'" for channel in contents.channels[:20])
     raise InputError(
         contents.path,
-        f"channel '{wanted}' is missing; the channels are {names}",
+        f"channel '{wanted}' is missing; the channels are {names}{contents.without_numbers()}",
         cure="correct the name, or give its number; `kolsky channels FILE` shows what was found",
     )
 

@@ -34,7 +34,7 @@ from kolsky.readers.header import (
     time_unit,
     uncommented,
 )
-from kolsky.readers.text import Dialect, find_dialect, full_match
+from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_match
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Sheet:
     metadata: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Key -> the fields behind it."""
     word: str = "line"
-    """What a row is called: "line", or "row" of a workbook."""
+    """What a row is called: "line", "row" of a workbook, or "entry" of arrays."""
     counted: str = "the other lines have"
     """What has as many fields as there must be, in words."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
@@ -90,7 +90,7 @@ class Sheet:
                 f"column '{self.names[column]}' is {problem}: '{self.field(column, row)[:60]}'"
                 + (f", the first of {bad.size}" if bad.size > 1 else ""),
                 row,
-                "a recorder gives every sample a value; export again without gaps",
+                "leave the line out, or export again without gaps",
             )
         return np.asarray(numbers, dtype=np.float64)
 
@@ -129,7 +129,7 @@ class Sheet:
         """An error about this file; `row` counts rows of samples from 0."""
         line = None if row is None else self.first + row
         if self.word != "line" and line is not None:
-            return InputError(self.path, f"row {line}: {message}", cure=cure)
+            return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
 
     def check_fields(self) -> None:
@@ -160,9 +160,21 @@ class Sheet:
                 if row.strip()
                 else "is an empty line between samples",
                 number,
-                "copy or export the file again" if last else "correct the line or export again",
+                self._cure_of_fields(fields, row, last),
             )
         self._checked.append(True)
+
+    def _cure_of_fields(self, fields: int, row: str, last: bool) -> str:
+        """What to do about a line with another number of fields."""
+        if not row.strip():
+            return "is there a second table below? keep one table in a file, without empty lines"
+        if fields == 2 * self.dialect.fields and self.dialect.delimiter == ",":
+            return "are the commas decimal signs too? export with semicolons between the columns"
+        return (
+            "copy or export the file again, without remarks below the numbers"
+            if last
+            else "correct the line or export again"
+        )
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
         """Slow, line by line; only after the fast path has failed."""
@@ -172,7 +184,7 @@ class Sheet:
                 return self.error(
                     f"column '{self.names[column]}' is not a number: '{text[:60]}'",
                     row,
-                    "correct the line or export again (no unit behind a number, one decimal sign)",
+                    cure_of(text),
                 )
         return self.error(f"column '{self.names[column]}' cannot be read: {fallback}", None, "export again")
 
@@ -209,6 +221,9 @@ def names_and_units(
     samples.
     """
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
+    if not fitting and first:
+        _check_decimal_commas(path, lines, first, dialect)
+        fitting = [first - 1] if _fits_mostly(dialect, lines[first - 1]) else []
     for stated in (layout.header_line, layout.units_line):
         if stated and stated - 1 not in fitting:
             found = len(dialect.split(lines[stated - 1])) if stated <= first else 0
@@ -231,6 +246,7 @@ def names_and_units(
     count = dialect.fields
     headings = _cells(dialect, lines[header_line]) if header_line >= 0 else [""] * count
     split = [split_unit(heading) for heading in headings]
+    headings += [""] * (count - len(headings))
     names = tuple(heading or str(i + 1) for i, heading in enumerate(headings))
     units: list[str | None] = [unit for _, unit in split]
     if units_line >= 0:
@@ -250,9 +266,32 @@ def _cells(dialect: Dialect, line: str) -> list[str]:
 def _fits(dialect: Dialect, line: str) -> bool:
     """True if a line can name or measure every numeric column."""
     cells = dialect.split(line)
-    if len(cells) < dialect.fields or not all(cells[i] for i in dialect.numeric):
+    if len(cells) <= max(dialect.numeric) or not all(cells[i] for i in dialect.numeric):
         return False
-    return bare_key(cells[0]) not in KEYS
+    short = set(range(len(cells), dialect.fields))  # only a last delimiter of the samples may have no name
+    return short <= set(dialect.empty) and bare_key(cells[0]) not in KEYS
+
+
+def _fits_mostly(dialect: Dialect, line: str) -> bool:
+    """True if a line right above the samples names most numeric columns; merged cells name their first."""
+    cells = dialect.split(line)
+    if len(cells) < dialect.fields or any(dialect.is_number(cells[i]) for i in dialect.numeric):
+        return False
+    named = sum(bool(cells[i]) for i in dialect.numeric)
+    return 2 * named > len(dialect.numeric) and bare_key(cells[0]) not in KEYS
+
+
+def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect: Dialect) -> None:
+    """Refuse twice as many whole numbers as names: "0,12,3,5" below "Strain,Stress" are two numbers."""
+    names = [cell for cell in dialect.split(lines[first - 1]) if cell]
+    twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
+    if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
+        raise InputError(
+            path,
+            f"has {dialect.fields} numbers between commas, and {len(names)} names",
+            line=first + 1,
+            cure="are the commas decimal signs too? export with semicolons between the columns",
+        )
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
@@ -272,6 +311,15 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
     """A heading has words; channels may be called 1, 2, 3, but not 0.0125."""
     cells = _cells(dialect, line)
     numbers = [cells[i] for i in dialect.numeric if dialect.is_number(cells[i])]
+    other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
+    commas = [c for i in dialect.numeric if other.is_number(c := cells[i]) and not dialect.is_number(c)]
+    if commas:
+        raise InputError(
+            path,
+            f"has the number '{commas[0][:60]}', the lines below have the decimal sign '{dialect.decimal}'",
+            line=number + 1,
+            cure="export all numbers with one decimal sign",
+        )
     if numbers and not all(text.isdecimal() for text in numbers):
         wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
         raise InputError(
@@ -321,7 +369,7 @@ def find_table(
     and still hold numbers. ``word``: what a line is called in messages. Raises InputError if no column is
     numeric, nothing has the form of samples, or a declaration does not fit.
     """
-    dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal)
+    dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal, word=word)
     if dialect.delimiter == " ":
         lines = [line.strip() for line in lines]
     first = first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)

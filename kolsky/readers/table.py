@@ -7,6 +7,7 @@ it is written, and `kolsky check` reports how.
 
 import csv
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -18,12 +19,14 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
 from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
-from kolsky.readers.contents import Layout, file_hash
+from kolsky.readers.contents import Layout, check_name, file_hash
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, find_table
 from kolsky.readers.text import (
+    BLANKS,
     Dialect,
     check_one_column,
+    cure_of,
     declared_decimal,
     declared_delimiter,
     decode_text,
@@ -110,6 +113,8 @@ class Table:
     """SHA-256 of its bytes, hex."""
     header_line: int | None
     """Line of the column names, counted from 1; None if the file has none."""
+    division: str
+    """How it was divided into columns, and what may say otherwise, in words."""
 
     @property
     def path(self) -> Path:
@@ -216,11 +221,12 @@ class Table:
                 raise self.error(
                     f"column '{column.name}' is not a number: '{written[:60]}'",
                     row=row,
-                    cure="correct the line or export again: the layout says that the decimal sign is a comma",
+                    cure=cure_of(written),
                 )
 
     def _index(self, column: Column) -> int:
-        found = [i for i, name in enumerate(self.header) if name == column.name]
+        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a stroke
+        found = [i for i, name in enumerate(self.header) if name in names_of_array]
         if len(found) == 1:
             return found[0]
         names = ", ".join(f"'{name}'" for name in self.header)
@@ -235,8 +241,7 @@ class Table:
             self.path,
             f"column '{column.name}' is missing; the columns are {names}",
             line=self.header_line,
-            cure="correct the column's name in the shot file (columns are separated by "
-            f"{_plural(self.sheet.dialect.delimiter)}; a layout may say otherwise)",
+            cure=f"correct the column's name in the shot file ({self.division})",
         )
 
 
@@ -253,10 +258,16 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     """
     source = _source(path)
     if source is not None:
-        lines = source.table_lines(path)
+        named = layout or Layout()
+        lines = source.table_lines(path, named.sheet)
         sha256 = file_hash(path)
-        layout = replace(layout or _sheet_layout(path, lines), encoding=None, delimiter="tab", decimal=".")
+        found = _sheet_layout(path, lines) if named == Layout(sheet=named.sheet) else named
+        layout = replace(found, encoding=None, delimiter="tab", decimal=".")
     else:
+        if layout is not None and layout.sheet is not None:
+            raise InputError(
+                path, f"is said to have the sheet '{layout.sheet}', and it is text", cure="leave sheet out"
+            )
         data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
         layout = layout or detect_layout(path, data)
@@ -280,21 +291,35 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         names = _names(uncommented(heading, layout.comment) if layout.comment else heading, dialect.delimiter)
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
+    names = _names_of_rows(names, rows, dialect)
     if layout is PLAIN and len(names) == 1:
         check_one_column(path, lines)
     dialect = Dialect(
         dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
     )
     said = "the header has" if header_line else "the first line has"
-    word = "line" if source is None else "row"
-    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), word=word, counted=said)
-    sheet.check_fields()
-    return Table(sheet, sha256, header_line or None)
+    word, start = ("line" if source is None else "row"), first
+    if source in (matlab, hdf5):
+        word, start = "entry", 1  # arrays have no line of names
+    sheet = Sheet(path, dialect, rows, start, names, (None,) * len(names), word=word, counted=said)
+    try:
+        sheet.check_fields()
+    except InputError:
+        if layout is PLAIN and len(names) == 1:
+            find_table(path, lines, Layout())  # says which other dialect the lines almost have
+        raise
+    division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may say otherwise"
+    if source in (excel, excel_97):
+        division = f"names were taken from row {header_line}; header_line and sheet in a layout say otherwise"
+    elif source is not None:
+        division = "the arrays as long as the longest are its columns; `kolsky channels FILE` lists all"
+    return Table(sheet, sha256, header_line or None, division)
 
 
 def _source(path: Path) -> Any:
     """The format of a workbook or of arrays; None of a text."""
     if path.suffix.lower() in TEXT_SUFFIXES:
+        check_name(path)
         return None
     return next((form for form in (excel, excel_97, matlab, hdf5) if form.sniff(path)), None)
 
@@ -323,6 +348,18 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
             cure='say the other one too, e.g. delimiter = ";"',
         )
     return Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
+
+
+def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:
+    """Names with or without a last empty one, where only the names or only the rows end with a delimiter."""
+    if dialect.delimiter == BLANKS.character or not names:
+        return names
+    ends = [row.rstrip().endswith(dialect.delimiter) for row in rows]
+    if all(ends) and names[-1] and all(len(dialect.split(row)) == len(names) + 1 for row in rows):
+        return (*names, "")
+    if len(names) > 1 and not names[-1] and all(len(dialect.split(row)) == len(names) - 1 for row in rows):
+        return names[:-1]
+    return names
 
 
 def _names(line: str, delimiter: str) -> tuple[str, ...]:

@@ -123,7 +123,35 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
             line=broken,
             cure="end lines with a line feed (Unix) or with both (Windows)",
         )
-    return _whole_lines_unquoted(lines)
+    return _quoted_commas_apart(_whole_lines_unquoted(lines))
+
+
+def _quoted_commas_apart(lines: list[str]) -> list[str]:
+    """Lines of fields such as "0,12","3,5" with semicolons between the fields, for commas are decimal signs.
+
+    Only where most of the last lines that are not empty have commas inside and outside quotes, and no other
+    delimiter. A line above them with a comma between two digits and no quotes stays as it is: "dt: 1,25 ms".
+    """
+    filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
+    apart = [
+        _QUOTED_COMMA.search(line) is not None
+        and "," in (bare := _QUOTED_LINE.sub("", line))
+        and _OTHER.search(bare) is None
+        for line in filled
+    ]
+    tails = [apart[-count:] for count in (_LINES_COMPARED, *_FEWER_LINES)]
+    if not any(sum(tail) >= _AGREEING_SHARE * len(tail) for tail in tails):
+        return lines
+    return [line if _BARE_COMMA.search(_QUOTED_LINE.sub("", line)) else _semicolons(line) for line in lines]
+
+
+def _semicolons(line: str) -> str:
+    """A line of commas with semicolons instead, those of its quoted fields left."""
+    try:
+        cells = next(csv.reader([line], skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 131 072 characters
+        return line
+    return ";".join(f'"{cell}"' if ";" in cell else cell.replace('"', "") for cell in cells)
 
 
 def _whole_lines_unquoted(lines: list[str]) -> list[str]:
@@ -171,6 +199,8 @@ def delimiter_of(text: str) -> Delimiter | None:
 
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+_ALMOST = re.compile(r"[+-]?\d[\d.,'’ \u00a0\u202f]*(?:[eE][+-]?\d+)?")
+"""A number of any decimal sign, with or without signs between thousands."""
 _WHOLE, _FRACTION = re.compile(r"[+-]?\d+"), re.compile(r"\d+(?:[eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _LINES_COMPARED = 60
@@ -178,6 +208,10 @@ _LINES_COMPARED = 60
 _FEWER_LINES = (20, 8, 3)
 """Fewer of them, in turn, where those have no columns: a short table below many lines of other text."""
 _QUOTED_LINE = re.compile(r'"(?:[^"]|"")*"')
+_QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
+_BARE_COMMA = re.compile(r"\d,\d")
+_OTHER = re.compile(r"[\t;]")
+_OTHER_OR_COMMA = re.compile(r"[\t;,]")
 _DIVIDED = re.compile(r"[\t;,]|\S[ ]+\S")
 _AGREEING_SHARE = 0.8
 """Share of them that must agree: one damaged line shall be named by its number, not change the choice."""
@@ -185,6 +219,51 @@ _AGREEING_SHARE = 0.8
 
 _SHOWN = 60
 """Most characters of a line that a message shows."""
+_REMARK_CURE = (
+    "are there remarks, a mean or a second table below the numbers? keep the lines of one table; else "
+    "correct the line"
+)
+_CURES = tuple(
+    (re.compile(pattern, re.IGNORECASE), cure)
+    for pattern, cure in (
+        (
+            r"",
+            "the field is empty: give its value, or leave the line out; a formula that was never calculated "
+            "is empty too: open the workbook and save it",
+        ),
+        (
+            r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?",
+            "it stands for a missing value: leave the line out, or export without gaps",
+        ),
+        (
+            r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*",
+            "it is a date or a time of day: export seconds as plain numbers (a spreadsheet makes dates of "
+            "numbers such as 3.4)",
+        ),
+        (
+            r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f'’.,]\d{3})+(?:[.,]\d+)?",
+            "it has signs between thousands, or another decimal sign than the other numbers: export numbers "
+            "without the former and with one decimal sign",
+        ),
+        (
+            r"[+-]?\d*[.,]\d+(?:e[+-]?\d+)?",
+            "its decimal sign is not that of the other numbers: export all with one decimal sign; in a "
+            "workbook, make numbers of the cells that are text",
+        ),
+        (r"[+-]?[\d.,]+d[+-]?\d+", "write the exponent with E, not with D"),
+        (r"[−–]\s*[\d.,].*", "its minus sign is a longer dash: export with the plain sign -"),
+        (
+            r"[+-]?[\d.,]+\s*[^\W\d_%°]?[%°]?[^,;]{0,12}",
+            "export numbers without a unit behind them: it belongs in the heading",
+        ),
+    )
+)
+"""Form of a field that is no number -> the cure, the first that fits."""
+
+
+def cure_of(field: str) -> str:
+    """What to do about a field that should be a number and is none."""
+    return next((cure for form, cure in _CURES if full_match(form, field) is not None), _REMARK_CURE)
 
 
 @dataclass(frozen=True)
@@ -236,12 +315,18 @@ class Dialect:
 
 
 def find_dialect(
-    path: Path, lines: Sequence[str], *, delimiter: str | None = None, decimal: str | None = None
+    path: Path,
+    lines: Sequence[str],
+    *,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    word: str = "line",
 ) -> Dialect:
     """The dialect in which the most columns at the end of a file are numbers.
 
     ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: what has been stated;
-    the rest is found. Raises InputError if something stated is not allowed, or no column is numeric.
+    the rest is found. ``word``: what a line is called in messages. Raises InputError if something stated is
+    not allowed, or no column is numeric.
     """
     characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
@@ -275,18 +360,54 @@ def find_dialect(
                 cure=f'say delimiter = "{name}", or leave it out',
             )
     if not several:
-        line, word = _last_word(lines, characters, decimals)
-        raise InputError(
-            path,
-            "has no column of numbers"
-            + (f" with the delimiter {delimiter!r}" if delimiter is not None else "")
-            + (f" and the decimal sign {decimal!r}" if decimal is not None else "")
-            + (f": {word[:_SHOWN]!r} is none" if line > 1 else ", or too few below its header"),
-            line=line,
-            cure="is it the right file? if so, mend the line, or say delimiter and decimal in a layout",
-        )
+        raise _no_numbers(path, lines, characters, decimals, word)
     # max() keeps the first of equals: the order of `DELIMITERS`.
-    return max(several, key=_share_of_numbers)
+    best = max(several, key=_share_of_numbers)
+    # Lines of settings above a short table have words in its first column: the last lines have numbers there.
+    for count in _FEWER_LINES:
+        last = _columns(filled[-count:], best.delimiter, best.decimal)
+        if last is not None and last.fields == best.fields and {*last.numeric} > {*best.numeric}:
+            best = last
+    if delimiter is None and best.delimiter in (COMMA.character, BLANKS.character):
+        _check_stronger_delimiter(path, lines, filled)
+    return best
+
+
+def _no_numbers(
+    path: Path, lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str], word: str
+) -> InputError:
+    """The error of lines without a column of numbers: what the last of them has instead."""
+    line, text = _last_word(lines, characters, decimals)
+    said = [
+        *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),
+        *([f"the decimal sign {decimals[0]!r}"] if len(decimals) == 1 else []),
+    ]
+    under = f" with {' and '.join(said)}" if said and word == "line" else ""
+    cure, problem = "is it the right file, and exported whole?", f": {text[:_SHOWN]!r} is no number"
+    if line > _FEWER_LINES[-1]:
+        cured = cure_of(text)
+        cure += " " + (cure_of(_OTHER_OR_COMMA.split(text)[0]) if cured is _REMARK_CURE else cured)
+    else:
+        problem = f", or fewer than {_FEWER_LINES[-1]} {word}s of numbers below its header"
+    if word == "line":
+        return InputError(path, f"has no column of numbers{under}{problem}", line=line, cure=cure)
+    return InputError(path, f"row {line}: has no column of numbers{problem}", cure=cure)
+
+
+def _check_stronger_delimiter(path: Path, lines: Sequence[str], filled: Sequence[str]) -> None:
+    """Refuse lines that commas or blanks divide, and tabs or semicolons into numbers of another form."""
+    tail = filled[-_FEWER_LINES[0] :]
+    for delimiter in DELIMITERS[:2]:
+        parts = [line.split(delimiter.character) for line in tail]
+        numbers = [p for p in parts if len(p) > 1 and all(_ALMOST.fullmatch(cell.strip()) for cell in p)]
+        if len(numbers) >= _AGREEING_SHARE * len(tail):
+            raise _no_plain_numbers(path, delimiter, lines)
+
+
+def delimiter_name(character: str) -> str:
+    """The name of a delimiter's character."""
+    found = delimiter_of(character)
+    return repr(character) if found is None else f"'{found.name}'"
 
 
 def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
@@ -395,9 +516,14 @@ def check_one_column(path: Path, lines: Sequence[str]) -> None:
             for sign in ".,"
         )
         if not plain and all(delimiter.character in line for line in lines[:9]):
-            raise InputError(
-                path,
-                f"most fields between its {delimiter.plural} are no plain numbers: '{lines[-1][:60]}'",
-                line=len(lines),
-                cure="export numbers without units and without signs between thousands, or declare a layout",
-            )
+            raise _no_plain_numbers(path, delimiter, lines)
+
+
+def _no_plain_numbers(path: Path, delimiter: Delimiter, lines: Sequence[str]) -> InputError:
+    return InputError(
+        path,
+        f"most fields between its {delimiter.plural} are no plain numbers: '{lines[-1][:_SHOWN]}'",
+        line=len(lines),
+        cure="export numbers without units and without signs between thousands, with one decimal sign, or "
+        "declare a layout",
+    )

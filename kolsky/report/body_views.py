@@ -28,7 +28,6 @@ class StrainShare:
     """Share of a specimen's volume in each bin of strain at the last sample."""
 
     name: str
-    """Name of the test."""
     whole: FloatArray
     """Of the whole specimen, along x, y, z [-], shape [3, bins]."""
     middle: FloatArray
@@ -52,9 +51,7 @@ class SpecimenView:
     """Fits of whole specimens with the simulations of the last of them."""
 
     name: str
-    """Name of the specification."""
     fits: tuple[SpecimenFit, ...]
-    """The fits."""
     solutions: dict[str, Solution]
     """Simulation of each fitted test with the constants of the last fit, at the measured displacements."""
     shares: tuple[StrainShare, ...]
@@ -90,7 +87,6 @@ class SheetView:
     """A fitted sheet with its fields."""
 
     name: str
-    """Name of the specification."""
     measured: MeasuredField
     """What was measured."""
     fit: FieldFit
@@ -177,7 +173,6 @@ class ActuatorView:
     """Results of one command on an actuator."""
 
     name: str
-    """Name of the SPEC."""
     directions: Sequence[Direction] = ()
     """Bends of every direction of gravity."""
     markers: Sequence[MarkerComparison] = ()

@@ -58,10 +58,7 @@ def write_prediction_film(
 ) -> Path:
     """Write the test as a film, a picture each 25 µs.
 
-    ``path``: file to write, mp4 or gif. ``found``: a prediction with finite elements. ``every``: take one
-    picture in this many. ``rate``: frame rate of the film [1/s]. ``progress``: called with 1 after each
-    picture. Raises ValueError if the prediction has no finite elements. Raises ImportError if the package
-    that writes films is not installed.
+    ``rate``: frame rate of the film [1/s].
     """
     response = found.response
     if response is None:
@@ -116,10 +113,7 @@ def _box_patch(ax: Axes, start: float, length: float, diameter: float) -> None:
 
 
 def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
-    """Write a film, mp4 or gif, a picture a step, `rate` of them a second.
-
-    Raises ImportError if the package that writes films is not installed.
-    """
+    """Write a film, mp4 or gif, a picture a step, `rate` of them a second."""
     write_frames(path, partial(_actuator_picture, shown), range(len(shown.pristine.angle)), rate=rate)
 
 
@@ -157,11 +151,7 @@ def largest_stretches(solution: Solution) -> FloatArray:
 
 
 def write_specimen_still(path: Path, solution: Solution) -> None:
-    """Write the specimen at the last step reached, deformed, coloured by the largest stretch, as PNG.
-
-    Raises kolsky.report.scene.drawing.CannotRender if PyVista is not installed, or VTK cannot render on this
-    machine.
-    """
+    """Write the specimen at the last step reached, deformed, coloured by the largest stretch, as PNG."""
     pyvista, mesh = offscreen_pyvista(), solution.model.mesh
     moved = mesh.points + solution.displacements[solution.reached - 1]
     points = np.pad(moved, ((0, 0), (0, 3 - moved.shape[1])))

@@ -28,8 +28,7 @@ def write_grid(
 
     ``path``: file to write, complete or not at all. ``points``: coordinates, shape [n, 3]. ``cells``: points
     of each cell in VTK's order, shape [m, k]; m may be 0. ``kind``: number of the cell type in VTK.
-    ``fields``: values at the points by name, shape [n] or [n, components]. Raises ValueError if a field or
-    the points do not have one row per point, or a cell names a point that is not there.
+    ``fields``: values at the points by name, shape [n] or [n, components].
     """
     _check_arrays(points, cells, fields)
     piece = {"NumberOfPoints": str(len(points)), "NumberOfCells": str(len(cells))}
@@ -115,12 +114,11 @@ def write_vtu(
 ) -> list[Path]:
     """Write the mesh of one simulation at its surface times.
 
-    ``folder``: folder; created if absent. `mesh.pvd` lists the series with its times. ``response``: a batch
-    that kept its nodes. ``quads``: corner nodes of each element, shape [n_elements, 4]. ``sample``: row of
-    the batch. ``every``: write one surface time in this many, the first included. Returns: the VTU files
-    written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from the first surface time.
-    The series ends where the simulation ended. Raises ValueError if the response kept no nodes, `sample` or
-    `every` is out of range, or `quads` names a node that does not exist.
+    `mesh.pvd` lists the series with its times. ``response``: a batch that kept its nodes. ``quads``: corner
+    nodes of each element, shape [n_elements, 4]. ``every``: write one surface time in this many, the first
+    included. Returns: the VTU files written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement
+    [m] from the first surface time. The series ends where the simulation ended. Raises ValueError if the
+    response kept no nodes, `sample` or `every` is out of range, or `quads` names a node that does not exist.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; ask for them when the simulation is run")
@@ -159,9 +157,8 @@ def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
 def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """Write the valid points of every frame, joined to triangles over their grid.
 
-    ``folder``: folder; created if absent. `<name>.pvd` lists the series with its times. ``body``: the points.
-    A triangle with a lost corner is left out. ``name``: beginning of the files' names. Returns: the VTP files
-    written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
+    `<name>.pvd` lists the series with its times. A triangle with a lost corner is left out. Returns: the VTP
+    files written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
     epipolar distance and the standard deviation of a match [px], the correlation and the point's number.
     """
     surface, triangles = body.surface, _grid_triangles(body.cell)

@@ -21,9 +21,7 @@ class SurfaceView:
     """A stereo result with pictures of camera 0."""
 
     shot: str
-    """Name of the shot."""
     result: StereoResult
-    """The result."""
     pictures: Mapping[int, NDArray[np.generic]]
     """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
     kymograph: FloatArray
@@ -89,9 +87,7 @@ class FullFieldView:
     """A full-field result, with a picture of camera 0."""
 
     name: str
-    """Name of the measurement."""
     result: FullField
-    """The result."""
     frame: int
     """Frame of the picture: the last one with at least half of the points."""
     picture: NDArray[np.generic] | None

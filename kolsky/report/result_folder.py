@@ -274,9 +274,8 @@ def write_identify_page(
 ) -> None:
     """Write the page of an identification into a folder, and its figures alone if formats are given.
 
-    ``folder``: an empty folder of `kolsky.base.files.filling`. ``found``: the identification. ``recordings``:
-    recordings of the shot's own files. ``formats``: any of `kolsky.report.FIGURE_FORMATS`. ``processes``:
-    processes that draw; see `dic.processes.run_parallel`.
+    ``folder``: an empty folder of `kolsky.base.files.filling`. ``recordings``: recordings of the shot's own
+    files. ``processes``: processes that draw; see `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.identification import write_report
 
@@ -350,10 +349,8 @@ def write_full_field_results(
 ) -> None:
     """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
 
-    ``folder``, ``formats``: as of `write_identify_results`. ``measurement``: the measurement, as
-    `kolsky.pictures.measurement.read_measurement` gives it. ``result``: the result. ``csv``, ``vtu``: also
-    write every frame's points as CSV, and as VTU for ParaView. Raises InputError if the results cannot be
-    written.
+    ``measurement``: the measurement, as `kolsky.pictures.measurement.read_measurement` gives it. ``csv``,
+    ``vtu``: also write every frame's points as CSV, and as VTU for ParaView.
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
@@ -378,9 +375,8 @@ def write_budget_results(
 ) -> None:
     """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
 
-    ``folder``, ``formats``: as of `write_results`. ``results``: a budget for each free parameter; files and
-    figures of the first are named budget, of others budget and the parameter. ``campaign``: a planned
-    campaign, if one was asked for. Raises InputError if the results cannot be written.
+    ``results``: a budget for each free parameter; files and figures of the first are named budget, of others
+    budget and the parameter. ``campaign``: a planned campaign, if one was asked for.
     """
     from kolsky.report.figures import BUDGETS
     from kolsky.report.pages.budget import write_page
@@ -444,9 +440,8 @@ def write_prediction_results(
 ) -> None:
     """Write the results of a prediction with the scan that was made before, and a film if it is asked for.
 
-    ``folder``, ``formats``: as of `write_results`. ``found``: the prediction. ``scan``, ``aim``: the scan,
-    and the point found in it. ``film``: format of a film, "mp4" or "gif"; empty for none. Raises InputError
-    if the results cannot be written.
+    ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
+    ``film``: format of a film, "mp4" or "gif"; empty for none.
     """
     with filling(folder) as partial:
         _write(partial, found, scan, aim, formats=formats)

@@ -27,10 +27,8 @@ def write_specimen_results(
 ) -> None:
     """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_results`. ``view``: the fits
-    with their simulations. ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last
-    sample of each test for ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``:
-    further tables by name. Raises InputError if the results cannot be written.
+    ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
+    ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
     """
     from kolsky.report.pages.specimen import write_page
 

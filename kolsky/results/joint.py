@@ -103,8 +103,7 @@ def write_joint_hdf5(path: Path, found: JointResult) -> None:
 def read_joint_hdf5(path: Path) -> JointResult:
     """Read a file of `write_joint_hdf5`, trusting nothing in it.
 
-    Raises InputError if the file is missing, truncated or no such result, or a dataset is missing, of another
-    type, shape or unit. The message is one line.
+    The message is one line.
     """
     with reading(Path(path), FORMAT, cure="write it again with `kolsky identify`") as place:
         return JOINT.read(place)

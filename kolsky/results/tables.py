@@ -69,12 +69,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
     `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
     complete. Numbers that are not finite become null.
 
-    Raises
-    ------
-    ValueError
-        If a free parameter has the name of another key of the object.
-    TypeError
-        If provenance holds something JSON cannot say.
+    Raises ValueError if a free parameter has the name of another key of the object. Raises TypeError if
+    provenance holds something JSON cannot say.
     """
     result, response = identification, identification.response
     answer = {name: e.value for name, e in result.estimates.items()}

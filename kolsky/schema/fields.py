@@ -438,6 +438,7 @@ class TextLayoutSection(Section):
     header_line: Annotated[int, Field(ge=0)] | None = None
     units_line: Annotated[int, Field(ge=0)] | None = None
     first_line: Annotated[int, Field(ge=1)] | None = None
+    sheet: Name | None = None
 
     def as_layout(self) -> Layout:
         """The declaration as readers take it."""
@@ -448,7 +449,6 @@ class LayoutSection(TextLayoutSection):
     """A table that says how a recorder's file is to be read; what it leaves out is found in the file."""
 
     format: Name | None = None
-    sheet: Name | None = None
     time: str | int | dict[str, str | int] | None = None
     time_unit: Annotated[str, BeforeValidator(_check_time_unit)] | None = None
     interval: Annotated[float, BeforeValidator(_check_interval)] | None = None

@@ -14,7 +14,7 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.pictures.frames import body_moves, flyer_motion, read_frames, sound_at_rest
-from kolsky.pictures.picture_set import PictureSet, open_pictures
+from kolsky.pictures.picture_set import PictureSet, check_frames, open_pictures
 from kolsky.pictures.specimen_length import RimAtRest, conditioned_length, length_notes
 from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.apparatus import elastic_body
@@ -154,7 +154,9 @@ def load_pictures(source: Source) -> PicturedShot:
         raise toml.error(
             "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
         )
-    return _with_picture_set(toml, frames, open_pictures(toml, frames))
+    pictures = open_pictures(toml, frames)
+    check_frames(pictures)
+    return _with_picture_set(toml, frames, pictures)
 
 
 def check_shot(source: Source) -> "ShotBase | CheckedBars":

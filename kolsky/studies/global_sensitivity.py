@@ -122,7 +122,6 @@ class GlobalSensitivity:
     """Shares of the parameters in the variance of misfits and histories over a box."""
 
     shot: str
-    """Name of the shot."""
     box: Box
     """Where the parameters vary, uniformly and independently."""
     runs: int

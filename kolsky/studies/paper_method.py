@@ -166,7 +166,6 @@ class PaperAnswer:
     """What the paper's method says of a shot."""
 
     shot: str
-    """Name of the shot."""
     factor: float
     """Stiffness factor m of the last run [-]."""
     interval: CostInterval
@@ -434,10 +433,7 @@ def to_json(answer: PaperAnswer) -> dict[str, Any]:
 
 
 def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
-    """Write paper_method.json and paper_method.csv, a row a run of the designs.
-
-    Raises InputError if they cannot be written.
-    """
+    """Write paper_method.json and paper_method.csv, a row a run of the designs."""
     tables = [surface.runs.table for surface in answer.surfaces]
     meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]
     columns: dict[str, Any] = {

@@ -68,9 +68,8 @@ def analyse_rate_dependence(
 ) -> SlowDynamics:
     """Place all tests on one axis of time and fit a Prony series to the slow ones.
 
-    ``slow``: the slow tests. ``shots``: identified shots of the same material; they are placed on the axis
-    and take no part in the fit. ``at_most``: most branches that are tried. Raises ValueError if no test is
-    left, or there are fewer values than a series has constants.
+    ``shots``: identified shots of the same material; they are placed on the axis and take no part in the fit.
+    ``at_most``: most branches that are tried.
     """
     remarks = [said for name, sweep in slow.sweeps.items() for said in _sweep_remarks(name, sweep)]
     if not slow.tests:

@@ -51,7 +51,6 @@ class Sweep:
     """Every run of a design."""
 
     shot: str
-    """Name of the shot."""
     table: DesignTable
     """Points, outcomes and misfits."""
     held: dict[str, float]
@@ -283,9 +282,6 @@ def read_design(path: Path) -> Design:
     """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point a line.
 
     A name without a unit is in SI. The design's box spans the values of each column.
-
-    Raises InputError if the file cannot be read, a name or unit is unknown or stands twice, a value is not a
-    number or outside its allowed range, a column holds one value only, or there are too many points.
     """
     text = decode(path, read_bytes(path))
     rows = csv.reader(StringIO(text, newline=""), strict=True)

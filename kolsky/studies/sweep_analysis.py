@@ -79,11 +79,9 @@ class SweepAnalysis:
     """A sweep looked at as a whole."""
 
     shot: str
-    """Name of the shot."""
     box: Box
     """Where the parameters varied."""
     table: DesignTable
-    """Every run."""
     outputs: dict[str, Output]
     """The misfits, by name; only those of force without an outline."""
     indices: SobolIndices | None

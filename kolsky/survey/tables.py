@@ -15,6 +15,7 @@ from kolsky.base.files import read_bytes
 from kolsky.base.units import dimension_of, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.header import likely_unit
+from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
 from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text
@@ -110,8 +111,6 @@ SUFFIXES = (
 )  # fmt: skip
 """Endings of files that may hold tables or recordings."""
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
-_STRAIN = re.compile(r"(strain|dehnung|stauchung|d[ée]formation|epsilon|ε)", re.IGNORECASE)
-_STRESS = re.compile(r"(stress|spannung|contrainte|σ)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
 """Fewest samples of a table without volts that is taken for a recording of the force."""
@@ -185,13 +184,13 @@ def _part_of(table: TableEntry) -> str | None:
 
 def strain_of(table: TableEntry) -> ColumnEntry | None:
     """The one column of strains."""
-    found = [c for c in table.columns if _STRAIN.search(c.name) and c.dimension in ("1", "")]
+    found = [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
     return found[0] if len(found) == 1 else None
 
 
 def stress_of(table: TableEntry) -> ColumnEntry | None:
     """The one column of stresses."""
-    found = [c for c in table.columns if _STRESS.search(c.name) and not _SIGMA.match(c.name)]
+    found = [c for c in table.columns if QUANTITIES["stress"][1].search(c.name) and not _SIGMA.match(c.name)]
     found = [c for c in found if c.dimension in ("Pa", "")]
     return found[0] if len(found) == 1 else None
 

@@ -38,10 +38,7 @@ def write_shot(
     device: str = "cpu",
     threads: int | None = None,
 ) -> None:
-    """Write the folder of one shot, whole or not at all; the truth last.
-
-    Raises InputError if it cannot be written; ValueError if the specification's instruments cannot be.
-    """
+    """Write the folder of one shot, whole or not at all; the truth last."""
     q, number = shot.quantities, shot.number
     tables = shot_tables(q, truth.surface)
     form = FORMATS[q.scope.format]
@@ -145,9 +142,7 @@ class Made:
     """One shot that was made, or had been made before."""
 
     name: str
-    """Its name."""
     folder: Path
-    """Its folder."""
     fresh: bool
     """False if the folder held it already."""
 
@@ -157,7 +152,6 @@ class NotMade:
     """One shot that could not be made."""
 
     shot: ShotSpecification
-    """The shot."""
     reason: str
     """Why."""
 
@@ -183,11 +177,9 @@ def make(
 ) -> list[Made]:
     """Make the shots of a specification, those on one mesh together; what is there already is kept.
 
-    ``series``: the specification. ``out``: folder of the shot, or of the population's folders. ``numbers``:
-    which shots; all if left out. ``device``, ``threads``: of the solver. ``workers``: processes that share
-    the shots. ``progress``: called with each shot when it is complete. Raises InputError if a specification
-    cannot be made, or a folder holds something else. A shot whose simulation ends early or whose pictures
-    cannot be is told of after the others are made.
+    ``out``: folder of the shot, or of the population's folders. ``numbers``: which shots; all if left out.
+    Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
+    simulation ends early or whose pictures cannot be is told of after the others are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]
@@ -204,8 +196,7 @@ def make_places(
 ) -> list[Made]:
     """Make shots of any specifications, each in a folder of its own.
 
-    ``places``: the shots and their folders. ``device``, ``threads``, ``workers``, ``progress``: as in `make`.
-    Raises InputError as `make`.
+    ``device``, ``threads``, ``workers``, ``progress``: as in `make`. Raises InputError as `make`.
     """
     done, todo, refused = [], [], []
     for shot, folder in places:

@@ -179,11 +179,7 @@ class Sampled:
 
 
 def path_of(quantities: Specification, folder: Path) -> tuple[Path1D, float]:
-    """The flyer's motion, and the time from its start to the end of the record [s].
-
-    ``quantities``: the specification. ``folder``: where the specification lies. Raises InputError if a file
-    cannot be used. Raises ValueError as `ramp_of`.
-    """
+    """The flyer's motion, and the time from its start to the end of the record [s]."""
     motion, length = quantities.motion, quantities.specimen.length
     if motion.kind == "ramp":
         return ramp_of(motion, length)

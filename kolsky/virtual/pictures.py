@@ -40,8 +40,7 @@ SHARP = 0.05
 def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
     """The scene at the instants of all frames.
 
-    ``q``: the specification. ``surface``: specimen and flyer at the true times of the frames. ``shot``:
-    number of the shot.
+    ``surface``: specimen and flyer at the true times of the frames. ``shot``: number of the shot.
     """
     instants = instants_of(q, surface)
     at = _at(surface, instants.time)
@@ -209,10 +208,9 @@ def write_pictures(
 ) -> PictureFiles:
     """Write both picture series and the calibration series of a shot into its folder.
 
-    ``q``: the specification. ``surface``: specimen and flyer at the true times of the frames. ``folder``: the
-    shot's folder. ``shot``: its number in the population. ``device``: "cpu" or a GPU, "cuda:0". ``threads``:
-    threads on a CPU; those the process may use if left out. Raises ValueError if a picture does not fit on
-    its sensor, or the target does not fit in both cameras' views.
+    ``surface``: specimen and flyer at the true times of the frames. ``shot``: its number in the population.
+    ``threads``: threads on a CPU; those the process may use if left out. Raises ValueError if a picture does
+    not fit on its sensor, or the target does not fit in both cameras' views.
     """
     rig = rig_of(q, shot=shot)
     workers = threads or cores()

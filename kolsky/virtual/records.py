@@ -26,7 +26,6 @@ class Truth:
     """A made shot as it was."""
 
     surface: SurfaceHistory
-    """What the cameras look at."""
     force_time: FloatArray
     """Times on the shot's clock, uniform [s], shape [n]."""
     transmitted: FloatArray

@@ -33,10 +33,7 @@ Tables = Mapping[str, Mapping[str, Any]]
 
 
 def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str, dict[str, Any]]:
-    """The tables of shot.toml as values that TOML has; quantities are texts with their units.
-
-    Raises ValueError if the recorder starts too late for a baseline, or a declared value cannot be.
-    """
+    """The tables of shot.toml as values that TOML has; quantities are texts with their units."""
     q, wrong = quantities, quantities.imperfections
     form = FORMATS[q.scope.format]
     incident, transmitted = form.columns
@@ -238,8 +235,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
     """Write the specification of a shot, and its flyer's path; returns the specification's file.
 
     ``shot``: a loaded shot with a flyer, an outline and a force channel. ``folder``: where to. ``answer``:
-    parameters identified, by name; what it lacks is as the shot file has it, the stiffness factor 1. Raises
-    InputError if the shot is of another kind.
+    parameters identified, by name; what it lacks is as the shot file has it, the stiffness factor 1.
     """
     flyer, force, line = shot.flyer, shot.force, shot.centre_line
     if not isinstance(flyer, FlyerMotion) or not isinstance(force, ForceChannel) or line is None:

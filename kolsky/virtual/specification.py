@@ -120,9 +120,8 @@ class Population(Section):
 def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
     """The specification of one shot as it would be written, without [population] and [budget].
 
-    ``content``: the specification as written. ``population``: its [population]. ``seed``: its seed. ``shot``:
-    number of the shot, from 1. Each key of each shot has a stream of its own. Raises ValueError if a drawn
-    key leads through something that is no table.
+    ``content``: the specification as written. ``population``: its [population]. Each key of each shot has a
+    stream of its own. Raises ValueError if a drawn key leads through something that is no table.
     """
     made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
     for key, draw in population.draw.items():
@@ -173,7 +172,6 @@ class Series:
     """A specification file read."""
 
     file: TomlFile
-    """The file as parsed."""
     declared: SpecificationFile
     """What it declares, in SI; a drawn quantity has the value written for it, or its default."""
 

@@ -27,9 +27,7 @@ class Job:
     """One shot's simulation, timed from the flyer's start."""
 
     quantities: Specification
-    """The specification."""
     path: Path1D
-    """The flyer's motion."""
     end: float
     """Time from start to end of the record [s]."""
     frames: FloatArray
@@ -152,9 +150,6 @@ def try_truths(
 
     Shots with one mesh and one kind of material are one launch. On a GPU the launches run side by side, so
     that shots of forty geometries take little longer than one; each is the same bits as alone.
-
-    ``specifications``: one a shot. ``folder``: where files are that they name. ``device``, ``threads``: as in
-    `explicit.run`. Raises ValueError if a specification cannot be simulated.
     """
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
@@ -218,7 +213,7 @@ def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Probl
     """The batch of jobs of one model; `shift` is added at the times of the force [m]."""
     first = jobs[0].quantities
     last = max(job.last for job in jobs)
-    times = _force_times(last)
+    times = KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
     surface = np.unique(np.concatenate([job.frames[job.frames > 0.0] for job in jobs]))
     material = [job.quantities.material for job in jobs]
     relaxation = tuple(one for job in jobs for one in job.quantities.relaxing)
@@ -257,10 +252,6 @@ def _mesh(quantities: Specification) -> explicit.Mesh:
         n_axial=truth.mesh[1],
         grading=truth.grading,
     )
-
-
-def _force_times(last: float) -> FloatArray:
-    return KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
 
 
 def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMotion:

@@ -27,11 +27,8 @@ class Case:
     """One damaged file."""
 
     target: str
-    """Name of its target."""
     kind: str
-    """Name of the damage."""
     seed: int
-    """Seed of the damage."""
 
     def __str__(self) -> str:
         return f"{self.target} | {self.kind} | {self.seed}"
@@ -40,16 +37,7 @@ class Case:
 def make(case: Case, target: Target, sound: Path, folder: Path) -> Path:
     """The damaged file in an empty folder, with what belongs to it.
 
-    Parameters
-    ----------
-    case
-        The case.
-    target
-        Its target.
-    sound
-        The sound file in its folder.
-    folder
-        Where the damaged one goes.
+    ``folder``: where the damaged one goes.
     """
     shutil.copytree(sound.parent, folder, dirs_exist_ok=True)
     path = folder / sound.name

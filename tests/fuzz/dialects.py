@@ -27,6 +27,7 @@ INTERVAL_NAMES = ("dt", "Sample Interval", "Sampling interval", "Delta_X", "XINC
 UNITS = {"V": ("V", 1.0), "mV": ("V", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3), "Volts": ("V", 1.0)}
 CHANNELS = ("CH1", "CH2", "Force", "Kraft A", "Strain gauge 1", "Kanal 3")
 REMARKS = ("gel A", "operator B", "shot 17, second try", "Probe: Gelatine 20 %", "temperature 21.5 C")
+SETTINGS = ("Coupling", "Probe", "Bandwidth")
 PERIODS = (1e-7, 2e-7, 2.5e-7, 5e-7, 1e-6, 1.25e-6, 2e-6, 4e-6, 1e-5, 2.5e-5, 1e-3)
 
 
@@ -55,11 +56,15 @@ def draw(rng: random.Random) -> Drawn:
     count, samples = rng.choice((1, 1, 2, 3)), rng.choice((5, 12, 40, 150, 400))
     interval = rng.choice(PERIODS)
     clock = rng.choice(("column", "rate", "interval", "rate and column", "interval and column"))
+    quoted_commas = delimiter == "comma" and rng.random() < 0.3  # "0,12","3,5"
+    decimal = "," if quoted_commas else decimal
     timed = "column" in clock
     quotes = rng.choice(("none", "none", "names", "cells", "lines"))
     unit_place = rng.choice(("round", "square", "slash", "line", "line in round", "line in square"))
     if delimiter == "blanks":
         quotes, unit_place = "none", rng.choice(("slash", "line", "line in round"))
+    if quoted_commas:
+        quotes, count = "cells", max(count, 2)
     if quotes == "lines" and count + timed == 1:
         quotes = "none"
     names = tuple(rng.sample(CHANNELS, count))
@@ -129,6 +134,9 @@ def draw(rng: random.Random) -> Drawn:
             0,
             sign + _stated(rng, rng.choice(INTERVAL_NAMES), interval / TIMES[unit], unit, delimiter, decimal),
         )
+    if rng.random() < 0.2:  # a second block, of settings by channel, between blank lines
+        block = [join(("Setting", *names)), *(join((word, *("1" for _ in names))) for word in SETTINGS)]
+        header += ["", *(sign + line for line in block), ""]
     if delimiter != "blanks" and quotes != "lines" and rng.random() < 0.15:  # a delimiter ends each line
         above, rows = (
             [f"{line}{DELIMITERS[delimiter]}" for line in above],

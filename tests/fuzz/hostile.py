@@ -30,7 +30,6 @@ class Trap:
     target: str
     """Name of the target that reads it."""
     name: str
-    """What it is."""
 
     def __str__(self) -> str:
         return f"{self.target} | {self.name}"

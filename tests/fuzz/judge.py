@@ -88,14 +88,8 @@ def of_refusal(error: Exception, path: Path) -> tuple[Verdict, str]:
 def of_content(content: Any, sound: Any, *, cut: bool, told_length: bool, told_values: bool) -> str:
     """What is silently wrong with an accepted content; empty if nothing is.
 
-    Parameters
-    ----------
-    content, sound
-        What was read of the damaged and of the sound file.
-    cut
-        Whether the end of the file is missing.
-    told_length, told_values
-        As of `tests.fuzz.targets.Target`.
+    ``content``, ``sound``: what was read of the damaged and of the sound file. ``cut``: whether the end of
+    the file is missing. ``told_length``, ``told_values``: as of `tests.fuzz.targets.Target`.
     """
     if told_values:
         pairs = zip(content, sound, strict=True)

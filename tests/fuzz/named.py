@@ -23,7 +23,6 @@ class Named:
     """One input."""
 
     what: str
-    """What it is."""
     answer: str
     """What becomes of it."""
     places: tuple[str, ...]

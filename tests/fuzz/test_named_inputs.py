@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from shot_folders import ROOT, shot_in, state
 from typer.testing import CliRunner
 
@@ -80,8 +81,7 @@ def test_the_command_refuses_in_one_line_and_writes_nothing(tmp_path: Path) -> N
     folder = shot_in(tmp_path / "shot")
     _point("47.5")(folder)
     before = state(folder)
-    done = CliRunner().invoke(app, ["check", str(folder)])
-    assert done.exit_code == 2
+    done = run_kolsky("check", folder, code=2)
     assert len(done.stderr.splitlines()) == 1
     assert state(folder) == before
 
@@ -93,8 +93,7 @@ def test_a_refused_merge_leaves_no_ledger(tmp_path: Path) -> None:
     before = state(folder)
     for merged in (tmp_path / "none.sqlite", other):
         words = ["sweep", str(folder), "--design", "lhs", "--runs", "4", "--merge", str(merged)]
-        done = CliRunner().invoke(app, words)
-        assert done.exit_code == 2
+        done = run_kolsky(*words, code=2)
         assert merged.name in done.stderr
         assert state(folder) == before
 
@@ -114,8 +113,7 @@ def test_a_wave_speed_of_1e300_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "bar"
     shutil.copytree(ROOT / "runs" / "bar-01", folder)
     _swap('wave_speed = "5000 m/s"', 'wave_speed = "1e300 m/s"')(folder)
-    done = CliRunner().invoke(app, ["waves", str(folder)])
-    assert done.exit_code == 2, done.exception
+    done = run_kolsky("waves", folder, code=2)
     (line,) = done.stderr.splitlines()
     assert "wave_speed" in line
     assert "shot.toml" in line

@@ -45,16 +45,7 @@ def forget() -> None:
 def answered(name: str, read: Callable[[], Any], path: Path, judge: Callable[[Any], str]) -> Answer:
     """Read a file and judge the answer.
 
-    Parameters
-    ----------
-    name
-        Of the case.
-    read
-        Reads the file.
-    path
-        The file.
-    judge
-        What is silently wrong with a content; empty if nothing.
+    ``judge``: what is silently wrong with a content; empty if nothing.
     """
     forget()
     before, started = memory(), time.process_time()  # other work on the machine does not count
@@ -154,14 +145,7 @@ def answers(
 ) -> Iterator[Answer]:
     """The answers to some cases, as they come.
 
-    Parameters
-    ----------
-    cases
-        What the processes are given.
-    workers
-        Number of processes.
-    serving
-        What they do.
+    ``cases``: what the processes are given. ``workers``: number of processes. ``serving``: what they do.
     """
     waiting = list(reversed(cases))
     readers = [Reader(serving) for _ in range(min(workers, max(1, len(cases))))]

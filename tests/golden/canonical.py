@@ -50,12 +50,7 @@ Content = dict[str, Any]
 class Change:
     """One value that is another one.
 
-    Parameters
-    ----------
-    key
-        Name of the value in its file.
-    said
-        What differs, in words.
+    ``key``: name of the value in its file. ``said``: what differs, in words.
     """
 
     key: str
@@ -70,12 +65,7 @@ def masked(key: str) -> bool:
 def masked_text(text: str, places: dict[str, str]) -> str:
     """Return a text without what `MASKED_TEXT` masks.
 
-    Parameters
-    ----------
-    text
-        One line or several.
-    places
-        Folders of this run, and what stands for each.
+    ``text``: one line or several. ``places``: folders of this run, and what stands for each.
     """
     for place, name in places.items():
         text = text.replace(place, name)
@@ -88,17 +78,9 @@ def masked_text(text: str, places: dict[str, str]) -> str:
 def content_of(path: Path, places: dict[str, str] | None = None) -> Content:
     """Return the values of a file that are compared, by their names.
 
-    Parameters
-    ----------
-    path
-        The file; its ending says how it is read.
-    places
-        Folders of the run that wrote it, and what stands for each in texts.
-
-    Returns
-    -------
-    Content
-        Arrays, numbers and texts by name, without those that the rules leave out.
+    ``path``: the file; its ending says how it is read. ``places``: folders of the run that wrote it, and what
+    stands for each in texts. Returns: arrays, numbers and texts by name, without those that the rules leave
+    out.
     """
     ending, places = path.suffix.lower(), places or {}
     if ending in PRESENCE:

@@ -13,19 +13,10 @@ HELD = f"--hold poisson --hold damping {MESHES} --threads {THREADS}"
 class Case:
     """Commands that run one after the other in a copy of some folders of the repository.
 
-    Parameters
-    ----------
-    name
-        What it is called, also the folder of its results.
-    inputs
-        Files and folders that are copied, at the same place: of the repository, or with `shared/` in front of
-        the folder of large data beside it.
-    commands
-        Lines of a shell without substitutions; `kolsky ...`, or `python ...`.
-    cheap
-        Whether it takes less than half a minute.
-    before
-        Files that are written first: place and text.
+    ``name``: what it is called, also the folder of its results. ``inputs``: files and folders that are
+    copied, at the same place: of the repository, or with `shared/` in front of the folder of large data
+    beside it. ``commands``: lines of a shell without substitutions; `kolsky ...`, or `python ...`. ``cheap``:
+    whether it takes less than half a minute. ``before``: files that are written first: place and text.
     """
 
     name: str

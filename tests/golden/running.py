@@ -28,12 +28,7 @@ SHARED = "shared/"
 class Places:
     """Where the program and its data are.
 
-    Parameters
-    ----------
-    source
-        Repository whose packages and files the commands take.
-    shared
-        Folder of the large data, of cases whose inputs begin with `shared/`.
+    ``shared``: folder of the large data, of cases whose inputs begin with `shared/`.
     """
 
     source: Path
@@ -79,19 +74,8 @@ def imported(source: Path) -> Path:
 def run_case(case: Case, places: Places, kept: Path) -> float:
     """Run the commands of a case and keep their output and the files they wrote.
 
-    Parameters
-    ----------
-    case
-        The case.
-    places
-        Where program and inputs are.
-    kept
-        Folder of the case's results; made anew.
-
-    Returns
-    -------
-    float
-        Wall time [s].
+    ``case``: the case. ``places``: where program and inputs are. ``kept``: folder of the case's results; made
+    anew. Returns: wall time [s].
     """
     shutil.rmtree(kept, ignore_errors=True)
     (kept / "files").mkdir(parents=True)

@@ -58,26 +58,12 @@ def couple(
 ) -> Coupled:
     """Simulate specimens on elastic parts.
 
-    Parameters
-    ----------
-    model, samples
-        As for `run`. The model's own support carries the first pass; a better guess saves at most one.
-    parts : ElasticBar
-        The parts behind the specimen. The force presses on its face evenly within the specimen's contact
-        radius; a specimen wider than the face presses on all of it.
-    tolerance : float
-        Largest change of the transmitted force from one pass to the next that ends the iteration [N].
-    max_passes : int
-        Passes after which it is given up, at least 2.
-    stepping, device, threads
-        As for `run`.
-
-    Raises
-    ------
-    ValueError
-        If `tolerance` or `max_passes` is outside its range.
-    RuntimeError
-        If a simulation does not complete or the force still changes after `max_passes`.
+    The model's own support carries the first pass; a better guess saves at most one. The force presses on the
+    bar's face evenly within the specimen's contact radius; a wider specimen presses on all of it.
+    ``tolerance``: largest change of the transmitted force from one pass to the next that ends the iteration
+    [N]. ``max_passes``: passes after which it is given up, at least 2. Raises ValueError if `tolerance` or
+    `max_passes` is outside its range. Raises RuntimeError if a simulation does not complete or the force
+    still changes after `max_passes`.
     """
     if max_passes < 2 or not tolerance > 0.0:
         raise ValueError(f"need tolerance > 0 N and max_passes >= 2, got {tolerance} and {max_passes}")

@@ -35,23 +35,10 @@ def curve_distances(
 ) -> FloatArray:
     """Distances along camera 0's rays that walk the epipolar curves in equal steps of camera 1.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0
-        Places in camera 0's picture [px], shape [n, 2].
-    shape1
-        Rows and columns of camera 1's picture.
-    limits
-        Nearest and farthest distance [m]; None: as far as the curves stay in camera 1's picture.
-    step
-        Along the curve [px].
-
-    Returns
-    -------
-    NDArray
-        Distances [m], shape [n, k], increasing; rows end in NaN.
+    ``rig``: the cameras. ``pixels0``: places in camera 0's picture [px], shape [n, 2]. ``shape1``: rows and
+    columns of camera 1's picture. ``limits``: nearest and farthest distance [m]; None: as far as the curves
+    stay in camera 1's picture. ``step``: along the curve [px]. Returns: distances [m], shape [n, k],
+    increasing; rows end in NaN.
     """
     n = len(pixels0)
     near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
@@ -119,26 +106,11 @@ def search(
 ) -> Candidates:
     """The best place of each subset on its epipolar curve, and the second peak.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    wanted
-        What to look for.
-    picture1
-        Camera 1's picture, shape [rows, columns].
-    limits
-        Nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
-    turns
-        Turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
-    gradients
-        Instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point, shape
-        [n, 2, 2], the same all along its curve.
-
-    Returns
-    -------
-    Candidates
-        One row a point.
+    ``rig``: the cameras. ``wanted``: what to look for. ``picture1``: camera 1's picture, shape [rows,
+    columns]. ``limits``: nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
+    ``turns``: turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
+    ``gradients``: instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point,
+    shape [n, 2, 2], the same all along its curve. Returns: one row a point.
     """
     n, shape1 = len(wanted.points), (picture1.shape[0], picture1.shape[1])
     found = Candidates(np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan))

@@ -10,10 +10,7 @@ from kolsky.report.free_labels import _covers, _on_data, _shared, _shown
 
 
 def overlaps(figure: Figure) -> list[str]:
-    """Say of every legend, label and number of an axis what it lies on, in words.
-
-    ``figure``: as it will be saved.
-    """
+    """Say of every legend, label and number of an axis what it lies on, in words."""
     figure.draw_without_rendering()  # the texts of ticks are known then
     found = []
     for ax in figure.axes:

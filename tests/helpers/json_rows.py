@@ -44,10 +44,7 @@ def rows() -> dict[str, list[Row]]:
 def compare(words: Sequence[str], stdout: str) -> None:
     """Hold what a command printed with `--json` against its rows.
 
-    Raises
-    ------
-    AssertionError
-        If no row of the command has these keys.
+    Raises AssertionError if no row of the command has these keys.
     """
     name = " ".join(words[:2]) if " ".join(words[:2]) in rows() else words[0]
     said: dict[str, Any] = json.loads(stdout)

@@ -53,29 +53,13 @@ def monte_carlo(
 ) -> dict[str, Spread]:
     """Draw the quantities, run the model, and describe what comes out.
 
-    Parameters
-    ----------
-    model
-        From values by name, and the generator for its noise, to outputs of fixed shapes.
-    quantities
-        Inputs.
-    trials
-        Draws, at least 100. A standard deviation is then known to 1 / sqrt(2 trials) of itself.
-    rng
-        Generator.
-    distributions
-        By name of the quantity, a key of `DISTRIBUTIONS` or "t". Without an entry "normal", or with finite
-        degrees of freedom "t", scaled by sigma (JCGM 101, 6.4.9).
-    correlations
-        Coefficients of pairs of quantities, which must be normal then.
-    probability
-        Of the coverage intervals [-].
-
-    Raises
-    ------
-    ValueError
-        If an option or quantity is impossible, a t distribution has fewer than 3 degrees of freedom (its
-        standard deviation would not exist), or an output is not finite or changes its shape.
+    ``model``: from values by name, and the generator for its noise, to outputs of fixed shapes. ``trials``:
+    draws, at least 100. A standard deviation is then known to 1 / sqrt(2 trials) of itself.
+    ``distributions``: by name of the quantity, a key of `DISTRIBUTIONS` or "t". Without an entry "normal", or
+    with finite degrees of freedom "t", scaled by sigma (JCGM 101, 6.4.9). ``correlations``: coefficients of
+    pairs of quantities, which must be normal then. ``probability``: of the coverage intervals [-]. Raises
+    ValueError if an option or quantity is impossible, a t distribution has fewer than 3 degrees of freedom
+    (its standard deviation would not exist), or an output is not finite or changes its shape.
     """
     check_quantities(quantities)
     if trials < 100:
@@ -106,12 +90,9 @@ def monte_carlo(
 def difference(budget: Budget, output: str, spread: Spread) -> float:
     """Distance between the intervals of a budget and of a Monte Carlo run (JCGM 101, 8.1).
 
-    Returns
-    -------
-    float
-        Largest distance of corresponding ends over the combined standard uncertainty at the same sample [-].
-        JCGM 101 calls the budget validated if it is below half a unit of the last digit that is to be
-        reported: 0.05 with one digit before and one behind the point, as u = 1.0.
+    Returns: largest distance of corresponding ends over the combined standard uncertainty at the same sample
+    [-]. JCGM 101 calls the budget validated if it is below half a unit of the last digit that is to be
+    reported: 0.05 with one digit before and one behind the point, as u = 1.0.
     """
     u = budget.sigma(output)
     U = budget.coverage_factor(output, spread.probability) * u

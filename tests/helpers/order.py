@@ -20,18 +20,10 @@ class FittedOrder(NamedTuple):
 def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:
     """Fit error = C h^p by least squares in log-log.
 
-    Parameters
-    ----------
-    h
-        Step or element sizes, any unit, all different, shape [n], n >= 3.
-    error
-        Error at each size, any unit, positive, shape [n].
-
-    Raises
-    ------
-    ValueError
-        Fewer than three sizes, repeated sizes, or a size or error that is not positive and finite.
-        An error of exactly 0 has no order: the property under test holds to round-off.
+    ``h``: step or element sizes, any unit, all different, shape [n], n >= 3. ``error``: error at each size,
+    any unit, positive, shape [n]. Raises ValueError: fewer than three sizes, repeated sizes, or a size or
+    error that is not positive and finite. An error of exactly 0 has no order: the property under test holds
+    to round-off.
     """
     sizes, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
     if sizes.ndim != 1 or sizes.shape != errors.shape or sizes.size < 3:
@@ -61,26 +53,10 @@ def assert_order(
     larger than `tolerance` the series is not one power law (a noise floor, a coarse mesh outside
     the asymptotic range, a superposed error of another kind), whatever its mean slope is.
 
-    Parameters
-    ----------
-    h, error
-        As for `fitted_order`.
-    expected
-        The order that theory gives [-].
-    tolerance
-        Allowed distance of the fitted order, and largest allowed standard error [-].
-    at_least
-        Accept any order above ``expected - tolerance`` ("first order or better").
-
-    Returns
-    -------
-    FittedOrder
-        The fit, for a page or a message.
-
-    Raises
-    ------
-    AssertionError
-        With the table of sizes, errors and local orders.
+    ``h``, ``error``: as for `fitted_order`. ``expected``: the order that theory gives [-]. ``tolerance``:
+    allowed distance of the fitted order, and largest allowed standard error [-]. ``at_least``: accept any
+    order above ``expected - tolerance`` ("first order or better"). Returns: the fit, for a page or a message.
+    Raises AssertionError: with the table of sizes, errors and local orders.
     """
     fit = fitted_order(h, error)
     too_low = fit.order < expected - tolerance

@@ -43,10 +43,7 @@ class ShotEvidence:
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
         """The evidence of a prepared shot, with its own values of everything but rate and stiffness.
 
-        Raises
-        ------
-        ValueError
-            If the transducer sits behind the platen's face.
+        Raises ValueError if the transducer sits behind the platen's face.
         """
         shot, bins = prepared.forward.shot, prepared.observations.bins
         if shot.transducer_depth or shot.behind or shot.flyer_body:

@@ -134,30 +134,13 @@ def render(
 ) -> FloatArray:
     """A picture of the pattern [grey], shape [rows, columns].
 
-    Parameters
-    ----------
-    pattern
-        What the material carries.
-    shape
-        Rows and columns [px].
-    material
-        The inverse motion: which material place a place of the picture shows; None: the same.
-    fill
-        Width of the square a pixel gathers light on, over the pixel pitch, 0 to 1. 0 samples the pixel's
-        centre; above it the mean over the square is formed by 3 x 3 Gauss points.
-    gain, offset
-        Grey values are ``gain × pattern + offset``, as under another light.
-    noise
-        Standard deviation of Gaussian noise, independent from pixel to pixel [grey].
-    bits
-        The camera's depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither.
-    seed
-        Of the noise.
-
-    Raises
-    ------
-    ValueError
-        A fill outside 0 to 1, a noise that is negative, bits outside 1 to 16.
+    ``shape``: rows and columns [px]. ``material``: the inverse motion: which material place a place of the
+    picture shows; None: the same. ``fill``: width of the square a pixel gathers light on, over the pixel
+    pitch, 0 to 1. 0 samples the pixel's centre; above it the mean over the square is formed by 3 x 3 Gauss
+    points. ``gain``, ``offset``: grey values are ``gain × pattern + offset``, as under another light.
+    ``noise``: standard deviation of Gaussian noise, independent from pixel to pixel [grey]. ``bits``: the
+    camera's depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises
+    ValueError: a fill outside 0 to 1, a noise that is negative, bits outside 1 to 16.
     """
     if not 0.0 <= fill <= 1.0:
         raise ValueError(f"fill must be from 0 to 1, got {fill}")
@@ -224,9 +207,8 @@ class RenderedCylinder:
     ) -> FloatArray:
         """The picture a camera takes, reflectances averaged over each pixel [-], shape [rows, columns].
 
-        ``camera``: the camera. ``shape``: rows and columns [px]. ``pattern``: reflectance of the surface by
-        arc length and height. ``oversample``: rays a pixel along each axis. ``background``: reflectance
-        beside the cylinder.
+        ``shape``: rows and columns [px]. ``pattern``: reflectance of the surface by arc length and height.
+        ``oversample``: rays a pixel along each axis.
         """
         rows, columns = shape
         offset = (np.arange(oversample) + 0.5) / oversample - 0.5

@@ -186,10 +186,7 @@ class Sources:
     def place(self, fault: Fault) -> Place:
         """The one place that a fault fits.
 
-        Raises
-        ------
-        ValueError
-            If it fits none, or several, or nothing would change.
+        Raises ValueError if it fits none, or several, or nothing would change.
         """
         named = [
             place

@@ -66,13 +66,7 @@ def copied_sources() -> Iterator[Path]:
 
 
 def tests_fail(copy: Path, tests: Sequence[str]) -> bool:
-    """Run tests in a process of their own, on the sources of the copy; True if one of them fails.
-
-    Raises
-    ------
-    RuntimeError
-        If pytest could not run them: a name that is no test, say.
-    """
+    """Run tests in a process of their own, on the sources of the copy; True if one of them fails."""
     sys.stdout.flush()
     with tempfile.TemporaryFile() as said:
         child = os.fork()
@@ -113,19 +107,9 @@ def trials(faults: Sequence[Fault], *, processes: int = 1) -> Iterator[tuple[Fau
 
     The tests of all faults are run once on sources without any: what fails there kills nothing.
 
-    Parameters
-    ----------
-    faults
-        What to plant.
-    processes
-        Copies of the sources that are tried side by side, each with the faults of some tests.
-
-    Raises
-    ------
-    ValueError
-        If a fault fits no place in the sources, or several.
-    RuntimeError
-        If pytest cannot run a test that is named.
+    ``faults``: what to plant. ``processes``: copies of the sources that are tried side by side, each with the
+    faults of some tests. Raises ValueError if a fault fits no place in the sources, or several. Raises
+    RuntimeError if pytest cannot run a test that is named.
     """
     groups: dict[tuple[str, ...], list[Fault]] = {}
     for fault in faults:

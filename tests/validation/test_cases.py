@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kolsky_command import json_of, run_kolsky
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
@@ -28,9 +29,7 @@ CLOCKS = {
 
 
 def channels(path: Path) -> list[dict[str, Any]]:
-    run = CliRunner().invoke(app, ["channels", str(path), "--json"])
-    assert run.exit_code == 0, run.output
-    found: list[dict[str, Any]] = json.loads(run.stdout)["channels"]
+    found: list[dict[str, Any]] = json_of("channels", path)["channels"]
     return found
 
 
@@ -74,8 +73,7 @@ def test_names_and_units_of_columns(name, columns, shared):
 def fitted(path: Path, folder: Path, *options: str) -> float:
     """Shear modulus of a neo-Hookean fit [kPa]."""
     words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--json", "--out", str(folder)]
-    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, *options])
-    assert run.exit_code == 0, run.output
+    run = run_kolsky("material", "fit", path, *words, *options)
     (law,) = json.loads(run.stdout)["laws"]
     return 1e-3 * float(law["fit"]["constants"]["mu"])
 
@@ -92,8 +90,7 @@ def test_of_a_cycle_the_loading_is_taken_or_its_turn_named(shared, tmp_path):
     columns = ("--strain", "nominal strain", "--stress", "nominal stress")
     assert fitted(path, tmp_path, *columns, "--loading") == pytest.approx(300.0, rel=1e-3)
     words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--out", str(tmp_path)]
-    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, *columns])
-    assert run.exit_code == 2
+    run = run_kolsky("material", "fit", path, *words, *columns, code=2)
     assert "turns back behind point 60" in run.stderr
 
 

@@ -6,11 +6,11 @@ with, so that nothing here rests on a calibration; `test_dic_shot.py` has the wh
 
 import json
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import tifffile
+from memory_pictures import Memory
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
 from dic.bodies.region import Region, find_regions
@@ -26,7 +26,7 @@ from dic.chain.follow_bodies import (
 from dic.chain.inputs import inspect_images
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
-from dic.images import PictureError, open_pictures
+from dic.images import open_pictures
 from dic.tracking import Tracking
 
 STATIC, STEP, LAST = 6, 2, 44
@@ -45,28 +45,8 @@ SETTINGS = ChainSettings(
 )
 
 
-@dataclass(frozen=True)
-class Memory:
-    """Pictures in memory; a frame that is None cannot be read."""
-
-    frames: tuple
-    bits: int = 12
-    crop_offset: tuple[float, float] = CROP
-    times: None = None
-    path: Path = Path("memory")
-
-    @property
-    def n_frames(self) -> int:
-        return len(self.frames)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return next(frame for frame in self.frames if frame is not None).shape
-
-    def frame(self, index: int) -> np.ndarray:
-        if self.frames[index] is None:
-            raise PictureError(self.path, "is not there", frame=index)
-        return self.frames[index]
+def recorded(frames) -> Memory:
+    return Memory(tuple(frames), bits=12, crop_offset=CROP)
 
 
 @dataclass(frozen=True)
@@ -114,7 +94,7 @@ def case(shared) -> Case:
     with np.load(folder / "truth_surface.npz") as stored:
         surface = {name: stored[name] for name in ("t", "y", "r", "d")}
     return Case(
-        series=(Memory(tuple(stacks[0])), Memory(tuple(stacks[1]))),
+        series=(recorded(stacks[0]), recorded(stacks[1])),
         rig=rig_of(json.loads((folder / "truth.json").read_text())),
         t=times[chosen()],
         static=np.arange(len(chosen())) < STATIC,
@@ -266,12 +246,12 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
     n = len(stacks[0])
     stacks[1][int(0.6 * n) :] = [None] * (n - int(0.6 * n))
     times = np.loadtxt(folder / "frames.csv", delimiter=",", skiprows=1)[:n, 1]
-    pictures = (Memory(tuple(stacks[0])), Memory(tuple(stacks[1])))
+    pictures = (recorded(stacks[0]), recorded(stacks[1]))
     settings = replace(SETTINGS, length=6.5e-3, length_sigma=6.5e-6)
     inputs = inspect_images(pictures, case.rig, settings, t=times, static=np.arange(n) < 12)
     flyer = Region(((0.0, 0.0), (127.0, 0.0), (127.0, 69.0), (0.0, 69.0)), n - 1)
     still = inspect_images(
-        (Memory(tuple(stacks[0][:12])), Memory(tuple(stacks[1][:12]))), case.rig, settings,
+        (recorded(stacks[0][:12]), recorded(stacks[1][:12])), case.rig, settings,
         t=times[:12], static=np.ones(12, dtype=bool),
     )  # fmt: skip
     try:

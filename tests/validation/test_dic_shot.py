@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from kolsky_command import json_of, run_kolsky
 from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
@@ -106,9 +107,7 @@ def replaced(folder: Path, old: str, new: str) -> None:
 
 
 def test_check_opens_and_counts(short):
-    result = runner.invoke(app, ["check", str(short), "--json"])
-    assert result.exit_code == 0, result.stderr
-    told = json.loads(result.stdout)
+    told = json_of("check", short)
     assert told["pictures"]["camera_1,_size"]["value"] == "128 x 128 px at (192, 192) of the sensor"
     assert told["pictures"]["camera_0,_bits"]["value"] == 12
     assert told["frames"]["frames"]["value"] == FRAMES
@@ -161,8 +160,7 @@ REFUSED = {
 def test_what_cannot_be_right_is_refused(copy, name):
     change, fragments = REFUSED[name]
     change(copy)
-    result = runner.invoke(app, ["check", str(copy)])
-    assert result.exit_code == 2
+    result = run_kolsky("check", copy, code=2)
     for fragment in fragments:
         assert fragment in result.stderr
     assert "Traceback" not in result.stderr
@@ -172,16 +170,14 @@ def test_a_crop_outside_the_sensor_is_refused(copy):
     for camera in (0, 1):
         old = f'"cam{camera}.tif", crop_offset = [192, 192]'
         replaced(copy, old, old.replace("[192", "[400"))
-    result = runner.invoke(app, ["dic", str(copy)])
-    assert result.exit_code == 2
+    result = run_kolsky("dic", copy, code=2)
     assert "puts 128 x 128 px at (400, 192) of the 512 x 512 px" in result.stderr
 
 
 def test_pictures_without_exports_need_their_tables(copy):
     text = (copy / "shot.toml").read_text()
     (copy / "shot.toml").write_text(text[: text.index("[pictures]")] + text[text.index("[calibration]") :])
-    result = runner.invoke(app, ["check", str(copy)])
-    assert result.exit_code == 2
+    result = run_kolsky("check", copy, code=2)
     assert "flyer is missing" in result.stderr
     assert "centre_line is missing" in result.stderr
 
@@ -189,10 +185,7 @@ def test_pictures_without_exports_need_their_tables(copy):
 @pytest.fixture(scope="module")
 def correlated(short, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
-    result = runner.invoke(
-        app, ["dic", str(short), "--out", str(out), "--csv", "--vtp", "--figures", "svg", "--json"]
-    )
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("dic", short, "--out", out, "--csv", "--vtp", "--figures", "svg", "--json")
     return out, result
 
 
@@ -254,13 +247,9 @@ def test_a_truncated_file_costs_the_frames_after_the_cut(copy, correlated):
             writer.write(page, contiguous=False, photometric="minisblack", metadata=None)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * kept // FRAMES])
-    result = runner.invoke(app, ["check", str(copy), "--json"])
-    assert result.exit_code == 0, result.stderr
-    missing = json.loads(result.stdout)["pictures"]["camera_1,_pictures_cut_off"]["value"]
+    missing = json_of("check", copy)["pictures"]["camera_1,_pictures_cut_off"]["value"]
     assert FRAMES - kept - 1 <= missing <= FRAMES - kept + 2
-    result = runner.invoke(app, ["dic", str(copy), "--json"])
-    assert result.exit_code == 0, result.stderr
-    told = json.loads(result.stdout)
+    told = json_of("dic", copy)
     assert told["frames_not_usable"] == {str(k): "unreadable" for k in range(FRAMES - missing, FRAMES)}
     assert any("unreadable pictures: camera 1" in text for text in told["remarks"])
     whole = read_stereo_result(correlated[0] / "dic.h5").specimen

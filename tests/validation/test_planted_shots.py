@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
-from kolsky.cli.commandline import app
 from populations.joint_coverage import SLOW_SIGMA, Study, relaxation_test
 
 PLANTED = {
@@ -72,14 +71,11 @@ def identified(folder: Path, *, elastic: bool) -> dict[str, Any]:
     table = "".join(f"{t:.9e},{stress:.6f}\n" for t, stress in rows)
     (folder / "held.csv").write_text(f"time (s),stress (Pa)\n{table}")
     assert SLOW_SIGMA == 50.0  # as the list says
-    run = CliRunner()
-    made = run.invoke(app, ["virtual", "make", str(folder / "SPEC.toml"), "--out", str(folder / "shots")])
-    assert made.exit_code == 0, made.output
+    run_kolsky("virtual", "make", folder / "SPEC.toml", "--out", folder / "shots")
     shots = sorted(str(one.parent) for one in (folder / "shots").glob("*/shot.toml"))
     assert len(shots) == 3
     slow = ["--slow-tests", str(folder / "slow.toml"), "--relaxation", "prony"]
-    done = run.invoke(app, ["identify", *shots, *slow, *MESHES, "--out", str(folder / "joint"), "--json"])
-    assert done.exit_code == 0, done.output
+    run_kolsky("identify", *shots, *slow, *MESHES, "--out", folder / "joint", "--json")
     return dict(json.loads((folder / "joint" / "joint.json").read_text("utf-8")))
 
 
@@ -122,13 +118,11 @@ def test_one_relaxing_shot_identified_as_an_elastic_one_recommends_to_try_it(tmp
         folder.mkdir()
         (folder / "SPEC.toml").write_text(text)
         make = ["virtual", "make", str(folder / "SPEC.toml"), "--out", str(folder / "shots")]
-        made = CliRunner().invoke(app, [*make, "--only", "1"])
-        assert made.exit_code == 0, made.output
+        run_kolsky(*make, "--only", "1")
         (file,) = (folder / "shots").glob("*/shot.toml")
         file.write_text(re.sub(r"\[relaxation\]\n([^\[].*\n|\n)*", "", file.read_text("utf-8")))
         words = ["identify", str(file.parent), *MESHES, "--out", str(folder / "out"), "--json"]
-        done = CliRunner().invoke(app, words)
-        assert done.exit_code == 0, done.output
+        done = run_kolsky(*words)
         said.append(" ".join(json.loads(done.stdout)["warnings"]))
     assert "identify again with --relaxation prony" in said[0]
     assert "--relaxation prony" not in said[1]

@@ -10,11 +10,10 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from scipy.stats import chi2
 from shot_evidence import ShotEvidence
-from typer.testing import CliRunner
 
-from kolsky.cli.commandline import app
 from kolsky.identification import identify
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics, Settings
@@ -119,8 +118,7 @@ def test_the_slope_of_known_shots(collected, tilt):
 def test_the_five_together_by_the_command(made: Callable[[int, float], Path], tmp_path: Path) -> None:
     folders = [str(made(number, truth(speed, 0.0))) for number, speed in enumerate(SPEEDS)]
     meshes = ["--mesh", "16x22", "--refined-mesh", "24x32", "--free", "stiffness_factor=0.9:1.4"]
-    done = CliRunner().invoke(app, ["identify", *folders, *meshes, "--out", str(tmp_path / "j"), "--json"])
-    assert done.exit_code == 0, done.output
+    run_kolsky("identify", *folders, *meshes, "--out", tmp_path / "j", "--json")
     found = json.loads((tmp_path / "j" / "joint.json").read_text("utf-8"))
     estimate, scatter = found["estimates"]["stiffness_factor"], found["scatter_between_shots"]
     low, high = estimate["interval_95"]

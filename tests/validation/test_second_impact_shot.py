@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 import kolsky
 from kolsky.base.records import FlyerMotion
-from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot import records
@@ -68,16 +67,14 @@ def made(folder: Path, faces: str, mesh: tuple[int, int]) -> Path:
     (folder / "motion.csv").write_text(f"time (s),displacement (m)\n{rows}")
     (folder / "SPEC.toml").write_text(SPEC.format(faces=faces, across=mesh[0], along=mesh[1]))
     words = ["virtual", "make", str(folder / "SPEC.toml"), "--out", str(folder / "shot")]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, done.output
+    run_kolsky(*words)
     return folder / "shot"
 
 
 def identified(shot: Path, *meshes: str) -> dict[str, Any]:
     """What the command says."""
     words = ["identify", str(shot), "--mesh", meshes[0], "--refined-mesh", meshes[1], "--json"]
-    done = CliRunner().invoke(app, [*words, "--out", str(shot / "out")])
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(*words, "--out", shot / "out")
     return dict(json.loads(done.stdout))
 
 

@@ -87,7 +87,6 @@ class Scene:
     name: str
     """Contact law, element and damping."""
     n_steps: int
-    """Steps of the run."""
     forward: float
     """Largest distance of a history from `explicit.run`, over its largest value [-]."""
     checks: list[Check]
@@ -113,7 +112,6 @@ class ShotGradient:
     chi2: float
     """The misfit [-]."""
     n_steps: int
-    """Steps of the run."""
 
 
 @dataclass(frozen=True)

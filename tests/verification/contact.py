@@ -32,11 +32,8 @@ class Result:
     sweep: Response
     """Coulomb, one row a friction coefficient."""
     smooth: Response
-    """Frictionless."""
     rough: Response
-    """Rough."""
     bonded: Response
-    """Bonded."""
     penetration: dict[str, float]
     """Deepest place of a side node beyond a platen [m], by law."""
     rolled: dict[str, int]

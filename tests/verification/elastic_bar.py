@@ -171,7 +171,6 @@ class Result:
     n_elements: int
     """Elements of the parts."""
     n_steps: int
-    """Their time steps."""
 
     def bands(self, difference: FloatArray) -> dict[str, tuple[float, float]]:
         """Rms and largest value of a difference in every band [N]."""

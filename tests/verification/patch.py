@@ -33,7 +33,6 @@ class Result:
     """Errors of the homogeneous states."""
 
     mesh: Mesh
-    """The distorted mesh."""
     gradient_error: float
     """Largest |F - F imposed| of an element [-]."""
     weak_error: float

@@ -22,11 +22,7 @@ def distances(points: FloatArray, line: FloatArray) -> FloatArray:
     Measured along the normal, so it is as meaningful where the outline runs along a platen as where it
     stands upright, which a difference of radii at equal height is not.
 
-    Parameters
-    ----------
-    points : array, shape [n_points, 2]
-    line : array, shape [n_vertices, 2]
-        Vertices in order.
+    ``points``: array, shape [n_points, 2]. ``line``: vertices in order.
     """
     start, along = line[:-1], np.diff(line, axis=0)
     offset = points[:, None] - start
@@ -51,14 +47,8 @@ class Limit(NamedTuple):
 def limit(h: ArrayLike, series: ArrayLike, order: float) -> Limit:
     """Fit q_0 and C by least squares.
 
-    Parameters
-    ----------
-    h
-        Element sizes, any unit, shape [n], n >= 3: two would leave nothing to judge the law by.
-    series
-        The quantity on each mesh, shape [n, ...].
-    order
-        The order p, from theory.
+    ``h``: element sizes, any unit, shape [n], n >= 3: two would leave nothing to judge the law by.
+    ``series``: the quantity on each mesh, shape [n, ...]. ``order``: the order p, from theory.
     """
     sizes, values = np.asarray(h, dtype=float), np.asarray(series, dtype=float)
     if len(sizes) < 3 or len(sizes) != len(values):
@@ -84,12 +74,8 @@ class CommonLimit(NamedTuple):
 def common_limit(h: ArrayLike, series: ArrayLike) -> CommonLimit:
     """Fit q_0, p and a C for each series by least squares; two series of four leave four degrees of freedom.
 
-    Parameters
-    ----------
-    h
-        Element sizes, any unit, shape [n].
-    series
-        A number on each mesh, by element, shape [n_series, n], n >= 3, n_series >= 2.
+    ``h``: element sizes, any unit, shape [n]. ``series``: a number on each mesh, by element, shape [n_series,
+    n], n >= 3, n_series >= 2.
     """
     sizes, values = np.asarray(h, dtype=float), np.asarray(series, dtype=float)
     if len(sizes) < 3 or len(values) < 2:

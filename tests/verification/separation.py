@@ -39,7 +39,6 @@ class Scene:
     """A bar with a known wave in either direction."""
 
     guide: Waveguide
-    """The bar."""
     bar: Bar
     """Its properties."""
     toward: Pulse

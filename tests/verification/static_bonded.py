@@ -86,7 +86,6 @@ class Result:
     """Every mesh beside the reference."""
 
     reference: Reference
-    """The static solutions."""
     meshes: dict[tuple[int, int], Compressed]
     """Slow loading by mesh."""
     study: tuple[Compressed, ...]

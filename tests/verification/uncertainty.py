@@ -74,11 +74,8 @@ class Example:
     """A printed number and what was computed."""
 
     where: str
-    """Clause."""
     what: str
-    """In words."""
     printed: str
-    """As printed."""
     computed: float
     """By this package."""
 

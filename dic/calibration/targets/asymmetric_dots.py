@@ -16,14 +16,11 @@ class AsymmetricDots:
     """Rows of dots, the odd ones shifted by half the distance between dots, as OpenCV draws them.
 
     Dot k of row i lies at ((2 k + i mod 2) step, i step) and has number ``i * columns + k``.
-
-    Raises ValueError: too few dots, a size that is not positive, or dots that touch.
     """
 
     columns: int
     """Dots in a row."""
     rows: int
-    """Rows."""
     step: float
     """Between rows, and half the distance between the dots of a row [m]."""
     diameter: float

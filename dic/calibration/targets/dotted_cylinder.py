@@ -23,9 +23,6 @@ class DottedCylinder:
     (radius cos φ, radius sin φ, row pitch): columns count counterclockwise seen against the axis' direction,
     in which rows count. Nothing on such a target says which dot is which, so three dots of each camera's
     picture are named by hand.
-
-    Raises ValueError: a size that is not positive, columns that do not fit round the cylinder, anchors that
-    name a dot which is not there or that lie on a line.
     """
 
     columns: int

@@ -116,9 +116,8 @@ def upload_view(
 ) -> Any:
     """A camera with its rays on a device.
 
-    ``camera``, ``shape``: the camera, and rows and columns of its pictures [px]. ``pad``: pixels around the
-    picture whose rays are needed. ``lens``, ``lamp``, ``background``: of the scene. ``haze``, ``haze_pitch``:
-    displacements of the picture [px] and the distance of their nodes [px]. ``device``: warp's device.
+    ``camera``, ``shape``: the camera, and rows and columns of its pictures [px]. ``haze``, ``haze_pitch``:
+    displacements of the picture [px] and the distance of their nodes [px].
     """
     x, y = (np.arange(-pad - 1, n + pad + 2, dtype=np.float64) for n in (shape[1], shape[0]))
     view = View()

@@ -130,20 +130,10 @@ class MarlowLaw:
 def marlow_from_curve(stretch: FloatArray, stress: FloatArray, *, n_knots: int = 129) -> MarlowLaw:
     """Build Marlow's law from a uniaxial curve.
 
-    Parameters
-    ----------
-    stretch : array, shape [n]
-        Stretch along the load [-], from one branch: all <= 1 (compression) or all >= 1 (tension).
-    stress : array, shape [n]
-        Nominal stress, tension-positive [Pa]. A point at rest is left to the limit.
-    n_knots : int
-        Knots of the table.
-
-    Raises
-    ------
-    ValueError
-        If the curve mixes branches, has fewer than 5 points, repeats a stretch, or if stress and strain
-        disagree in sign.
+    ``stretch``: stretch along the load [-], from one branch: all <= 1 (compression) or all >= 1 (tension).
+    ``stress``: nominal stress, tension-positive [Pa]. A point at rest is left to the limit. ``n_knots``:
+    knots of the table. Raises ValueError if the curve mixes branches, has fewer than 5 points, repeats a
+    stretch, or if stress and strain disagree in sign.
     """
     stretch = np.asarray(stretch, dtype=float)
     stress = np.asarray(stress, dtype=float)

@@ -260,9 +260,6 @@ def flyer_events(
 ) -> FlyerEvents:
     """Find the events of a flyer's test in what was recorded of it.
 
-    Raises ValueError as `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given
-    without a force.
-
     Returns: each event with time, sigma and how it was found, or why it was not.
 
     ``motion``: the flyer's displacement toward the specimen at the frames, on the shot's clock. ``rest``: a

@@ -76,16 +76,6 @@ class Flight:
         )
 
 
-def flyer_motion(body: BodyMotion, t: ArrayLike) -> FlyerMotion:
-    """The flyer's displacement toward the specimen, against y, in its VALID frames.
-
-    ``body``: motion of the flyer in the test frame. ``t``: frame times on the shot's clock [s], shape
-    [n_frames]. Raises ValueError if there are not as many times as frames.
-    """
-    time, ok = _times(body, t)
-    return FlyerMotion(time[ok], -body.displacement[ok, 1], body.displacement_sigma[ok, 1])
-
-
 def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
@@ -162,12 +152,11 @@ def symmetry_end(
     A flyer that comes to rest loses its direction to the noise, which is no end of symmetry; one that is
     pushed back along the axis keeps it.
 
-    ``flight``: the flyer's paths. ``time``: times, usually of the frames [s], increasing, shape [n_times].
-    ``separation``: time at which the flyer has separated from the bar [s]. ``over``: span after it whose
-    displacement gives the reference direction [s]. ``share``: part of the velocity that may lie across the
-    reference direction [-], in (0, 1). ``coverage``: sigmas by which it must be exceeded [-].
-    ``times_in_row``: successive times that must agree. Raises ValueError: options out of range, or a span
-    outside the paths.
+    ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
+    flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference
+    direction [s]. ``share``: part of the velocity that may lie across the reference direction [-], in (0, 1).
+    ``coverage``: sigmas by which it must be exceeded [-]. ``times_in_row``: successive times that must agree.
+    Raises ValueError: options out of range, or a span outside the paths.
     """
     at = np.asarray(time, dtype=np.float64)
     if not 0.0 < share < 1.0 or not over > 0.0 or not coverage >= 0.0 or times_in_row < 1:

@@ -90,9 +90,8 @@ def maximum_likelihood(
 ) -> tuple[FloatArray, FloatArray]:
     """Log noise scales and log tau at the control points, of largest marginal likelihood.
 
-    ``y``, ``weight``, ``spans``, ``hats``, ``parts``, ``shared``: as for `evidence`. Returns: log of noise
-    over declared sigma, at least 0, and of what each further part adds, shape [n_parts]; log tau at the
-    control points, shape [n_controls]. Raises ValueError if the search for the maximum fails.
+    Returns: log of noise over declared sigma, at least 0, and of what each further part adds, shape
+    [n_parts]; log tau at the control points, shape [n_controls].
     """
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)

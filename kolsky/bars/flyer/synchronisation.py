@@ -107,9 +107,6 @@ def synchronise(
     F_s, is not known; for a short travel it is taken as ``Z v + k x`` plus a part that grows with a, and so
     is the integrals' own response with free factors: the one of a counts as `gain`.
 
-    Raises ValueError if the mass or the travel is not positive, too few frames move within the travel, or the
-    signal does not cover them.
-
     ``motion``: the flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
     ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
     sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];

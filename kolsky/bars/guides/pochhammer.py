@@ -246,8 +246,7 @@ def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
 def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
     """Phase velocity of the first mode over c0 [-], against radius over wavelength.
 
-    ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5). Raises ValueError if an
-    argument is outside its range.
+    ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5).
     """
     k = 2.0 * np.pi * np.asarray(ratio, dtype=float)
     if not (np.isfinite(k).all() and (k >= 0.0).all()):

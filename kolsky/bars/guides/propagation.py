@@ -23,8 +23,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
     """The signal within a window, faded to zero by half-cosines outside.
 
     ``signal``: the signal; samples inside the window stay what they are. ``window``: first and last time on
-    the shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window. Raises
-    ValueError if the window is empty or outside the signal.
+    the shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window.
     """
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
@@ -347,10 +346,9 @@ def round_trip(
 ) -> BarsTogether:
     """Fit c0 to a pulse and its echo from a free end at the same gauge.
 
-    ``gauge``: the station. ``first_window``, ``echo_window``: times of the pulse and of its echo [s]; other
-    waves lie in neither. ``end``: where it was reflected: "specimen" or "far" for that end of the bar, free;
-    "both" after a whole round trip, c0 = 2 L / T. Raises ValueError as `wave_speed`; or if `end` is not one
-    of the three.
+    ``first_window``, ``echo_window``: times of the pulse and of its echo [s]; other waves lie in neither.
+    ``end``: where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole
+    round trip, c0 = 2 L / T. Raises ValueError as `wave_speed`; or if `end` is not one of the three.
     """
     ways = {
         "specimen": 2.0 * gauge.position,

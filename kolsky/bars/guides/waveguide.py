@@ -46,19 +46,13 @@ class ElasticWaveguide:
 
     Raises ValueError if a property of the bar is outside its range.
 
-    Parameters
-    ----------
-    bar : Bar
-        Diameter, Young's modulus, density and Poisson's ratio.
-    dispersive : bool, keyword-only
-        Whether the bar's own Poisson's ratio makes it disperse; without, every wave travels at c0.
-    surface : bool, keyword-only
-        Whether a gauge on the surface shows another strain than the section's mean (M1 of Tyas and Watson).
-        The band then ends at omega a / c0 = `SURFACE_BAND`.
+    ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: whether the bar's own
+    Poisson's ratio makes it disperse; without, every wave travels at c0. ``surface``: whether a gauge on the
+    surface shows another strain than the section's mean (M1 of Tyas and Watson). The band then ends at omega
+    a / c0 = `SURFACE_BAND`.
     """
 
     bar: Bar
-    """The bar."""
     dispersive: bool = True
     """True if waves of different length travel at different speeds."""
     surface: bool = False
@@ -111,10 +105,7 @@ def area(bar: Bar) -> float:
 
 
 def check_bar(bar: Bar) -> None:
-    """Refuse a bar whose waves cannot be computed.
-
-    Raises ValueError: with the name, the value and the allowed range.
-    """
+    """Refuse a bar whose waves cannot be computed."""
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)
         if not (isfinite(value) and value > 0.0):
@@ -185,7 +176,6 @@ class ViscoelasticWaveguide:
     bar: Bar
     """The bar: diameter, density, Poisson's ratio."""
     modulus: PronyModulus
-    """Its complex modulus."""
     dispersive: bool = True
     """True if waves also disperse by the bar's finite radius."""
 

@@ -47,8 +47,7 @@ Progress = Callable[[str, int, int], None]
 def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total: None) -> WavesResult:
     """Reduce a classical test, with every correction listed and every uncertainty carried.
 
-    ``given``: the test. ``progress``: called with "waves", the steps done and the steps there are. Raises
-    ValueError if the signals hold no such test: see the parts in `kolsky.bars`.
+    Raises ValueError if the signals hold no such test: see the parts in `kolsky.bars`.
     """
     progress("waves", 0, 3)
     tension = given.load == "tension"
@@ -90,7 +89,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     progress("waves", 2, 3)
 
     budget, summary = _budget_with_means(varied, best, reduction, summary)
-    reduction = _with_bands(reduction, budget)
+    reduction = map_histories(reduction, lambda name, history: budget.history(name, history.unit))
     progress("waves", 3, 3)
     sign = -1.0 if tension else 1.0
     return WavesResult(
@@ -253,8 +252,3 @@ def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:
         found[f"{name} ({unit})"] = sign * history.value
         found[f"sigma of {name} ({unit})"] = history.sigma
     return found
-
-
-def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:
-    """The reduction with the combined standard uncertainties."""
-    return map_histories(reduction, lambda name, history: budget.history(name, history.unit))

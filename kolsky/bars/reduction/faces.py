@@ -46,12 +46,10 @@ def face_waves(
     frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars:
     above, a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
     ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the
-    result. The beginning of the incident window if it is left out.
-    ``delays``: times by which the reflected and the transmitted wave are later at their gauges than travel
-    times say [s]: for waves that are aligned by their arrivals. ``apart``: the incident, reflected and
-    transmitted wave each by itself at its gauge, where they were told apart; the windows then only say which
-    stretch is wanted. Raises ValueError if the sampling intervals differ, or a window is too short or leaves
-    its record.
+    result. The beginning of the incident window if it is left out. ``delays``: times by which the reflected
+    and the transmitted wave are later at their gauges than travel times say [s]: for waves that are aligned
+    by their arrivals. ``apart``: the incident, reflected and transmitted wave each by itself at its gauge,
+    where they were told apart; the windows then only say which stretch is wanted.
     """
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
@@ -145,10 +143,9 @@ def _at_face(
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
     """A signal's values at ``start + k * interval``, band-limited between its samples.
 
-    ``signal``: the signal. ``start``: time of the first value [s]; a fraction of a sample is a turn of phase
-    in the Fourier transform of the samples and `GUARD` more on either side, less the line through their ends.
-    ``count``: number of values. Returns: values in the signal's unit, shape [count]. Raises ValueError if a
-    value lies outside the signal.
+    ``start``: time of the first value [s]; a fraction of a sample is a turn of phase in the Fourier transform
+    of the samples and `GUARD` more on either side, less the line through their ends. ``count``: number of
+    values. Returns: values in the signal's unit, shape [count].
     """
     place = (start - signal.start) / signal.interval
     whole = round(place)

@@ -228,9 +228,8 @@ def corrections_that_act(
     """Which of `KEYS` are applied: key -> why. What is not stated is on for a soft specimen.
 
     ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
-    ``bars``: the bars by side. ``switches``: what the shot states. ``share``: share of the stress from which
-    on inertia counts [-]; a specimen that reaches it is soft. Returns: an entry for each key of `KEYS`; the
-    reason begins with "on" or "off".
+    ``bars``: the bars by side. ``share``: share of the stress from which on inertia counts [-]; a specimen
+    that reaches it is soft. Returns: an entry for each key of `KEYS`; the reason begins with "on" or "off".
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -250,8 +249,7 @@ def correct_inertia(
 ) -> tuple[Reduction, tuple[Correction, ...]]:
     """The stresses without the inertia of the specimen, where that is asked for.
 
-    ``reduction``: the reduction. ``specimen``: the specimen before the test; its density counts here.
-    ``bars``: the bars by side. ``acts``: as `corrections_that_act` gave it for the test as declared. Returns:
+    ``specimen``: the specimen before the test; its density counts here. ``bars``: the bars by side. Returns:
     both entries of the log, applied or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
@@ -334,8 +332,6 @@ def compensate_mass(
     """Force on the specimen from that at a gauge, with a moving mass between the two.
 
     ``F = F_gauge - m a`` before the specimen.
-
-    Raises ValueError if shapes differ, the mass is not positive, or a sigma is negative.
 
     ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
     [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:

@@ -51,7 +51,6 @@ class WavesInput:
     """A classical test, ready to be reduced (SI)."""
 
     name: str
-    """Name of the shot."""
     specimen: Specimen
     """The specimen before the test."""
     bars: Mapping[str, Bar]
@@ -73,7 +72,6 @@ class WavesInput:
     share: float = VALIDITY_SHARE
     """Share of the stress that inertia, or the forces' difference, may have where a curve is valid [-]."""
     switches: Switches = field(default_factory=Switches)
-    """Switches of the corrections."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
     ratio."""

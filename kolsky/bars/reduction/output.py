@@ -254,8 +254,7 @@ DATABASE_FORMAT = "kolsky bar test, version 1"
 def write_database(path: Path, result: WavesResult) -> Path:
     """Write metadata as lines "# key: value", then the table of the quoted analysis; returns the path.
 
-    ``path``: where to; replaced atomically if it exists. ``result``: the reduced test. Raises OSError if the
-    file cannot be written; an older one is then unchanged.
+    ``path``: where to; replaced atomically if it exists.
     """
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         for key, value in metadata(result).items():

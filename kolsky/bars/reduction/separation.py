@@ -233,9 +233,8 @@ def overlapping_windows(
     that of its bar, or a record ends.
 
     ``incident``, ``far``: the two stations of the incident bar, the first one nearer to the specimen.
-    ``transmission``: the station of the transmission bar. ``tension``: whether the incident pulse is one of
-    tension. Raises ValueError if `far` is not farther from the specimen, there is no pulse, or nothing of the
-    records is left.
+    ``tension``: whether the incident pulse is one of tension. Raises ValueError if `far` is not farther from
+    the specimen, there is no pulse, or nothing of the records is left.
     """
     if far.position <= incident.position:
         raise ValueError(
@@ -267,8 +266,7 @@ def separated(
 ) -> FaceWaves:
     """The incident and the reflected wave by both stations instead of by windows.
 
-    ``faces``: the waves by windows, which overlap: gives the clock and the transmitted wave. ``incident``,
-    ``far``: the two stations of the incident bar. ``guide``: the bar. ``log``: takes what changes. Raises
+    ``faces``: the waves by windows, which overlap: gives the clock and the transmitted wave. Raises
     ValueError as `kolsky.bars.reduction.separation.separate`.
     """
     start = faces.origin + float(faces.time[0])
@@ -318,8 +316,7 @@ class FreeEnds:
     ) -> tuple[BarSignal, BarSignal, BarSignal]:
         """The incident, the reflected and the transmitted wave, each by itself at its gauge.
 
-        ``incident``, ``transmission``: the stations. ``guides``: their bars. ``band``: frequency up to which
-        the guides carry waves [Hz].
+        ``band``: frequency up to which the guides carry waves [Hz].
         """
         later = self._later(incident)
         toward = replace(

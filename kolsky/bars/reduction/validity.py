@@ -200,7 +200,6 @@ def judge_plateau(
 ) -> Plateau:
     """The plateau of a test, if it is long enough, and whether stress and rate are flat on it.
 
-    ``reduction``, ``analysis``, ``allowance``: as for `find_span`. ``faces``: the waves it was made from.
     ``share``: least balanced length as a share of the incident pulse's [-].
     """
     width = averaging_width(faces)

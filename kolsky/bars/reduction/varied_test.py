@@ -158,7 +158,6 @@ class VariedTest:
     given: WavesInput
     """The test as declared."""
     windows: Windows
-    """Time windows of its waves."""
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
     inertia: Mapping[str, str] = field(default_factory=dict)

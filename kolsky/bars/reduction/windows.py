@@ -151,10 +151,7 @@ def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, 
 def check_baselines(
     given: WavesInput, incident: BarSignal, transmission: BarSignal, *, tension: bool = False
 ) -> None:
-    """Refuse baselines that end after their gauge's first pulse has begun.
-
-    Raises ValueError: with the baseline's end and the arrival of the pulse.
-    """
+    """Refuse baselines that end after their gauge's first pulse has begun."""
     average, sign = averaging_time(incident), -1 if tension else 1
     rise = first_rise(incident.strain, sign=sign, average=average)
     begins = incident_arrival(incident, tension=tension).time if rise is None else rise.time
@@ -244,8 +241,7 @@ def check_windows(
     A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
     touch the bars, or is slow to load, delays the transmitted one.
 
-    ``incident``, ``transmission``, ``tension``: as for `find_windows`. Returns: of the reflected
-    and of the transmitted pulse.
+    Returns: of the reflected and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)
@@ -361,9 +357,8 @@ def alignments(
     """Alignment of each wave whose pulse was observed, and why another has none.
 
     ``arrival``: arrival of the incident pulse at its gauge. ``checks``: predicted and observed arrival of the
-    reflected and the transmitted pulse. ``switches``: an alignment that is on must be possible. Raises
-    ValueError if an alignment is switched on and its pulse was not found. Returns: wave -> alignment, applied
-    or not, and wave -> reason.
+    reflected and the transmitted pulse. ``switches``: an alignment that is on must be possible. Returns: wave
+    -> alignment, applied or not, and wave -> reason.
     """
     found, missing = {}, {}
     for (wave, key), check in zip(KEYS.items(), checks, strict=True):

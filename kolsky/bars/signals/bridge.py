@@ -236,10 +236,7 @@ def _listed(names: Mapping[str, object] | list[str]) -> str:
 
 @dataclass(frozen=True)
 class Shunt:
-    """A resistance laid across one arm of a bridge, and the step that was recorded.
-
-    Raises ValueError if a value is impossible.
-    """
+    """A resistance laid across one arm of a bridge, and the step that was recorded."""
 
     resistance: float
     """Resistance of the shunt [ohm], > 0."""
@@ -313,8 +310,7 @@ def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tupl
     """The bridge with the gain that a shunt measured.
 
     ``bridge``: as stated. ``shunt``: what was measured. ``allowance``: largest relative difference of
-    measured and stated gain [-]. Beyond it one of them is a mistake. Raises ValueError if they disagree by
-    more, or as `check_shunt`.
+    measured and stated gain [-]. Beyond it one of them is a mistake.
     """
     found = check_shunt(bridge, shunt)
     if abs(found.ratio - 1.0) > allowance:

@@ -62,7 +62,6 @@ class Station(NamedTuple):
     """A bar's strain with its corrections and the quantities it rests on."""
 
     signal: BarSignal
-    """The strain."""
     corrections: list[Correction]
     """Corrections, applied or not."""
     quantities: list[Quantity]
@@ -88,18 +87,16 @@ def bar_signal(
     """Strain of a bar at a gauge station, compression positive, on the shot's clock.
 
     ``recordings``: one channel, or one for each of two opposed gauges. ``calibration``: one for all channels,
-    whose errors they then share, or one each. ``bar``: the bar the gauges sit on. ``position``: their
-    distance from the bar's specimen end [m]. ``side``: "incident" or "transmission". ``baseline``: first and
-    last time of the rest on the shot's clock [s]. ``clock_offset``: shot's clock minus recorder's clock [s].
-    ``compression``: +1 if compression gives positive values, -1 otherwise; one for all channels, or one each.
-    ``full_scale``: largest magnitude the recorder can show, in the unit of the recordings; None if it is not
-    known. ``switches``: which corrections are applied: "bridge nonlinearity", "bending", "baseline drift".
-    ``uncertainty``: standard uncertainties of the calibration's fields, by their names. ``values``: values to
-    take instead of the estimates of `quantities`, by name, as `kolsky.bars.budget.propagate` hands them out.
-    ``drift_until``: last time that is used of the signal, up to which its drift is an input of the budget, on
-    the shot's clock [s]; the record's last time if it is left out. Raises ValueError if a recording has the
-    wrong unit, is not finite, not uniform, constant or clipped, strains more than the bar bears, the baseline
-    is too short or not at rest, opposed gauges differ in their times or in sign, or an option is impossible.
+    whose errors they then share, or one each. ``position``: their distance from the bar's specimen end [m].
+    ``side``: "incident" or "transmission". ``baseline``: first and last time of the rest on the shot's clock
+    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. ``compression``: +1 if compression gives
+    positive values, -1 otherwise; one for all channels, or one each. ``full_scale``: largest magnitude the
+    recorder can show, in the unit of the recordings; None if it is not known. ``switches``: which corrections
+    are applied: "bridge nonlinearity", "bending", "baseline drift". ``uncertainty``: standard uncertainties
+    of the calibration's fields, by their names. ``values``: values to take instead of the estimates of
+    `quantities`, by name, as `kolsky.bars.budget.propagate` hands them out. ``drift_until``: last time that
+    is used of the signal, up to which its drift is an input of the budget, on the shot's clock [s]; the
+    record's last time if it is left out.
     """
     if side not in SIDES:
         raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")

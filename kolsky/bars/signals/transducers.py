@@ -88,9 +88,7 @@ def force_history(
 
     ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign and full
     scale. ``baseline``: first and last time of the stretch that gives zero and noise, on the shot's clock
-    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. Raises ValueError if the unit is not V, a
-    value is not finite, times do not increase, a sample reaches full scale, the baseline holds fewer than 20
-    samples or no scatter at all, or the transducer is impossible. Returns: force = sign * (V - mean baseline
+    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. Returns: force = sign * (V - mean baseline
     V) / sensitivity at every sample; sigma is the baseline's standard deviation (with n - 1), the same for
     each sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
     (U.6), and sigma grows by Eq. (U.7).
@@ -138,9 +136,7 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
     their noise has the correlation 1 / (4 n - 2), which is neglected (1.6 % at 16).
 
     ``force``: the samples; their noise is taken as independent. ``window``: first and last time [s].
-    ``width``: wanted width of a bin [s]; the division into a whole number of bins comes nearest to it. Raises
-    ValueError if the window holds fewer than 2 samples, or the width is not positive, below the sample
-    interval, or beyond the window.
+    ``width``: wanted width of a bin [s]; the division into a whole number of bins comes nearest to it.
     """
     inside = _within(force.time, window, "window")
     t, F, sigma = force.time[inside], force.force[inside], force.sigma[inside]
@@ -165,8 +161,7 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
 def force_between(force: ForceHistory, edge: NDArray[np.intp]) -> ForceBins:
     """Means of a force between samples of it, see `bin_force`.
 
-    ``force``: the samples. ``edge``: increasing numbers of the samples at the bins' edges, shape [n_bins +
-    1].
+    ``edge``: increasing numbers of the samples at the bins' edges, shape [n_bins + 1].
     """
     t, F, sigma = force.time, force.force, force.sigma
     h = np.diff(t)
@@ -265,8 +260,7 @@ def force_signal(
     last time of the rest on the shot's clock [s]. ``clock_offset``: shot's clock minus recorder's clock [s].
     ``switches``: which corrections are applied: "droop". ``uncertainty``: standard uncertainties (k = 1, SI)
     of "sensitivity" and "time_constant". ``values``: values to take instead of the estimates of `quantities`,
-    by name. Raises ValueError as `kolsky.bars.signals.transducers.force_history`, and if the times are not
-    uniform or an uncertainty belongs to no field that matters.
+    by name.
     """
     given, stated = values or {}, uncertainty or {}
     droops = np.isfinite(transducer.time_constant)

@@ -152,7 +152,6 @@ class Platen:
     """A platen that comes down on a body."""
 
     mesh: HalfCylinder
-    """The body."""
     bonded: bool
     """True if the face is glued; then only the side can land, and sticks."""
     friction: float
@@ -305,15 +304,12 @@ def compress(
 ) -> Compression:
     """Compress a cylinder between platens.
 
-    Raises NoEquilibriumError if no equilibrium lies near the last one.
-
     ``laws``: the law, then for each parameter the law with that parameter changed by its entry of `steps`.
-    ``mesh``: its upper half. ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-],
-    shape [n]. ``bulk``: bulk modulus K [Pa]. ``modulus``: shear modulus at rest, which contact is measured in
-    [Pa]. ``steps``: change of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued
-    to the platens, where the side sticks too once it lands. ``friction``: coulomb's coefficient of face and
-    side if they are not; infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more
-    parameter, the last.
+    ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape [n]. ``bulk``: bulk
+    modulus K [Pa]. ``modulus``: shear modulus at rest, which contact is measured in [Pa]. ``steps``: change
+    of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued to the platens, where the
+    side sticks too once it lands. ``friction``: coulomb's coefficient of face and side if they are not;
+    infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more parameter, the last.
     """
     if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a compression must ascend inside (0, 1)")

@@ -119,11 +119,10 @@ def correct_friction(
     Raises ValueError if friction is free without a measured radius, the stress is not positive, no
     equilibrium exists, or no law meets the test; the message says which, and where.
 
-    ``band``: the apparent nominal stress over nominal compressive strain. ``specimen``: its undeformed size.
-    ``ends``: what holds it at its ends. ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of
-    `band` [m], shape [n], and its standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``:
-    laws of the library that are tried beside the curves of nodes, names of
-    `kolsky.material.fits.compare.candidates`.
+    ``band``: the apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its
+    ends. ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of `band` [m], shape [n], and its
+    standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``: laws of the library that are
+    tried beside the curves of nodes, names of `kolsky.material.fits.compare.candidates`.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
@@ -328,10 +327,9 @@ def fit_specimen(
 
     Raises ValueError if no law can be fitted; the message has each one's reason.
 
-    ``band``: apparent nominal stress over nominal compressive strain. ``specimen``: its undeformed size.
-    ``ends``: what holds it at its ends. ``laws``: names of `kolsky.material.fits.compare.candidates`.
-    ``bulge``, ``bulge_sigma``: radius at mid-height [m], shape [n], and its standard deviation [m].
-    ``numerics``: meshes and Poisson's ratio.
+    ``band``: apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its ends.
+    ``laws``: names of `kolsky.material.fits.compare.candidates`. ``bulge``, ``bulge_sigma``: radius at
+    mid-height [m], shape [n], and its standard deviation [m]. ``numerics``: meshes and Poisson's ratio.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]

@@ -229,7 +229,6 @@ class Body:
     """A mesh and a bulk modulus."""
 
     mesh: HalfCylinder
-    """The elements."""
     bulk: float
     """K [Pa]."""
 

@@ -47,7 +47,6 @@ class ModelOptimum:
     """An optimum of one model."""
 
     model: CurveModel
-    """The model."""
     theta: FloatArray
     """Its unknowns, and ln f if the friction is free, shape [n]."""
     made: Compression
@@ -132,10 +131,7 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> M
 def fit_nodes(
     test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
 ) -> list[ModelOptimum]:
-    """Curves of nodes, as many as the residual needs to be noise, with every continuation.
-
-    Raises FitFailedError if none can be fitted.
-    """
+    """Curves of nodes, as many as the residual needs to be noise, with every continuation."""
     last = float(measure(test.strain[-1]))
     quotient = np.log(test.stress / gaussian_strain(test.strain, compression=True)) - np.log(1.2)
     found: list[ModelOptimum] = []
@@ -162,10 +158,7 @@ def fit_nodes(
 
 
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
-    """A law of the library, begun at its fit to the curve of another one.
-
-    Raises FitFailedError if it cannot be fitted.
-    """
+    """A law of the library, begun at its fit to the curve of another one."""
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
     model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))

@@ -43,7 +43,6 @@ class NodesLaw:
     logs: FloatArray
     """ln(2U' / Pa) there, shape [n]."""
     continuation: Continuation = "tangent"
-    """Course past the last node."""
 
     @cached_property
     def _spline(self) -> CubicSpline:

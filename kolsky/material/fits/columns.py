@@ -4,28 +4,8 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated
 
-from kolsky.base.errors import InputError
-from kolsky.base.options import COMMAND_LINE, HeaderLine, Option
-from kolsky.base.units import UnitError, quantity
-
-_AREAS = {"mm^2": 1e-6, "cm^2": 1e-4, "m^2": 1.0}
-"""Units of a cross-section [m^2]."""
-
-
-def _area(option: str, text: str) -> float:
-    """ "12 mm^2" as a cross-section [m^2]."""
-    number, _, unit = text.strip().partition(" ")
-    try:
-        area = quantity(number, "1") * _AREAS[unit]
-    except (KeyError, UnitError):
-        raise InputError(
-            COMMAND_LINE,
-            f"{option} {text!r} cannot be read",
-            cure="write a number and mm^2, cm^2 or m^2",
-        ) from None
-    if not area > 0.0:
-        raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed="> 0 m^2")
-    return area
+from kolsky.base.options import HeaderLine, Option, SheetName
+from kolsky.readers.contents import Layout
 
 
 @dataclass(frozen=True)
@@ -60,7 +40,9 @@ class Columns:
     length: Annotated[
         float | None, Option('Undeformed gauge length, e.g. "30 mm".', unit="m", positive=True)
     ] = None
-    area: Annotated[float | None, Option('Undeformed cross-section, e.g. "12 mm^2".', read=_area)] = None
+    area: Annotated[
+        float | None, Option('Undeformed cross-section, e.g. "12 mm^2".', unit="m^2", positive=True)
+    ] = None
     diameter: Annotated[float | None, Option('Or the diameter, e.g. "50 mm".', unit="m", positive=True)] = (
         None
     )
@@ -74,10 +56,16 @@ class Columns:
         bool, Option("Take the loading alone: up to the first point where the strain turns back.")
     ] = False
     header_line: HeaderLine = None
+    sheet: SheetName = None
 
     def __post_init__(self) -> None:
         if self.area is not None and self.diameter is not None:
             raise ValueError("--area and --diameter exclude each other")
+
+    @property
+    def layout(self) -> Layout:
+        """What is declared of the files."""
+        return Layout(header_line=self.header_line, sheet=self.sheet)
 
     @property
     def section(self) -> float | None:

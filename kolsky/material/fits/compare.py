@@ -50,11 +50,9 @@ class PathStability:
     """One mode in one direction, from rest outward."""
 
     mode: Mode
-    """The test."""
     direction: str
     """ "tension", "compression" or "shear"."""
     outcome: Stability
-    """Outcome of the path."""
     strain: float
     """Nominal strain (or amount of shear) where stability is lost, or the end of the path [-]."""
 
@@ -181,7 +179,6 @@ class Candidate:
     name: str
     """Name in tables."""
     law: type[AnyLaw]
-    """The law."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Constants that are not fitted, SI."""
 
@@ -218,7 +215,6 @@ class Comparison:
     """Laws fitted to the same tests with the same weights."""
 
     tests: tuple[HomogeneousTest, ...]
-    """The tests."""
     weighting: Weighting
     """Divisor of the residuals."""
     bounded: bool

@@ -88,7 +88,6 @@ class PartFit:
     """Fit of one test."""
 
     test: HomogeneousTest
-    """The test."""
     predicted: FloatArray
     """Nominal stress of the law at its points [Pa], shape [n]."""
 

@@ -62,8 +62,6 @@ class Mode(Enum):
 
         Direction 1 is that of the load (in simple shear the one stretched by a positive gamma), direction 3
         the free one (in simple shear the one that is shortened).
-
-        Raises ValueError if a stretch is not > 0 or a number is not finite.
         """
         d = np.asarray(deformation, dtype=float)
         check_deformation(self, d)
@@ -79,10 +77,7 @@ class Mode(Enum):
 
 
 def mode_named(text: str) -> Mode:
-    """The mode of a name, with blanks or hyphens.
-
-    Raises ValueError if there is none of that name.
-    """
+    """The mode of a name, with blanks or hyphens."""
     for mode in Mode:
         if text.strip().lower().replace("-", " ") == mode.value:
             return mode
@@ -90,10 +85,7 @@ def mode_named(text: str) -> Mode:
 
 
 def check_deformation(mode: Mode, deformation: FloatArray) -> None:
-    """Refuse a number that is no deformation.
-
-    Raises ValueError if a stretch is not > 0 or a number is not finite.
-    """
+    """Refuse a number that is no deformation."""
     bad = ~np.isfinite(deformation)
     if mode is not Mode.SIMPLE_SHEAR:
         bad |= deformation <= 0.0
@@ -107,9 +99,8 @@ def check_deformation(mode: Mode, deformation: FloatArray) -> None:
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Nominal stress of an incompressible solid, Eqs. (Q.2) and (Q.3).
 
-    ``law``: the strain energy. ``mode``: the test. ``deformation``: stretch along the load, or amount of
-    shear [-], shape [...]. Returns: nominal stress, tension-positive [Pa]. Raises ValueError if a stretch is
-    not > 0.
+    ``deformation``: stretch along the load, or amount of shear [-], shape [...]. Returns: nominal stress,
+    tension-positive [Pa]. Raises ValueError if a stretch is not > 0.
     """
     lam = mode.principal_stretches(deformation)
     slopes = law.principal(*lam)
@@ -124,10 +115,8 @@ def compressible_stress(
 ) -> FloatArray:
     """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
 
-    ``law``: the isochoric strain energy. ``volume``: the volumetric energy. ``mode``: the test.
     ``deformation``: stretch along the load, or amount of shear [-], shape [...]. Returns: nominal stress,
-    tension-positive [Pa]. Raises ValueError if a stretch is not > 0, or no stretch leaves the free faces
-    without stress.
+    tension-positive [Pa].
     """
     if mode is Mode.SIMPLE_SHEAR:
         return incompressible_stress(law, mode, deformation)
@@ -137,11 +126,7 @@ def compressible_stress(
 
 
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
-    """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
-
-    Raises ValueError if a stretch is not > 0, the mode has no free face, or no stretch leaves the face
-    without stress.
-    """
+    """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0."""
     if mode is Mode.SIMPLE_SHEAR:
         raise ValueError("simple shear prescribes the whole deformation: no face is free")
     d = np.asarray(deformation, dtype=float)

@@ -11,8 +11,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, check_deformation
-from kolsky.readers.contents import Layout
-from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns
+from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns, recognised_columns
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ def read_homogeneous_test(
     }
     if columns.lateral:
         wanted["lateral"] = WantedColumn(columns.lateral, "1", pure=True, option="in its heading")
-    values, sha256 = read_columns(path, wanted, Layout(header_line=columns.header_line))
+    values, sha256 = read_columns(path, wanted, columns.layout)
     sign = 1.0 if columns.convention == "tension-positive" else -1.0
     if columns.loading:
         end = turning_point(values["deformation"])
@@ -241,20 +240,28 @@ def _check_strain_unit(path: Path, column: str, strain: FloatArray) -> None:
         )
 
 
-def with_table_headings(path: Path, columns: Columns) -> Columns:
-    """The columns of a table of this package, where none was said.
+def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]:
+    """The columns with those that their names tell, where none is declared, and a sentence that names them.
 
-    Raises InputError if the file cannot be read.
+    Of a file with all four, strain and stress are taken, force and displacement where length and section of
+    the specimen are declared. Raises InputError if the file cannot be read.
     """
     if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
-        return columns
-    names = {text.rpartition(" (")[0].strip("'") for text in
-             column_names(path, Layout(header_line=columns.header_line))}  # fmt: skip
-    return (
-        replace(columns, strain=TABLE_HEADINGS[0], stress=TABLE_HEADINGS[1])
-        if names.issuperset(TABLE_HEADINGS)
-        else columns
-    )
+        return columns, ""
+    layout = columns.layout
+    names = {text.rpartition(" (")[0].strip("'") for text in column_names(path, layout)}
+    if names.issuperset(TABLE_HEADINGS):
+        return replace(columns, strain=TABLE_HEADINGS[0], stress=TABLE_HEADINGS[1]), ""
+    found = recognised_columns(path, layout)
+    pairs = [("strain", "stress"), ("stretch", "stress"), ("displacement", "force")]
+    if columns.length is not None and columns.section is not None:
+        pairs.reverse()
+    for pair in pairs:
+        if found.keys() >= set(pair):
+            words = " and ".join(f"'{found[name]}' as the {name}" for name in pair)
+            said = f"{path}: took {words}; name others with --{pair[0]} and --{pair[1]}"
+            return replace(columns, **{name: found[name] for name in pair}), said
+    return columns, ""
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:

@@ -56,7 +56,6 @@ class Residuals:
     """
 
     law: type[AnyLaw]
-    """The law."""
     tests: tuple[HomogeneousTest, ...]
     """The tests to be met at once."""
     weighting: Weighting
@@ -173,12 +172,7 @@ def residuals_of(
     poisson: float | None = None,
     free_poisson: bool = False,
 ) -> Residuals:
-    """The residuals of a law, with what is asked of it checked.
-
-    Raises ValueError if there are no tests, a held constant is not the law's, none is free, there are not
-    more points than free constants, the tests lack the sigma that weights them, or a stress of zero would be
-    divided by.
-    """
+    """The residuals of a law, with what is asked of it checked."""
     if not tests:
         raise ValueError("a fit needs at least one test")
     names = [spec.name for spec in law.PARAMETERS]
@@ -259,10 +253,9 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
 
     A search without bounds begins at the bounded optimum too, so it is never worse.
 
-    ``residuals``: the problem. ``bounded``: keep within the bounds in which the energy is positive; otherwise
-    in those in which the law exists. ``starts``: starts that are polished. ``seed``: of the draws. Raises
-    ValueError if the least squares lie where there is no law: its initial shear modulus would not be > 0, or
-    it has no stress at a point.
+    ``bounded``: keep within the bounds in which the energy is positive; otherwise in those in which the law
+    exists. ``starts``: starts that are polished. Raises ValueError if the least squares lie where there is no
+    law: its initial shear modulus would not be > 0, or it has no stress at a point.
     """
     lower, upper = _bounds(residuals, bounded)
     known = []
@@ -281,7 +274,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
             raise ValueError(_NO_LAW.format(residuals.law.NAME))
         ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
         ends.sort(key=lambda end: end[0])
-        agreeing = _agreeing(ends)
+        agreeing = sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
         if agreeing > 1 or _linear(residuals):
             break
     chi2, x = ends[0]
@@ -301,11 +294,6 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         agreeing,
         unbounded,
     )
-
-
-def _agreeing(ends: list[tuple[float, FloatArray]]) -> int:
-    """Starts that ended at the least sum of squares, within `SAME`."""
-    return sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
 
 
 def _linear(residuals: Residuals) -> bool:

@@ -316,10 +316,7 @@ def fit_prony(
 def required_branches(
     law: Any, evidence: Sequence[Evidence], *, at_most: int = 2, max_evaluations: int = 60
 ) -> RateVerdict:
-    """Fit 0, 1, ... `at_most` branches and judge each by what it improves.
-
-    Raises ValueError as of `fit_prony`.
-    """
+    """Fit 0, 1, ... `at_most` branches and judge each by what it improves."""
     fits = [fit_prony(law, evidence, 0)]
     for n in range(1, at_most + 1):
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
@@ -411,8 +408,7 @@ def dynamic_modulus(
 
     ``factor``, ``sigma_factor``: the identified m and its standard uncertainty [-]. ``young``: e_a,qs of the
     curve that m multiplies [Pa]. ``strain``: largest nominal strain in the window, tension-positive [-].
-    ``duration``: length of the window [s]; the strain's age is half of it. ``label``: name of the shot.
-    Raises ValueError if the duration, the modulus or the factor is not positive.
+    ``duration``: length of the window [s]; the strain's age is half of it.
     """
     for name, value in (("duration", duration), ("young", young), ("factor", factor)):
         if not 0.0 < value < np.inf:

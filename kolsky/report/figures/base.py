@@ -101,10 +101,9 @@ def figure(
 ) -> Callable[[Callable[[Shown, Panels], str]], FigureKind[Shown]]:
     """Make a figure of the function that draws it and returns its caption; the name is the function's.
 
-    ``width``, ``height``: size [mm]. ``panels``: names of the panels, row by row. ``height`` and ``panels``
-    may be functions of the result. ``applies``: true if a result holds what the figure shows.
-    ``letters``: true to mark several panels (a), (b), ..., or the names of those to mark. ``mosaic``: further
-    options of `Figure.subplot_mosaic`.
+    ``width``, ``height``: size [mm]. ``height`` and ``panels`` may be functions of the result. ``applies``:
+    true if a result holds what the figure shows. ``letters``: true to mark several panels (a), (b), ..., or
+    the names of those to mark. ``mosaic``: further options of `Figure.subplot_mosaic`.
     """
 
     def kind(draw: Callable[[Shown, Panels], str]) -> FigureKind[Shown]:

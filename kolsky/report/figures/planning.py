@@ -42,9 +42,8 @@ def draw_map(
 ) -> None:
     """Draw values of shape [n_frames, n_heights], NaN where there is none.
 
-    ``ax``: axes. ``grid``: times and heights. ``values``: values in the unit of the label. ``label``: label
-    of the colour bar. ``bottom``: smallest value of a one-sided scale; without it the scale is symmetric
-    about zero.
+    ``values``: values in the unit of the label. ``bottom``: smallest value of a one-sided scale; without it
+    the scale is symmetric about zero.
     """
     top = largest(values)
     colours, least = ("RdBu_r", -top) if bottom is None else ("cividis", bottom)

@@ -40,9 +40,8 @@ LONGEST_TRIAL = 120.0
 def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
     """Render the specimen at one time.
 
-    ``scene``: simulation to show. ``k``: index into ``scene.times``; IndexError if there is no such time.
-    ``size``: width and height [px]. ``bar``: add the colour bar and the time. Returns: RGB, shape [height,
-    width, 3].
+    ``k``: index into ``scene.times``; IndexError if there is no such time. ``size``: width and height [px].
+    Returns: RGB, shape [height, width, 3].
     """
     return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
 
@@ -79,10 +78,7 @@ def offscreen_pyvista() -> Any:
 
 
 def require_pyvista() -> None:
-    """Refuse if PyVista is not installed.
-
-    Raises CannotRender if it is not; the message says how to get it.
-    """
+    """Refuse if PyVista is not installed."""
     try:
         import pyvista  # noqa: F401
     except ImportError:

@@ -57,10 +57,7 @@ def write_frames(
 
 
 def write_stills(folder: Path, scene: Scene, count: int = 6) -> list[Path]:
-    """Write `count` pictures at equal intervals of time as PNG files and return their paths.
-
-    Raises ValueError if `count` is below 1.
-    """
+    """Write `count` pictures at equal intervals of time as PNG files and return their paths."""
     if count < 1:
         raise ValueError(f"count must be at least 1, got {count}")
     import matplotlib.image

@@ -33,7 +33,6 @@ class Solid:
     volume: VolumetricLaw
     """Volumetric law, unscaled."""
     stiffness_factor: float
-    """Factor on both."""
 
 
 def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
@@ -130,7 +129,6 @@ class Scene:
     """One simulation with measured data, ready to be drawn."""
 
     mesh: SceneMesh
-    """The mesh."""
     times: FloatArray
     """Times of the pictures [s], shape [n_times]."""
     nodes: FloatArray

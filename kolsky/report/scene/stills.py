@@ -54,18 +54,12 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 
 
 def scene_of_stills(result: Identification) -> Scene:
-    """Scene at the times of the stills.
-
-    Raises SceneDataMissing if the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
-    """
+    """Scene at the times of the stills."""
     return scene_of(result, chosen=lambda n: evenly_spaced(n, COUNT))
 
 
 def draw_still(ax: Axes, scene: Scene, k: int) -> None:
-    """Draw the scene at one of its times into axes, lengths in the picture [m].
-
-    ``ax``: axes without frame. ``scene``: what to draw. ``k``: index into ``scene.times``.
-    """
+    """Draw the scene at one of its times into axes, lengths in the picture [m]."""
     kind = FIELDS[scene.field]
     radius = float(scene.nodes[..., 0].max())
     lower, upper = platens(radius, float(scene.nodes[k][scene.mesh.upper_face, 1].mean()))

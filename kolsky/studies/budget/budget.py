@@ -39,13 +39,11 @@ def budget(
 ) -> tuple[Budget, ...]:
     """Repeat a test with errors and say what each does to the answer; a budget for each free parameter.
 
-    ``quantities``: the test; its outline and flyer come from exports, pictures are not made. ``factors``:
-    sources of error. ``settings``: how each realisation is identified. ``folder``: where files are that the
-    test names. ``draws``, ``together``: draws of the noise alone, and of all factors together. ``ledger``:
-    file that keeps every realisation as it is made, and where those made before are found. ``retry``: make
-    again what gave no answer before. ``executor``, ``progress``: as in `doe.ledger.run_chunks`. Raises
-    ValueError if the test without errors gives no answer; doe.ledger.LedgerError if a ledger is none, is
-    damaged or in use.
+    ``quantities``: the test; its outline and flyer come from exports, pictures are not made. ``settings``:
+    how each realisation is identified. ``draws``, ``together``: draws of the noise alone, and of all factors
+    together. ``ledger``: file that keeps every realisation as it is made, and where those made before are
+    found. ``retry``: make again what gave no answer before. Raises ValueError if the test without errors
+    gives no answer; doe.ledger.LedgerError if a ledger is none, is damaged or in use.
     """
     bare = quantities.model_copy(
         update={

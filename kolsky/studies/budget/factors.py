@@ -56,8 +56,6 @@ def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:
     """Factors from their keys and written-out standard uncertainties, the noise first.
 
     ``sizes``: dotted key -> what the specification would have there: a text with a unit, or a plain number.
-    Raises ValueError if a key is none of the specification's, or a size is none of its dimension, or not
-    above 0.
     """
     found = [Factor(NOISE, 1.0)]
     for key, written in sizes.items():

@@ -100,7 +100,6 @@ class Source:
     """What one factor alone does to the answer."""
 
     factor: Factor
-    """The factor."""
     bias: float
     """Mean of the answer less that without the error, in the answer's unit; NaN for the noise."""
     u: float
@@ -124,7 +123,6 @@ class Budget:
     name: str
     """Of the test."""
     parameter: str
-    """The parameter."""
     truth: float
     """Its true value; NaN if it is none of a specification's."""
     reference: float
@@ -212,10 +210,7 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-].
-
-    Raises ValueError if a source of each shot alone has no uncertainty, since its realisations failed.
-    """
+    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-]."""
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:
@@ -238,8 +233,7 @@ def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) ->
     """The fewest shots, half at either of two rates, whose slope is known to a wanted expanded uncertainty.
 
     ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
-    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-]. Raises ValueError if the rates or the wanted
-    uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
+    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-].
     """
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
@@ -313,7 +307,16 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
             }
             for source in ordered
         },
-        **({} if campaign is None else _planned(campaign)),
+        **(
+            {}
+            if campaign is None
+            else {
+                "campaign_shots": campaign.shots,
+                "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+                "campaign_sigma": campaign.sigma,
+                "campaign_half_width": campaign.half_width,
+            }
+        ),
     }
 
 
@@ -327,15 +330,6 @@ def made_with(
         "truth_mesh": list(truth),
         "draws": draws,
         "together": together,
-    }
-
-
-def _planned(campaign: Campaign) -> dict[str, Any]:
-    return {
-        "campaign_shots": campaign.shots,
-        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
-        "campaign_sigma": campaign.sigma,
-        "campaign_half_width": campaign.half_width,
     }
 
 

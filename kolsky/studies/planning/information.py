@@ -122,7 +122,6 @@ class Information:
     """The data of one planned test and where among them the information is."""
 
     sensitivity: LocalSensitivity
-    """Slopes."""
     data: LinearData
     """Force bins, then the points of the map that are seen, each standing for the points around it."""
     seen: NDArray[np.bool_]
@@ -212,12 +211,11 @@ def information(
 ) -> Information:
     """The information of a planned test about some parameters.
 
-    ``forward``: the shot. ``instruments``: what is measured, and how well. ``names``, ``held``, ``reach``,
-    ``numerics``: as in `kolsky.studies.local_sensitivity.local_sensitivity`. ``rate``: speed of the flyer
-    over that of the shot, > 0; the path is the same, and the window ends where it would have, so the specimen
-    is compressed as far, only sooner. ``discrepancy``: standard deviations of what the model leaves out of a
-    force bin [N] and an outline point [m], beside the noise. Raises ValueError if a value is outside its
-    range or a run does not complete.
+    ``instruments``: what is measured, and how well. ``rate``: speed of the flyer over that of the shot, > 0;
+    the path is the same, and the window ends where it would have, so the specimen is compressed as far, only
+    sooner. ``discrepancy``: standard deviations of what the model leaves out of a force bin [N] and an
+    outline point [m], beside the noise. Raises ValueError if a value is outside its range or a run does not
+    complete.
     """
     grid = _observation_grid(forward, instruments, rate)
     moved = _at_rate(forward, rate)

@@ -12,7 +12,6 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.files import jsonable
 from kolsky.base.hdf5 import creating, put
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.studies.planning.information import Expected
 from kolsky.studies.planning.plan import CRITERIA, Choice, Plan, best_rate, correlations
 
 VERSION = 1
@@ -54,7 +53,9 @@ def to_json(plan: Plan) -> dict[str, Any]:
                 "mean_strain_rate": rate.mean_rate,
                 "peak_force": rate.peak_force,
                 "discrepancy": {"force_N": rate.discrepancy[0], "outline_m": rate.discrepancy[1]},
-                **_expected(rate.expected, names),
+                "sigma": dict(zip(names, rate.expected.deviations, strict=True)),
+                "sigma_others_known": dict(zip(names, rate.expected.alone, strict=True)),
+                "correlations": correlations(rate.expected, names),
             }
             for rate in plan.rates
         ],
@@ -62,14 +63,6 @@ def to_json(plan: Plan) -> dict[str, Any]:
         "provenance": plan.provenance,
     }
     return {key: jsonable(value, key) for key, value in whole.items()}
-
-
-def _expected(expected: Expected, names: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        "sigma": dict(zip(names, expected.deviations, strict=True)),
-        "sigma_others_known": dict(zip(names, expected.alone, strict=True)),
-        "correlations": correlations(expected, names),
-    }
 
 
 def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:

@@ -90,8 +90,6 @@ def camera_windows(found: Information, share: float) -> list[Choice]:
 def camera_heights(found: Information, count: int) -> list[Choice]:
     """The few heights at which an outline would tell most, together with the force; none without cameras, or
     if no choice decides all parameters.
-
-    Raises ValueError if there are fewer heights on the map.
     """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
@@ -138,7 +136,6 @@ class Plan:
     """Expected uncertainties of a planned test, and the times and heights that contribute most."""
 
     shot: str
-    """Name of the shot."""
     instruments: Instruments
     """What is measured, and how well."""
     discrepancy: tuple[float, float]

@@ -1,14 +1,11 @@
 """The flyer's direction, tilt and end of symmetry from a body's motion that is known."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from dic import FrameOutcome
 from dic.bodies.body_motion import BodyMotion
-from kolsky.bars.flyer.flight import _noise_of_one, fit_flight, flyer_motion, symmetry_end
-from kolsky.bars.flyer.path import fit_flyer
+from kolsky.bars.flyer.flight import _noise_of_one, fit_flight, symmetry_end
 
 FRAMES, STATIC, RATE = 100, 10, 120e3
 T = (np.arange(FRAMES) - STATIC + 1) / RATE
@@ -43,18 +40,6 @@ def body(rng=None, drift=0.0, turn_rate=0.0):
 
 
 START = T[STATIC - 1]
-
-
-def test_the_fit_of_the_flyer_takes_a_bodys_displacement_as_it_is():
-    motion, velocity, _ = body(np.random.default_rng(0))
-    motion.displacement[40] = np.nan
-    lost = np.where(np.arange(FRAMES) == 40, int(FrameOutcome.LOST), motion.outcome)
-    motion = replace(motion, outcome=lost)
-    path = fit_flyer(flyer_motion(motion, T), start=START)
-    late = T[STATIC:][20:]
-    # Constant speed over 80 frames of 0.5 µm noise: mm/s; 0.5 % leaves room for the prior's bias.
-    assert path.velocity(late[late <= path.end]) == pytest.approx(np.full(late.size, SPEED), rel=5e-3)
-    assert velocity[-1, 0] == SPEED
 
 
 def test_directions_and_rates_are_found_within_their_sigmas():
@@ -104,7 +89,7 @@ def test_symmetry_ends_where_the_drift_exceeds_the_share():
 def test_bad_options_and_times_are_refused():
     motion = body()[0]
     with pytest.raises(ValueError, match="one time a frame"):
-        flyer_motion(motion, T[1:])
+        fit_flight(motion, T[1:], start=START)
     flight = fit_flight(motion, T, start=START)
     for options in ({"share": 0.0}, {"over": -1.0}, {"times_in_row": 0}):
         with pytest.raises(ValueError, match="share must be"):

@@ -88,6 +88,48 @@ def test_bad_quantity_names_text_dimension_and_example(text: str, unit: str, fra
         assert fragment in str(caught.value)
 
 
+KGF, LBF, INCH = 9.80665, 0.45359237 * 9.80665, 0.0254
+"""The kilogram-force and pound-force [N] and the inch [m] by definition."""
+
+
+@pytest.mark.parametrize(
+    ("written", "unit", "factor"),
+    [
+        *(
+            (f"kgf{per}", "Pa", KGF / 1e-4)
+            for per in ("/cm2", "/cm^2", "/cm²", " / cm2", "·cm⁻²", ".cm-2", "*cm^-2")
+        ),
+        *((f"N{per}", "Pa", 1e6) for per in ("/mm2", "/mm^2", "/mm²", " / mm²", "·mm⁻²", ".mm-2", "/mm**2")),
+        *((f"kN{per}", "Pa", 1e3) for per in ("/m2", "/m^2", "/m²", " / m²", "·m⁻²", ".m-2")),
+        *((text, "Pa", KGF / 1e-4) for text in ("kp/cm²", "KGF/cm2", "kp/cm2")),
+        *((text, "Pa", LBF / INCH**2) for text in ("psi", "PSI", "Psi", "lbf/in2", "lbf/in²")),
+        *((text, "Pa", 1e3 * LBF / INCH**2) for text in ("ksi", "KSI")),
+        *((text, "Pa", 1e5) for text in ("bar", "Bar", "BAR")),
+        *((text, "Pa", 1e6) for text in ("MPa", "MPA")),
+        *((text, "N", KGF) for text in ("kgf", "Kgf", "KGF", "kp")),
+        ("gf", "N", 1e-3 * KGF),
+        *((text, "N", LBF) for text in ("lbf", "Lbf", "LBF")),
+        ("KN", "N", 1e3),
+        ("Newton", "N", 1.0),
+        ("µε", "1", 1e-6),
+        ("με", "1", 1e-6),
+        *((text, "m^2", 1e-6) for text in ("mm2", "mm²", "mm^2")),
+        ("in2", "m^2", INCH**2),
+        ("g/cm3", "kg/m^3", 1e3),
+        *((text, "1/s", 1.0) for text in ("s-1", "s⁻¹", "1/s")),
+    ],
+)
+def test_units_as_testing_machines_print_them(written: str, unit: str, factor: float) -> None:
+    assert unit_factor(written, unit) == pytest.approx(factor, rel=1e-12)  # round-off of a few products
+    assert quantity(f"2.5 {written}", unit) == pytest.approx(2.5 * factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("written", ["mpa", "m2p", "cm2cm", "2m", "H2O", "cm22"])
+def test_a_digit_or_capital_that_could_mean_two_things_is_refused(written: str) -> None:
+    with pytest.raises(UnitError):
+        unit_factor(written, "Pa")
+
+
 @pytest.mark.parametrize("value", [9.5, 3, True, None, ["9.5 mm"]])
 def test_a_value_that_is_no_text_has_no_unit(value: object) -> None:
     with pytest.raises(UnitError, match="has no unit"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from explicit.materials import LAWS
 from kolsky.base.errors import InputError
@@ -25,9 +25,14 @@ from kolsky.bodies.actuator_control import (
     run_loop,
 )
 from kolsky.bodies.actuator_model import Actuator, Pneunet
+<<<<<<< HEAD
 from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
 from kolsky.cli.commandline import app
 from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
+=======
+from kolsky.bodies.actuator_reading import read_actuator, volume_reading
+from kolsky.equilibrium.loads import FollowerPressure, faces_on
+>>>>>>> main
 from kolsky.equilibrium.meshes import box
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
@@ -65,27 +70,21 @@ snapshots = 6
 """
 
 
-def _run(*words: object) -> str:
-    result = CliRunner().invoke(app, [str(word) for word in words])
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 @pytest.mark.slow
 def test_simulate_invert_and_control(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
     spec.write_text(SPEC)
-    _run("actuator", "simulate", spec, "--out", tmp_path / "s", "--vtu", "--film", "gif", "--json")
+    run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "s", "--vtu", "--film", "gif", "--json")
     for name in ("actuator.html", "bend.csv", "line.csv", "motion.csv", "downward.vtu", "downward.gif"):
         assert (tmp_path / "s" / name).stat().st_size > 0, name
     bends = json.loads((tmp_path / "s" / "actuator.json").read_text())["bends"]["downward"]
     # softer by 214 / 218 alone: it bends more, by less than twice that
     assert 0.0 < bends["healed_over_pristine_less_1"][0] < 0.04
-    said = _run("actuator", "invert", spec, "--out", tmp_path / "i", "--json")
+    said = run_kolsky("actuator", "invert", spec, "--out", tmp_path / "i", "--json").output
     assert "beyond the largest pressure" in said
     found = json.loads((tmp_path / "i" / "actuator.json").read_text())["found"]["downward"]
     assert [one["ended"] for one in found] == ["reached", "beyond the largest pressure"]
-    _run("actuator", "control", spec, "--out", tmp_path / "c", "--json")
+    run_kolsky("actuator", "control", spec, "--out", tmp_path / "c", "--json")
     run = json.loads((tmp_path / "c" / "actuator.json").read_text())["runs"]["downward"]
     assert run["ticks"] == 80
     assert max(run["settled_error_rad"]) < 1e-3
@@ -98,9 +97,9 @@ def test_chambers_touch_by_command(tmp_path: Path) -> None:
     thin = 'element = "hex8"\nwall = "1.2 mm"\ngap = "0.3 mm"\ncell = "3 mm"\ninlet = "2 mm"'
     spec = tmp_path / "touching.toml"
     spec.write_text(text.replace('element = "hex8"', thin))
-    assert "declare [contact]" in _run("actuator", "simulate", spec, "--out", tmp_path / "free")
+    assert "declare [contact]" in run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "free").output
     spec.write_text(spec.read_text() + "[contact]\n")
-    said = _run("actuator", "simulate", spec, "--out", tmp_path / "t")
+    said = run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "t").output
     assert "overlap" not in said
     found = json.loads((tmp_path / "t" / "actuator.json").read_text())["bends"]["downward"]
     free = json.loads((tmp_path / "free" / "actuator.json").read_text())["bends"]["downward"]
@@ -143,7 +142,7 @@ def test_an_arch_snaps_by_command(tmp_path: Path) -> None:
     text = text.replace("downward = [0.0, 0.0, -9.81]", "weightless = [0.0, 0.0, 0.0]")
     head, tail = text.split("[geometry]")[0], text.split("[material]")[1]
     spec.write_text(head + "[geometry]\n" + geometry + tail + '[path]\nfirst = "0.05 mbar"\n')
-    said = _run("actuator", "simulate", spec, "--out", tmp_path / "a", "--figures", "png")
+    said = run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "a", "--figures", "png").output
     assert "snaps there" in said
     found = json.loads((tmp_path / "a" / "actuator.json").read_text())["bends"]["weightless"]
     first, second = found["limit_pressures_Pa"]
@@ -160,8 +159,7 @@ def test_a_missing_table_is_named(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
     spec.write_text(SPEC[: SPEC.index("[motion]")])
     for command, table in (("invert", "invert"), ("control", "control")):
-        result = CliRunner().invoke(app, ["actuator", command, str(spec), "--out", str(tmp_path / "x")])
-        assert result.exit_code == 2
+        result = run_kolsky("actuator", command, spec, "--out", tmp_path / "x", code=2)
         assert f"[{table}]" in result.output
 
 

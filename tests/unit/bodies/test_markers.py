@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from kolsky.bodies.actuator_camera import (
     NoMarkersError,
@@ -26,7 +26,6 @@ from kolsky.bodies.actuator_markers import (
     marker_weights,
 )
 from kolsky.bodies.sheet import outliers, point_noise, project
-from kolsky.cli.commandline import app
 from kolsky.equilibrium.meshes import box
 from kolsky.equilibrium.model import Fixed, Model, Prescribed
 from kolsky.equilibrium.solid import CompressibleNeoHookean
@@ -159,8 +158,7 @@ def test_stills_are_refused_before_the_fit(tmp_path: Path, monkeypatch: pytest.M
         raise drawing.CannotRender("pictures of the scene need PyVista")
 
     monkeypatch.setattr(drawing, "offscreen_pyvista", absent)
-    result = CliRunner().invoke(app, ["specimen", "fit", str(tmp_path / "none.toml"), "--stills"])
-    assert result.exit_code == 2
+    result = run_kolsky("specimen", "fit", tmp_path / "none.toml", "--stills", code=2)
     assert "need PyVista" in result.output
     assert "--vtu" in result.output
 

@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
-from kolsky.cli.commandline import app
 from tests.unit.bodies.test_reading import _field_folder
 
 SPEC = """
@@ -39,22 +38,16 @@ displacement = { column = "displacement x (mm)", unit = "mm" }
 force = { column = "force x (N)", unit = "N" }"""
 
 
-def _run(*words: object) -> str:
-    result = CliRunner().invoke(app, [str(word) for word in words])
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 @pytest.mark.slow
 def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     truth = tmp_path / "truth.toml"
     truth.write_text(SPEC.format(mu="24 kPa", data='stroke = "20 mm"\nsamples = 8'))
-    _run("specimen", "simulate", truth, "--seed", 3, "--out", tmp_path, "--vtu", "--json")
+    run_kolsky("specimen", "simulate", truth, "--seed", 3, "--out", tmp_path, "--vtu", "--json")
     assert (tmp_path / "pull.vtu").stat().st_size > 0
     assert (tmp_path / "pull_strains.csv").read_text().startswith("strain from (1),")
     spec = tmp_path / "spec.toml"
     spec.write_text(SPEC.format(mu="10 kPa", data=FILE))
-    _run("specimen", "fit", spec, "--out", tmp_path / "fit", "--json", "--stills")
+    run_kolsky("specimen", "fit", spec, "--out", tmp_path / "fit", "--json", "--stills")
     assert (tmp_path / "fit" / "stills" / "pull.png").stat().st_size > 10_000
     said = json.loads((tmp_path / "fit" / "specimen.json").read_text())
     own = said["fits"]["pull"]["estimates"]["mu"]
@@ -66,7 +59,7 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     assert "Correlations" not in page  # one constant has none
     names = {path.name for path in (tmp_path / "fit").rglob("*") if path.is_file()}
     assert {"forces.csv", "constants.csv", "specimen.h5", "pull_tension.csv", "pull_shot.toml"} <= names
-    _run("specimen", "plan", truth, "--out", tmp_path / "plan", "--json")
+    run_kolsky("specimen", "plan", truth, "--out", tmp_path / "plan", "--json")
     told = json.loads((tmp_path / "plan" / "plan.json").read_text())
     sigmas = {tuple(one["tests"]): one["relative_sigma"]["mu"] for one in told["choices"]}
     # The deviation of the fit is the planned one, widened by what its own residuals show (8 samples).
@@ -77,7 +70,7 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_sheet(tmp_path: Path) -> None:
     _field_folder(tmp_path)
-    _run(
+    run_kolsky(
         "specimen",
         "fit",
         tmp_path / "sheet.toml",
@@ -98,6 +91,5 @@ def test_sheet(tmp_path: Path) -> None:
 
 def test_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     _field_folder(tmp_path)
-    result = CliRunner().invoke(app, ["specimen", "fit", str(tmp_path / "sheet.toml"), "--noise", "0.1"])
-    assert result.exit_code == 2
+    result = run_kolsky("specimen", "fit", tmp_path / "sheet.toml", "--noise", "0.1", code=2)
     assert "for force curves" in result.output

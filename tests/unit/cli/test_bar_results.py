@@ -1,24 +1,19 @@
 """Files and numbers of a test between bars against closed forms: sensitivities, true curve, database."""
 
 import csv
-import json
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from barshots import ARRIVAL, DIAMETER, LENGTH, STRESS, bar_shot, strains, write_scope
-from typer.testing import CliRunner
-
-from kolsky.cli import app
+from kolsky_command import json_of, run_kolsky
 
 MORE = 'specimen_length = "0.5 %"\ngauge_calibration = "0.2 %"'
 
 
 def reduce(folder: Path) -> dict:
-    done = CliRunner().invoke(app, ["waves", str(folder), "--json"])
-    assert done.exit_code == 0, done.stderr
-    return json.loads(done.stdout)
+    return json_of("waves", folder)
 
 
 @pytest.fixture(scope="module", params=["compression", "tension"])
@@ -137,20 +132,13 @@ def test_the_quoted_analysis_is_the_chosen_one(tmp_path, way, factor):
 
 def test_an_analysis_that_is_none_is_refused(tmp_path):
     folder = bar_shot(tmp_path / "shot", waves='analysis = "four waves"')
-    done = CliRunner().invoke(app, ["waves", str(folder)])
-    assert done.exit_code == 2
+    done = run_kolsky("waves", folder, code=2)
     assert "waves.analysis" in done.stderr
-
-
-def run(*arguments: str):
-    return CliRunner().invoke(app, list(arguments))
 
 
 def test_check_shows_what_was_understood_between_bars(tmp_path):
     folder = bar_shot(tmp_path / "shot")
-    done = run("check", str(folder), "--json")
-    assert done.exit_code == 0, done.stderr
-    said = json.loads(done.stdout)
+    said = json_of("check", str(folder))
     assert said["specimen"]["diameter"] == {"value": 0.01, "unit": "m"}
     assert said["bars.incident"]["wave_speed"]["value"] == pytest.approx(5000.0)
     assert said["bars.incident"]["modulus"]["value"] == pytest.approx(200e9)
@@ -173,8 +161,7 @@ def test_check_shows_what_was_understood_between_bars(tmp_path):
 
 def test_check_writes_a_page_with_the_signals(tmp_path):
     folder = bar_shot(tmp_path / "shot")
-    done = run("check", str(folder))
-    assert done.exit_code == 0, done.stderr
+    run_kolsky("check", folder)
     page = (folder / "results" / "check.html").read_text(encoding="utf-8")
     assert "Strain at the gauges on the shot’s clock" in page
     assert "gauge_distance" in page
@@ -183,8 +170,7 @@ def test_check_writes_a_page_with_the_signals(tmp_path):
 
 def test_check_refuses_what_holds_no_test(tmp_path):
     folder = bar_shot(tmp_path / "shot", waves='load = "tension"')
-    done = run("check", str(folder))
-    assert done.exit_code == 2
+    done = run_kolsky("check", str(folder), code=2)
     assert "incident gauge" in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -192,22 +178,19 @@ def test_check_refuses_what_holds_no_test(tmp_path):
 @pytest.mark.parametrize("command", ["check", "waves"])
 def test_an_error_leads_to_new_bars(tmp_path, command):
     (tmp_path / "empty").mkdir()
-    done = run(command, str(tmp_path / "empty"))
-    assert done.exit_code == 2
+    done = run_kolsky(command, str(tmp_path / "empty"), code=2)
     assert "--bars" in done.stderr
     folder = bar_shot(tmp_path / "shot")
     path = folder / "shot.toml"
     text = path.read_text()
     path.write_text(text[: text.index("[gauges.incident]")] + text[text.index("[waves]") :])
-    done = run(command, str(folder))
-    assert done.exit_code == 2
+    done = run_kolsky(command, str(folder), code=2)
     assert "gauges" in done.stderr
     assert "kolsky new FOLDER --bars" in done.stderr
 
 
 def new_bars(folder) -> str:
-    done = run("new", str(folder), "--bars")
-    assert done.exit_code == 0, done.output
+    done = run_kolsky("new", str(folder), "--bars")
     assert f"kolsky check {folder}" in done.stdout
     return (folder / "shot.toml").read_text(encoding="utf-8")
 
@@ -226,8 +209,7 @@ def test_new_bars_finds_channels_by_their_names(tmp_path):
     assert 'channels = ["Ausgangsstab [mV]"]' in after
     assert "# Eingangsstab [mV] leaves the level of its beginning at about 200" in before
     assert "at about 500" in after  # 1000 mm and 500 mm behind the incident gauge
-    blank = run("check", str(tmp_path))
-    assert blank.exit_code == 2
+    blank = run_kolsky("check", str(tmp_path), code=2)
     assert "gauges.incident.distance" in blank.stderr
 
 
@@ -296,5 +278,4 @@ def test_a_file_of_new_bars_that_is_filled_in_is_reduced(tmp_path):
     }.items():
         gauges = gauges.replace(key, value)
     (tmp_path / "shot" / "shot.toml").write_text(before + "[gauges.incident]" + gauges, encoding="utf-8")
-    done = run("check", str(tmp_path / "shot"), "--json")
-    assert done.exit_code == 0, done.stderr
+    run_kolsky("check", tmp_path / "shot", "--json")

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import typer
 from damaged_shots import BAD
+from kolsky_command import json_of, run_kolsky
 from rich.text import Text
 from shot_folders import FILES, OPEN_01, QUICK, ROOT, TINY, shot_in, state
 from synthetic import synthetic
@@ -45,8 +46,7 @@ def shot(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory):
     folder = shot_in(tmp_path_factory.mktemp("identified") / "shot")
-    result = runner.invoke(app, ["identify", str(folder), *QUICK, "--figures", "svg", "--json"])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("identify", folder, *QUICK, "--figures", "svg", "--json")
     return folder, result
 
 
@@ -101,9 +101,7 @@ def test_the_report_has_words_for_every_key(identified) -> None:
 
 def test_simulate(shot: Path) -> None:
     arguments = ["simulate", str(shot), *TINY, "-p", "stiffness_factor=1.12", "-p", "damping=25 us", "--vtu"]
-    result = runner.invoke(app, [*arguments, "--json"])
-    assert result.exit_code == 0, result.stderr
-    said = json.loads(result.stdout)
+    said = json_of(*arguments)
     assert said["parameters"] == pytest.approx({"stiffness_factor": 1.12, "damping": 25e-6})
     assert said["outcome"] == "COMPLETED"
     assert said["energy_imbalance"] < 1e-3
@@ -122,8 +120,7 @@ def test_simulate(shot: Path) -> None:
 
 
 def test_simulate_for_people(shot: Path) -> None:
-    result = runner.invoke(app, ["simulate", str(shot), *TINY, "-p", "friction=0.5"])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("simulate", shot, *TINY, "-p", "friction=0.5")
     assert "parameters          friction = 0.5" in result.stdout
     assert re.search(r"wall time +\d", result.stdout)
     assert "Coulomb's law replaced the interface" in result.stderr
@@ -158,8 +155,7 @@ def test_nearly_incompressible_has_its_limits(shot: Path) -> None:
         (["--mesh", "12x16", "-p", "poisson=0.49"], "poisson must be above compressible = 0.495, got 0.49"),
         (TINY, "needs 12 elements or more across the radius, got 8"),
     ):
-        result = runner.invoke(app, ["simulate", str(shot), *arguments, "--nearly-incompressible"])
-        assert result.exit_code == 2
+        result = run_kolsky("simulate", shot, *arguments, "--nearly-incompressible", code=2)
         assert words in " ".join(result.stderr.split())
 
 
@@ -173,9 +169,7 @@ def test_sweep(shot: Path) -> None:
         "--vary",
         "damping=0:50 us:2",
     ]
-    result = runner.invoke(app, [*arguments, "--json"])
-    assert result.exit_code == 0, result.stderr
-    said = json.loads(result.stdout)
+    said = json_of(*arguments)
     assert (said["runs"], said["completed"], said["warnings"]) == (6, 6, [])
     with (shot / "results" / "sweep.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -193,8 +187,7 @@ def test_random_sweeps_repeat_with_their_seed(design: str, shot: Path) -> None:
     arguments = ["sweep", str(shot), *TINY, "--design", design, "--runs", "4", "--vary", "friction=0.1:0.6"]
     written = []
     for seed in ("7", "7", "8"):
-        result = runner.invoke(app, [*arguments, "--seed", seed])
-        assert result.exit_code == 0, result.stderr
+        result = run_kolsky(*arguments, "--seed", seed)
         assert "completed" in result.stdout
         written.append((shot / "results" / "sweep.csv").read_bytes())
     assert written[0] == written[1] != written[2]
@@ -204,8 +197,7 @@ def test_sweep_over_the_release_stress(shot: Path) -> None:
     file = shot / "shot.toml"
     text = file.read_text("utf-8").replace('faces = "bonded" ', 'faces = "bonded_release" ')
     file.write_text(text.replace("# friction = 0.3 ", 'release_stress = "50 kPa" '), "utf-8")
-    result = runner.invoke(app, ["sweep", str(shot), *TINY, "--vary", "release_stress=0:100 kPa:2", "--json"])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("sweep", shot, *TINY, "--vary", "release_stress=0:100 kPa:2", "--json")
     assert json.loads(result.stdout)["completed"] == 2
     with (shot / "results" / "sweep.csv").open(newline="") as opened:
         rows = list(csv.DictReader(opened))
@@ -218,8 +210,7 @@ def test_sweep_over_the_release_stress(shot: Path) -> None:
     [([], "(faces bonded, side bonded): choose the law"), (["-p", "friction=0.3"], "beside friction")],
 )
 def test_a_release_stress_without_effect_is_refused(more: list[str], words: str, shot: Path) -> None:
-    result = runner.invoke(app, ["simulate", str(shot), *TINY, "-p", "release_stress=20 kPa", *more])
-    assert result.exit_code == 2
+    result = run_kolsky("simulate", shot, *TINY, "-p", "release_stress=20 kPa", *more, code=2)
     assert "release_stress has no effect" in result.stderr
     assert words in result.stderr
 
@@ -331,8 +322,7 @@ def test_bad_shots_are_answered_in_one_line(command: str, case: str, shot: Path)
     mutate, fragments = BAD[case]
     mutate(shot)
     before = state(shot.parent)
-    result = runner.invoke(app, [command, str(shot), "--json"])
-    assert result.exit_code == 2, result.stdout
+    result = run_kolsky(command, shot, "--json", code=2)
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1, result.stderr
     assert result.stderr.startswith(str(shot))
@@ -379,8 +369,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
 def test_bad_options_are_answered_in_one_line(case: str, shot: Path) -> None:
     (command, *options), words = OPTIONS[case]
     before = state(shot.parent)
-    result = runner.invoke(app, [command, str(shot), *options])
-    assert result.exit_code == 2, result.stdout
+    result = run_kolsky(command, shot, *options, code=2)
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1, result.stderr
     assert result.stderr.startswith("command line: ")
@@ -400,8 +389,7 @@ def test_a_file_for_a_folder_is_refused_before_any_run(command: str, shot: Path)
     out = shot.parent / "taken"
     out.write_text("mine")
     for place in (out, out / "below"):
-        result = runner.invoke(app, [command, str(shot), "--out", str(place)])
-        assert result.exit_code == 2
+        result = run_kolsky(command, shot, "--out", place, code=2)
         assert result.stderr == (
             f"{out}: is a file; results need a folder. Cure: give another place with --out FOLDER\n"
         )
@@ -413,8 +401,7 @@ def test_a_folder_without_permission_is_refused_before_any_run(
 ) -> None:
     # The administrator may write anywhere, so the answer of the system is made up.
     monkeypatch.setattr("os.access", lambda path, mode: not (Path(path) == shot and mode & os.W_OK))
-    result = runner.invoke(app, ["identify", str(shot)])
-    assert result.exit_code == 2
+    result = run_kolsky("identify", shot, code=2)
     assert result.stderr.startswith(f"{shot}: is not writable. Cure: ")
     assert usable_folder(shot.parent / "elsewhere") == shot.parent / "elsewhere"
 
@@ -428,8 +415,7 @@ def test_a_failed_write_leaves_old_results_as_they_were(shot: Path, monkeypatch:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("kolsky.base.files.os.fsync", full)
-    result = runner.invoke(app, [*arguments, "-p", "stiffness_factor=1.3"])
-    assert result.exit_code == 2
+    result = run_kolsky(*arguments, "-p", "stiffness_factor=1.3", code=2)
     assert result.stderr == (
         f"{shot / 'results' / 'simulation'}: results cannot be written: No space left on device. "
         "Cure: give another place with --out FOLDER\n"
@@ -499,20 +485,16 @@ def curve(tmp_path):
 
 
 def test_units_in_brackets_are_shown(curve):
-    shown = json.loads(CliRunner().invoke(app, ["channels", str(curve), "--json"]).stdout)
+    shown = json_of("channels", curve)
     assert [channel["unit"] for channel in shown["channels"]] == ["1", "Pa", "Pa"]
 
 
 @pytest.mark.parametrize("bracket", ["", " ({})"])
 def test_a_written_curve_is_fitted(curve, bracket):
     columns = [f"nominal strain{bracket.format('1')}", f"nominal stress{bracket.format('Pa')}"]
-    done = CliRunner().invoke(
-        app,
-        ["material", "fit", str(curve), "--strain", columns[0], "--stress", columns[1], "--convention",
-         "compression-positive", "--laws", "neo_hookean", "--out", str(curve.parent / "out"), "--json"],
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
-    fit = json.loads(done.stdout)["laws"][0]["fit"]
+    words = ["--convention", "compression-positive", "--laws", "neo_hookean", "--out"]
+    columns = ["--strain", columns[0], "--stress", columns[1]]
+    fit = json_of("material", "fit", curve, *columns, *words, curve.parent / "out")["laws"][0]["fit"]
     assert fit["constants"]["mu"] == pytest.approx(20e3, rel=1e-9)
 
 
@@ -584,13 +566,10 @@ def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_command_says_the_same_in_json(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["doctor", str(tmp_path), "--json"])
-    assert done.exit_code == 0, done.output
-    said = json.loads(done.stdout)
+    said = json_of("doctor", tmp_path)
     assert said["versions"]["kolsky"] == examine(tmp_path).versions["kolsky"]
     assert said["problems"] == []
-    lost = CliRunner().invoke(app, ["doctor", str(tmp_path / "nowhere")])
-    assert lost.exit_code == 1
+    lost = run_kolsky("doctor", tmp_path / "nowhere", code=1)
     assert "cannot be written to" in lost.output
 
 

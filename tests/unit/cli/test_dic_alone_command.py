@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from boards import LENS, MATRIX, averaged, dots, flat, pose
+from kolsky_command import json_of
 from speckle_pictures import render, speckle_pattern
 from typer.testing import CliRunner
 
@@ -56,9 +57,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
-    said = CliRunner().invoke(app, ["dic", str(folder), "--out", str(out), "--json", "--csv", "--vtp"])
-    assert said.exit_code == 0, said.output
-    return out, json.loads(said.stdout)
+    return out, json_of("dic", folder, "--out", out, "--csv", "--vtp")
 
 
 def test_a_plane_stretch_comes_out_with_its_extensometer(done):

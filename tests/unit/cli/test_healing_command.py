@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from typer.testing import CliRunner
 
 from kolsky.cli import app
@@ -200,8 +201,7 @@ def test_columns_without_a_unit_ask_for_it(tmp_path: Path):
         "Load",
     ]
     size = ["--diameter", "9.5 mm", "--length", "6.5 mm", "--out", str(tmp_path / "c.csv")]
-    result = CliRunner().invoke(app, [*args, *size])
-    assert result.exit_code == 2
+    result = run_kolsky(*args, *size, code=2)
     assert "--unit 'Load=N'" in result.stderr
     assert CliRunner().invoke(app, [*args, *size, "--unit", "Load=N"]).exit_code == 0
 

@@ -13,11 +13,10 @@ from typing import Any
 
 import pytest
 from dask_processes import dask_processes
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError, InputErrors
 from kolsky.cli import identify as module
-from kolsky.cli.commandline import app
 from kolsky.cli.identify import Printout, SingleShotJob, identify_each, run_jobs
 from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import is_quiet, printing
@@ -158,8 +157,7 @@ def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
 def test_workers_of_a_single_identification_are_refused(tmp_path: Path) -> None:
     for words in (["--dask", "x"], ["--processes", "2"]):
         for shots in (["a"], ["a", "b"]):
-            result = CliRunner().invoke(app, ["identify", *shots, *words])
-            assert result.exit_code == 2
+            result = run_kolsky("identify", *shots, *words, code=2)
             assert "give --each" in result.output
 
 
@@ -185,8 +183,7 @@ def test_processes_and_dask_give_the_bits_of_one_process(tmp_path: Path) -> None
 
     def answers(*more: str) -> list[tuple[float, list[float]]]:
         out = tmp_path / "out"
-        result = CliRunner().invoke(app, [*words, "--threads", "1", "--out", str(out), *more])
-        assert result.exit_code == 2, result.output
+        result = run_kolsky(*words, "--threads", "1", "--out", out, *more, code=2)
         *good, bad = json.loads(result.stdout)["shots"]
         assert "there is no such folder" in bad["problem"]
         assert all(Path(one["report"]).is_file() for one in good)

@@ -1,10 +1,9 @@
 """`kolsky identify SHOT...`: options reach the settings, and what cannot be is refused before any work."""
 
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.cli.identify_shots import JointOptions
 from kolsky.inverse.settings import Numerics, Settings
 
@@ -40,6 +39,5 @@ def test_values_that_cannot_be_name_the_command_line() -> None:
     ],
 )
 def test_options_outside_their_mode_are_refused(words: tuple[str, ...], message: str) -> None:
-    done = CliRunner().invoke(app, ["identify", *words])
-    assert done.exit_code == 2
+    done = run_kolsky("identify", *words, code=2)
     assert message in done.stderr

@@ -71,7 +71,7 @@ def test_from_files_to_a_report(tmp_path):
 def test_repeats_are_averaged(tmp_path):
     files = [write(tmp_path / f"r{k}.csv", factor=1.0 + 0.1 * k) for k in (-1, 0, 1)]
     columns = Columns("tension-positive", strain="1", stress="2")
-    (mean,), hashes = read_tests([str(f) for f in files], columns, mean=7)
+    (mean,), hashes, _ = read_tests([str(f) for f in files], columns, mean=7)
     assert (mean.name, len(mean.stress), len(hashes)) == ("mean of 3 uniaxial", 7, 3)
     np.testing.assert_allclose(mean.deformation[[0, -1]], [0.97, 0.55], rtol=1e-9)
     ends = incompressible_stress(LAW, Mode.UNIAXIAL, mean.deformation[[0, -1]])
@@ -91,12 +91,12 @@ def test_a_stretch_has_no_sign_and_names_are_told_apart(tmp_path):
         T = incompressible_stress(LAW, Mode.UNIAXIAL, STRETCH)
         np.savetxt(tmp_path / folder / "t.txt", np.column_stack([-1e-6 * T, STRETCH]))
     columns = Columns("compression-positive", stretch="2", stress="1", stress_unit="MPa")
-    tests, _ = read_tests([str(tmp_path / "a" / "t.txt"), f"planar:{tmp_path / 'b' / 't.txt'}"], columns)
+    tests, _, _ = read_tests([str(tmp_path / "a" / "t.txt"), f"planar:{tmp_path / 'b' / 't.txt'}"], columns)
     assert [t.name for t in tests] == ["uniaxial t", "planar t"]
     for test in tests:
         np.testing.assert_allclose(test.deformation, STRETCH)
         np.testing.assert_allclose(test.stress, T)
-    twice, _ = read_tests([str(tmp_path / f / "t.txt") for f in ("a", "b")], columns)
+    twice, _, _ = read_tests([str(tmp_path / f / "t.txt") for f in ("a", "b")], columns)
     assert [t.name for t in twice] == ["uniaxial t (1)", "uniaxial t (2)"]
 
 
@@ -178,7 +178,7 @@ def test_a_lateral_strain_has_its_files_unit(tmp_path):
     rows = [f"{e},{2 * e},{-0.4 * e}" for e in (0.5, 1.0, 2.0, 4.0)]
     path = tmp_path / "pull.csv"
     path.write_text("\n".join(["Strain (%),Stress (kPa),Side (%)", *rows]) + "\n", encoding="utf-8")
-    (test,), _ = read_tests(
+    (test,), _, _ = read_tests(
         [str(path)],
         Columns("tension-positive", strain="Strain", stress="Stress", lateral="Side", lateral_strain=True),
     )
@@ -193,11 +193,56 @@ def test_tables_of_the_package_need_no_columns(tmp_path):
     rows = [f"{e},{6e4 * e},0" for e in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35)]
     head = "nominal strain (1),nominal stress (Pa),independent sigma (Pa)"
     path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    (test,), _ = read_tests([str(path)], Columns("compression-positive"))
+    (test,), _, _ = read_tests([str(path)], Columns("compression-positive"))
     np.testing.assert_allclose(test.deformation[::2], [0.95, 0.85, 0.75, 0.65])
     np.testing.assert_allclose(test.stress[::2], [-3e3, -9e3, -15e3, -21e3])
-    with pytest.raises(InputError, match="the columns of the test are not named"):
-        read_tests([str(write(tmp_path / "other.csv"))], Columns("compression-positive"))
+
+
+SIZE = {"length": 10e-3, "area": 1e-4}
+
+
+@pytest.mark.parametrize(
+    ("headings", "size", "taken"),
+    [
+        ("Kraft [N];Weg [mm]", SIZE, ("Weg [mm]", "Kraft [N]")),
+        ("Standardkraft/N;Standardweg/mm", SIZE, ("Standardweg/mm", "Standardkraft/N")),
+        ("Load (N);Extension (mm)", SIZE, ("Extension (mm)", "Load (N)")),
+        ("Force_N;Stroke_mm", SIZE, ("Stroke_mm", "Force_N")),
+        ("Spannung [Pa];Dehnung [%]", {}, ("Dehnung [%]", "Spannung [Pa]")),
+        ("Tensile stress, Pa;Tensile strain, %", {}, ("Tensile strain, %", "Tensile stress, Pa")),
+        ("Nominal stress (Pa);Extension (%)", {}, None),  # an extension is no strain by its name
+        ("True stress (Pa);True strain (%)", {}, None),
+        ("Force A (N);Travel (mm)", SIZE, ("Travel (mm)", "Force A (N)")),
+        ("Load cell (V);Travel (mm)", SIZE, None),
+    ],
+)
+def test_columns_are_taken_by_their_names_or_asked_for(tmp_path, headings, size, taken):
+    path = tmp_path / "a.csv"
+    rows = [f"{0.5 * i};{0.1 * i}" for i in range(1, 9)]
+    path.write_text("\n".join([headings, *rows]) + "\n", encoding="utf-8")
+    columns = Columns("tension-positive", **size)
+    if taken is None:
+        with pytest.raises(InputError, match="the file has the columns of numbers '") as caught:
+            read_tests([str(path)], columns)
+        assert all(name in caught.value.message for name in headings.split(";"))
+        return
+    (test,), _, (words,) = read_tests([str(path)], columns)
+    assert all(f"'{name}' as the " in words for name in taken)
+    at = 0.1 * np.arange(1, 9)
+    np.testing.assert_allclose(test.strain, at * (0.1 if size else 0.01), rtol=1e-9)  # of 10 mm, or in %
+    np.testing.assert_allclose(test.stress, 5.0 * at * (1e4 if size else 1.0), rtol=1e-9)
+
+
+def test_of_two_pairs_the_declared_size_chooses_and_two_of_a_kind_are_asked_for(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"{0.5 * i};{0.1 * i};{7.0 * i};{i}" for i in range(1, 9)]
+    path.write_text("\n".join(["Kraft [N];Weg [mm];Spannung [Pa];Dehnung [%]", *rows]), encoding="utf-8")
+    for size, stress in ((SIZE, 0.5e4), ({}, 7.0)):
+        (test,), _, _ = read_tests([str(path)], Columns("tension-positive", **size))
+        assert test.stress[0] == pytest.approx(stress, rel=1e-12)
+    path.write_text("\n".join(["Spannung 1 [Pa];Dehnung [%];Spannung 2 [Pa];x", *rows]), encoding="utf-8")
+    with pytest.raises(InputError, match=r"'Spannung 1 .*'Spannung 2 "):
+        read_tests([str(path)], Columns("tension-positive"))
 
 
 def test_a_held_cylinder_has_one_size():

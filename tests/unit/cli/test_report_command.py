@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from shot_folders import shot_in
 from synthetic import synthetic
 from typer.testing import CliRunner
@@ -59,8 +60,7 @@ def test_the_page_again_without_a_simulation(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("kolsky.inverse.forward.Forward.run", never)
     folder = shot_in(tmp_path / "shot")
     identified(folder)
-    result = runner.invoke(app, ["report", str(folder), "--figures", "csv", "--json"])
-    assert result.exit_code == 0, result.stderr
+    run_kolsky("report", folder, "--figures", "csv", "--json")
     written = {str(path.relative_to(folder / "results")) for path in (folder / "results").rglob("*.*")}
     assert {"report.html", "figures/raw-signals.csv", "figures/flyer-path.csv"} <= written
     html = (folder / "results" / "report.html").read_text(encoding="utf-8")
@@ -76,15 +76,13 @@ def test_a_result_of_other_files_is_refused(tmp_path: Path) -> None:
     identified(folder)
     with (folder / "flyer.csv").open("a", encoding="utf-8") as file:
         file.write("\n")
-    result = runner.invoke(app, ["report", str(folder)])
-    assert result.exit_code == 2
+    result = run_kolsky("report", folder, code=2)
     assert "made from other files than those of the shot: flyer.csv" in result.stderr
     assert not (folder / "results" / "report.html").exists()
 
 
 def test_a_shot_without_a_result_is_refused(tmp_path: Path) -> None:
-    result = runner.invoke(app, ["report", str(shot_in(tmp_path / "shot"))])
-    assert result.exit_code == 2
+    result = run_kolsky("report", shot_in(tmp_path / "shot"), code=2)
     assert "identification.h5" in result.stderr
     assert "kolsky identify" in result.stderr
 
@@ -104,8 +102,7 @@ def test_a_hostile_name_is_escaped_and_confined(
     file.write_text(text.replace("format = 1\n", f'format = 1\nname = "{name}"\n', 1), encoding="utf-8")
     identified(folder)
     before = outside(tmp_path, folder / "results")
-    result = runner.invoke(app, ["report", str(folder)])
-    assert result.exit_code == 0, result.stderr
+    run_kolsky("report", folder)
     assert outside(tmp_path, folder / "results") == before
     html = (folder / "results" / "report.html").read_text(encoding="utf-8")
     assert "<script>alert" not in html

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from shot_folders import TINY, shot_in
-from typer.testing import CliRunner
 
 from doe.box import Constraint
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.cli.sweep import DesignChoice, Workers
 
 NAMES = ("friction", "stiffness_factor")
@@ -111,8 +110,7 @@ def test_a_sweep_through_processes_is_the_same_sweep(tmp_path: Path) -> None:
     shot = shot_in(tmp_path / "shot")
     arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0.1:0.6:3", "--where", "friction < 0.5"]
     arguments += ["--ledger", "none", "--json"]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
+    result = run_kolsky(*arguments)
     assert json.loads(result.stdout)["left_out_by_constraints"] == 1
     alone = rows(shot)
     # A process of its own: spawned workers import the main module.

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 import typer
+from kolsky_command import run_kolsky
 from shot_folders import ROOT, state
-from typer.testing import CliRunner
 
 from benchmarks.small_cases import small_shot
-from kolsky.cli import app
 from kolsky.cli.commandline import LONGEST_PLACE, of_system, refusing_bad_input
 
 LONG = "a" * 5000
@@ -35,8 +34,7 @@ COMMANDS = (
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_name_that_is_too_long(command: str) -> None:
-    done = CliRunner().invoke(app, [command, LONG])
-    assert done.exit_code == 2
+    done = run_kolsky(command, LONG, code=2)
     assert isinstance(done.exception, SystemExit)
     (line,) = done.stderr.splitlines()
     assert "File name too long" in line

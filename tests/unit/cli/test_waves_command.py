@@ -6,9 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from kolsky.cli import app
+from kolsky_command import json_of, run_kolsky
 
 INTERVAL, E, RHO = 1e-7, 200e9, 8000.0
 C0 = 5000.0  # sqrt(E / rho): 0.5 mm a sample
@@ -111,18 +109,10 @@ def shot(
     return folder
 
 
-def run(*arguments: str) -> "tuple[int, str, str]":
-    """Exit code, stdout and stderr of the command."""
-    result = CliRunner().invoke(app, ["waves", *arguments])
-    return result.exit_code, result.stdout, result.stderr
-
-
 @pytest.fixture(scope="module", params=["compression", "tension"])
 def reduced(request, tmp_path_factory) -> tuple[Path, dict]:
     folder = shot(tmp_path_factory.mktemp("waves") / "shot", load=request.param)
-    code, out, err = run(str(folder), "--json", "--figures", "svg")
-    assert code == 0, err
-    return folder / "results", json.loads(out)
+    return folder / "results", json_of("waves", folder, "--figures", "svg")
 
 
 def test_rate_stress_and_strain_are_those_that_were_planted(reduced):
@@ -187,9 +177,7 @@ def test_windows_from_the_shot_file_are_taken(tmp_path):
         'transmitted = ["505 us", "700 us"]\n'
     )
     folder = shot(tmp_path / "shot", waves=declared)
-    code, out, err = run(str(folder), "--json")
-    assert code == 0, err
-    assert json.loads(out)["windows"] == {
+    assert json_of("waves", folder)["windows"] == {
         "incident": [205e-6, 400e-6],
         "reflected": [605e-6, 800e-6],
         "transmitted": [505e-6, 700e-6],
@@ -216,8 +204,7 @@ def test_a_bad_declaration_is_one_line_with_its_cure(tmp_path, old, new, named):
     text = (folder / "shot.toml").read_text()
     assert old in text
     (folder / "shot.toml").write_text(text.replace(old, new))
-    code, _, err = run(str(folder))
-    assert code == 2
+    err = run_kolsky("waves", folder, code=2).stderr
     assert named in err
     assert "Traceback" not in err
     assert not (folder / "results").exists()
@@ -227,15 +214,13 @@ def test_no_pulse_is_said_with_the_gauge(tmp_path):
     folder = shot(tmp_path / "shot")
     text = (folder / "shot.toml").read_text()
     (folder / "shot.toml").write_text(text.replace('load = "compression"', 'load = "tension"'))
-    code, _, err = run(str(folder))
-    assert code == 2
+    err = run_kolsky("waves", folder, code=2).stderr
     assert "incident gauge" in err
 
 
 def test_a_hostile_name_is_escaped_and_stays_in_its_folder(tmp_path):
     folder = shot(tmp_path / "shot", name='"<script>alert(1)</script>../../x"')
-    code, _, err = run(str(folder))
-    assert code == 0, err
+    run_kolsky("waves", folder)
     page = (folder / "results" / "waves.html").read_text(encoding="utf-8")
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
@@ -245,8 +230,7 @@ def test_a_hostile_name_is_escaped_and_stays_in_its_folder(tmp_path):
 def test_repeats_give_a_mean_with_a_band_that_covers(tmp_path):
     folders = [shot(tmp_path / name, name=f'"{name}"', seed=seed) for seed, name in enumerate("abc")]
     arguments = ["repeats", *map(str, folders), "--out", str(tmp_path / "mean"), "--figures", "svg", "--json"]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky(*arguments)
     said = json.loads(result.stdout)
     assert said["tests"] == ["a", "b", "c"]
     low, high = said["largest_mean_stress"]["band"]
@@ -262,8 +246,7 @@ def test_repeats_give_a_mean_with_a_band_that_covers(tmp_path):
 
 
 def test_one_shot_is_no_repeat(tmp_path):
-    result = CliRunner().invoke(app, ["repeats", str(shot(tmp_path / "a")), "--out", str(tmp_path / "mean")])
-    assert result.exit_code == 2
+    result = run_kolsky("repeats", shot(tmp_path / "a"), "--out", tmp_path / "mean", code=2)
     assert "2 or more" in result.stderr
 
 
@@ -279,8 +262,7 @@ def test_a_shunt_that_contradicts_is_refused(tmp_path, step, named):
     folder = shot(tmp_path / "shot")
     text = (folder / "shot.toml").read_text()
     (folder / "shot.toml").write_text(text.replace("gain = 100", SHUNT.format(step=step)))
-    code, _, err = run(str(folder))
-    assert code == 2
+    err = run_kolsky("waves", folder, code=2).stderr
     assert named in err
     assert "gauges.transmission.bridge" in err
 
@@ -292,8 +274,7 @@ def test_a_shunt_gives_the_gain(tmp_path):
         folder = shot(tmp_path / f"shot{scale}")
         text = (folder / "shot.toml").read_text()
         (folder / "shot.toml").write_text(text.replace("gain = 100", SHUNT.format(step=scale * STEP)))
-        code, _, err = run(str(folder), "--json")
-        assert code == 0, err
+        run_kolsky("waves", folder, "--json")
         with h5py.File(folder / "results" / "waves.h5") as file:
             stresses.append(file["entry/reduction/one_wave/stress"][()].max())
     assert stresses[0] / stresses[1] == pytest.approx(

@@ -1,13 +1,13 @@
 """Parts of the chain of pictures on their own: the look at them, the rows of the outline, the clock."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 import warp as wp
 from boards import averaged, dots, flat, pose
+from memory_pictures import Memory
 from scipy import ndimage
 from scipy.special import ndtr
 from speckle_pictures import render, speckle_pattern
@@ -46,33 +46,12 @@ SETTINGS = ChainSettings(toward_flyer="left", zero=(60.0, 90.0), strip_half_widt
 REGION = Region(((10.0, 10.0), (100.0, 10.0), (100.0, 80.0), (10.0, 80.0)))
 
 
-@dataclass(frozen=True)
-class Memory:
-    """Pictures in memory; one that is None cannot be read."""
-
-    frames: tuple
-    bits: int = 12
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-    path: Path = Path("memory")
-    shape: tuple[int, int] = SHAPE
-
-    @property
-    def n_frames(self) -> int:
-        return len(self.frames)
-
-    def frame(self, index: int) -> np.ndarray:
-        if self.frames[index] is None:
-            raise PictureError(self.path, "is not there", frame=index)
-        return self.frames[index]
-
-
 def at_rest(*, seed: int, floor: float = FLOOR, gain: float = GAIN) -> Memory:
     """A specimen that rests, with known noise."""
     clean = render(speckle_pattern(SHAPE, seed=3), SHAPE, gain=8.0, offset=200.0)  # well within 12 bits
     rng = np.random.default_rng(seed)
     noise = np.sqrt(floor**2 + gain * clean) * rng.standard_normal((FRAMES, *SHAPE))
-    return Memory(tuple(np.rint(clean + noise).astype(np.uint16)))
+    return Memory(tuple(np.rint(clean + noise).astype(np.uint16)), bits=12)
 
 
 def looked(first: Memory, second: Memory, *, frames: int = FRAMES):
@@ -114,7 +93,11 @@ def test_a_noise_that_does_not_grow_with_the_grey_is_taken_as_one_number():
             lambda series: replace(series, frames=series.frames[:-1]),
             "camera 1 has 5 pictures, there are 6",
         ),
-        (0, lambda series: without(series, range(1, FRAMES)), "camera 0 has 1 usable static pictures"),
+        (
+            0,
+            lambda series: without(series, range(1, FRAMES)),
+            r"camera 0: .*5 of 6 pictures cannot be used \(5 unreadable\)",
+        ),
         (
             1,
             lambda series: replace(series, frames=series.frames[:1] * FRAMES),

@@ -1,47 +1,21 @@
 """Regions found in the pictures: rendered bodies whose rows are known, in four directions, and bad scenes."""
 
 import tracemalloc
-from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from memory_pictures import Memory
 from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
 from dic.bodies.region import _painted, find_regions, polygon_mask
 from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
-from dic.images import PictureError
 
 SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
 TOP, BOTTOM = 5.3, 84.6  # where the specimen begins and ends at rest [px]
 FLYER, SIDE = speckle_pattern((200, 112), seed=1), speckle_pattern((200, 112), seed=2)
 PLATEN = speckle_pattern((200, 112), seed=3)
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Pictures in memory; a frame that is None cannot be read."""
-
-    frames: tuple
-    bits: int = 8
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-    path: Path = Path("memory")
-
-    @property
-    def n_frames(self) -> int:
-        return len(self.frames)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.frames[0].shape
-
-    def frame(self, index: int) -> np.ndarray:
-        if self.frames[index] is None:
-            raise PictureError(self.path, "is not there", frame=index)
-        return self.frames[index]
 
 
 def scene(frame: int, *, platen: str = "even", sides: bool = True, top: float = TOP) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 import struct
 import zlib
-from pathlib import Path
 
 import cv2
 import h5py
 import numpy as np
 import pytest
 import tifffile
+from memory_pictures import Memory
 from picture_files import cih, cihx, cine, packed, twelve_bit_tiff
 from scipy.ndimage import gaussian_filter, shift
 
@@ -535,19 +535,6 @@ SIDE, FRAMES = 96, 24
 NOISE = 8.0
 
 
-class Series:
-    """Pictures in memory; None cannot be read."""
-
-    def __init__(self, frames, bits):
-        self.frames, self.bits, self.shape, self.n_frames = frames, bits, (SIDE, SIDE), len(frames)
-        self.path, self.crop_offset, self.times = Path("memory"), (0.0, 0.0), None
-
-    def frame(self, index):
-        if self.frames[index] is None:
-            raise PictureError(self.path, "is gone", frame=index)
-        return self.frames[index]
-
-
 def scene(*, bits=12, flicker=0.05, gain=1.0, at_bits=None):
     """A speckled specimen on a dark ground that moves and is pressed flat, under a flickering lamp."""
     rng = np.random.default_rng(11)
@@ -562,7 +549,7 @@ def scene(*, bits=12, flicker=0.05, gain=1.0, at_bits=None):
         picture[10 : 10 + height, 12:84] = shift(speckles, (0, 0.5 * k), order=1, mode="wrap")[:height, :72]
         grey = light * picture * (2**bits - 1) + NOISE * 2 ** (bits - 12) * rng.normal(size=picture.shape)
         frames.append(np.clip(np.rint(grey), 0, 2**bits - 1).astype(np.uint8 if bits == 8 else np.uint16))
-    return Series(frames, at_bits or bits)
+    return Memory(frames, at_bits or bits)
 
 
 def dark(bits=12):
@@ -597,7 +584,7 @@ def test_each_bad_frame_has_its_outcome_and_the_others_stand():
     expected[[15, 20]] = FrameOutcome.SATURATED
     np.testing.assert_array_equal(health.outcome, expected)
     assert sorted(health.notes) == [3, 7, 8, 15, 20]
-    assert "is gone" in health.notes[3]
+    assert "is not there" in health.notes[3]
     assert health.notes[7].startswith("memory, frame 7: black: mean")
     assert np.isnan(health.mean[3])
     assert health.saturated[15] == 1.0
@@ -617,7 +604,7 @@ def test_a_dim_frame_is_not_black_and_a_dim_series_neither():
 
 
 def test_a_series_without_light_is_black_throughout():
-    series = Series([dark() for _ in range(4)], 12)
+    series = Memory([dark() for _ in range(4)], 12)
     assert np.all(frame_health(series).outcome == FrameOutcome.BLACK)
 
 

@@ -12,7 +12,15 @@ import dic.calibration.views
 from dic.calibration.solve import calibrate
 from dic.calibration.views import PairOutcome
 from dic.chain.remarks import Speckles
-from dic.images import PictureError, grey_noise, speckle_quality
+from dic.images import (
+    PictureError,
+    check_series,
+    frame_health,
+    grey_noise,
+    of_colours,
+    open_pictures,
+    speckle_quality,
+)
 from dic.images.__main__ import main
 from dic.images.quality import gradient, noise_gain
 from dic.images.series import PicturesInMemory, PictureSizeError
@@ -265,7 +273,7 @@ def test_the_report_names_what_is_wrong(tmp_path, capsys):
     assert main([str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert "0 good frames" in said
-    assert "frame 0: black" in said
+    assert "frame 0: constant" in said
     assert "give --static N" in said
 
 
@@ -353,3 +361,87 @@ def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="it is not known which are pairs") as error:
         calibration.calibration_of(toml, section, lambda *told: None)
     assert "has none" not in str(error.value)
+
+
+RNG = np.random.default_rng(5)
+SMOOTH = cv2.GaussianBlur(RNG.normal(size=(60, 70)), (0, 0), 2.0)
+
+
+def scene(i):
+    """A moving pattern with the noise of a camera, in 8 bits."""
+    grey = 120.0 + 300.0 * np.roll(SMOOTH, i, axis=1) + RNG.normal(0.0, 1.5, SMOOTH.shape)
+    return np.clip(grey, 0, 255).astype(np.uint8)
+
+
+def cut(i):
+    return cv2.imencode(".png", scene(i))[1].tobytes()[:1500]
+
+
+def sixteen(i):
+    return scene(i).astype(np.uint16) * 16
+
+
+@pytest.mark.parametrize(
+    ("picture", "ending", "words"),
+    [
+        (
+            lambda i: scene(i)[:50] if i == 3 else scene(i),
+            "png",
+            r"1 of 6 .*a_3.png, frame 3: is 50 x 70, the",
+        ),
+        (
+            lambda i: sixteen(i) if i == 3 else scene(i),
+            "png",
+            r"a_3.png, frame 3: has grey values of 16 bits, the",
+        ),
+        (
+            lambda i: scene(i) if i == 3 else sixteen(i),
+            "tif",
+            r"a_3.tif, frame 3: has grey values of 8 bits, the",
+        ),
+        (lambda i: np.full((60, 70), 100, np.uint8), "png", r"\(6 constant\), .*frame 0: constant.*lens cap"),
+        (lambda i: np.zeros((60, 70), np.uint8), "png", r"\(6 constant\)"),
+        (
+            lambda i: scene(0) if i == 0 else np.full((60, 70), 9, np.uint8),
+            "png",
+            r"5 of 6 .*frame 1: constant",
+        ),
+        (lambda i: RNG.integers(2, 9, (60, 70), np.uint8), "png", r"\(6 black\), .*lens cap"),
+        (lambda i: np.full((60, 70), 255, np.uint8), "png", r"\(6 saturated\), .*expose shorter"),
+        (lambda i: np.clip(scene(i) + 150.0, 0, 255).astype(np.uint8), "png", r"\(6 saturated\)"),
+        (cut, "png", r"none of 6 .*a_0.png.*the PNG file is cut off"),
+        (
+            lambda i: cut(i) if i > 0 else scene(i),
+            "png",
+            r"\(5 unreadable\).*a_1.png.*cut off.*copy or export",
+        ),
+        (lambda i: np.repeat(scene(i)[..., None], 3, 2), "tif", r"none of 6 .*a_0.tif.*is a colour picture"),
+    ],
+)
+def test_series_that_cannot_be_correlated_are_refused_by_their_cause(tmp_path, picture, ending, words):
+    write_series(tmp_path, picture, ending)
+    with pytest.raises(PictureError, match=words):
+        check_series(series := open_pictures(tmp_path), frame_health(series))
+
+
+def write_series(folder, picture, ending):
+    for i in range(6):
+        made = picture(i)
+        data = made if isinstance(made, bytes) else cv2.imencode(f".{ending}", made)[1].tobytes()
+        (folder / f"a_{i}.{ending}").write_bytes(data)
+
+
+def test_grey_in_three_colours_is_read_with_a_remark_and_one_lost_frame_stands_apart(tmp_path):
+    pictures = [scene(i) for i in range(6)]
+    (tmp_path / "three").mkdir()
+    write_series(tmp_path / "three", lambda i: np.repeat(pictures[i][..., None], 3, 2), "png")
+    series = open_pictures(tmp_path / "three")
+    np.testing.assert_array_equal(series.frame(2), pictures[2])
+    assert [remark.name for remark in of_colours([series])] == ["grey in three colours"]
+    (tmp_path / "one").mkdir()
+    write_series(tmp_path / "one", lambda i: cut(i) if i == 4 else pictures[i], "png")
+    series = open_pictures(tmp_path / "one")
+    health = frame_health(series)
+    check_series(series, health)
+    assert "a_4.png" in health.notes[4]
+    assert of_colours([series]) == ()

@@ -2,28 +2,19 @@
 
 import csv
 import importlib.util
-import json
 import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from kolsky.cli import app
+from kolsky_command import json_of, run_kolsky
 
 ROOT = Path(__file__).parents[3]
 MADE = ROOT / "runs" / "bar-01"
 PAGE = (ROOT / "docs" / "howto" / "first_bar_test.md").read_text(encoding="utf-8")
 FLOW, GROWTH = 120e6, 0.02
 """The specimen's stress is FLOW (1 - exp(-strain / GROWTH)), as the page says."""
-
-
-def run(*arguments: str) -> str:
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exit_code == 0, done.output
-    return done.stdout
 
 
 def test_the_raw_file_is_the_scripts(tmp_path):
@@ -53,8 +44,8 @@ def first(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("walk") / "first"
     folder.mkdir()
     shutil.copy(MADE / "tek0017.csv", folder)
-    assert "2  CH1 (mV)  mV  4000 samples" in run("channels", str(folder / "tek0017.csv"))
-    run("new", str(folder), "--bars")
+    assert "2  CH1 (mV)  mV  4000 samples" in run_kolsky("channels", folder / "tek0017.csv").stdout
+    run_kolsky("new", folder, "--bars")
     blank, filled = (declared(place / "shot.toml") for place in (folder, MADE))
     for empty, full in zip(blank, filled, strict=True):
         # What is not blank in the new file stands in the filled one: the reader changes nothing else.
@@ -64,13 +55,13 @@ def first(tmp_path_factory) -> Path:
 
 
 def test_check_shows_what_step_4_says(first):
-    said = json.loads(run("check", str(first), "--json"))
+    said = json_of("check", first)
     assert 500e-6 < said["gauges.incident"]["largest_strain"]["value"] < 2e-3
     assert "than predicted" in said["waves"]["reflected_pulse"]["value"]
 
 
 def test_the_page_holds_the_answer_that_was_made(first):
-    said = json.loads(run("waves", str(first), "--json"))
+    said = json_of("waves", first)
     named = re.findall(r"`(waves[\w.]*)`", PAGE)
     assert {"waves.html", "waves_database.csv"} < set(named)
     for name in named:

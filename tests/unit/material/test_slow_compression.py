@@ -1,19 +1,17 @@
 """Slow compressions: the duration that a wanted error takes, by hand, and any law against its closed form."""
 
-import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from kolsky_command import json_of, run_kolsky
 from shot_folders import shot_in
-from typer.testing import CliRunner
 
 from explicit.materials import LAWS
 from explicit.materials.families import InvariantLaw
 from kolsky.base.apparatus import Specimen
-from kolsky.cli import app
 from kolsky.inverse import simulate
 from kolsky.material import slow_compression as module
 from kolsky.material.slow_compression import SlowNumerics
@@ -102,8 +100,7 @@ def test_a_test_that_is_not_at_rest_is_said() -> None:
     ],
 )
 def test_options_that_do_not_go_together(options: list[str], words: str) -> None:
-    refused = CliRunner().invoke(app, ["simulate", "runs/open-01", *options])
-    assert refused.exit_code == 2
+    refused = run_kolsky("simulate", "runs/open-01", *options, code=2)
     assert words in refused.stderr
 
 
@@ -139,11 +136,7 @@ baseline = true
 """
     (shot / "shot.toml").write_text(text.replace('"bonded"', '"frictionless"') + law)
     words = ["--mesh", "4x6", "--strain", "40 %", "--error", "0.5 %", "-p", "stiffness_factor=1.2"]
-    done = CliRunner().invoke(
-        app, ["simulate", str(shot), "--slow", *words, "--out", str(tmp_path / "o"), "--json"]
-    )
-    assert done.exit_code == 0, done.output
-    said = json.loads(done.stdout)
+    said = json_of("simulate", shot, "--slow", *words, "--out", tmp_path / "o")
     exact = 1.2 * float(-uniaxial_stress(LAWS["gent"](26e3, 20.0), np.array([0.6]))[0]) * np.pi * 4.75e-3**2
     # The wanted error, and a compressibility of 1 - 2 nu = 0.002 of the shot.
     assert said["last_force"] == pytest.approx(exact, rel=5e-3 + 3e-3)

@@ -1,12 +1,9 @@
 """Constants from a specimen with rubbing ends: the thesis' silicone, and `kolsky material fit --specimen`."""
 
-import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from kolsky.cli import app
+from kolsky_command import json_of
 
 REFERENCE = Path(__file__).resolve().parents[2] / "reference"
 C10, C20 = 1404.9, 699.4
@@ -19,15 +16,10 @@ def test_the_command_finds_the_thesis_constants_in_another_programs_force(tmp_pa
     rows = [row for row in lines if row[0] == "reduced_polynomial"]
     text = "".join(f"{70.0 * float(row[2])},{row[3]}\n" for row in rows)
     (tmp_path / "push.csv").write_text("Travel (mm),Load (N)\n" + text, encoding="utf-8")
-    done = CliRunner().invoke(
-        app,
-        ["material", "fit", str(tmp_path / "push.csv"), "--displacement", "Travel", "--force", "Load",
-         "--convention", "compression-positive", "--poisson", "0.495",
-         "--specimen", "80 mm x 70 mm", "--ends", "0.7", "--laws", "reduced_polynomial", "--out",
-         str(tmp_path / "out"), "--json"],
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
-    (law,) = json.loads(done.stdout)["laws"]
+    columns = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]
+    size = ["--specimen", "80 mm x 70 mm", "--poisson", "0.495", "--ends", "0.7"]
+    words = [*columns, *size, "--laws", "reduced_polynomial", "--out", tmp_path / "out"]
+    (law,) = json_of("material", "fit", tmp_path / "push.csv", *words)["laws"]
     # DOLFINx, two meshes that agree within 0.01 %; what is left is the mesh's here.
     assert law["constants"]["C10"] == pytest.approx(C10, rel=5e-4)
     assert law["constants"]["C20"] == pytest.approx(C20, rel=5e-3)

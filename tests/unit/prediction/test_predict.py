@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import json_of, run_kolsky
 
 from explicit.bars.lines import Events
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.prediction import design
 from kolsky.prediction.design import Scan, Varied, aim, distance, varied_test
 from kolsky.prediction.output import events_table, scan_table, signals, to_json
@@ -210,20 +209,14 @@ def test_faces_that_hold_are_refused(tmp_path: Path) -> None:
 def test_the_command(tmp_path: Path) -> None:
     text = PAPER.read_text("utf-8").replace('duration = "4 ms"', 'duration = "4 ms"\nstep = "2 us"')
     (tmp_path / "t.toml").write_text(text)
-    said = CliRunner().invoke(
-        app,
-        ["predict", str(tmp_path / "t.toml"), "--out", str(tmp_path / "p"), "--quick", "--json",
-         "--vary", "striker.speed=5 m/s:6 m/s:4", "--want", "flyer_speed=2.7"],
-    )  # fmt: skip
-    assert said.exit_code == 0, said.stderr
-    found = json.loads(said.stdout)
+    aim = ["--vary", "striker.speed=5 m/s:6 m/s:4", "--want", "flyer_speed=2.7"]
+    found = json_of("predict", tmp_path / "t.toml", "--out", tmp_path / "p", "--quick", *aim)
     assert found["aim"]["reached"]
     assert found["numbers"]["flyer_speed"] == pytest.approx(2.7, rel=0.01)
     names = {path.name for path in (tmp_path / "p").iterdir()}
     assert names == {"prediction.html", "prediction.json", "signals.csv", "events.csv", "scan.csv"}
     assert to_json(predict(read_test(tmp_path / "t.toml"), quick=True))["specimen"] == "static curve"
-    alone = ["predict", str(tmp_path / "t.toml"), "--out", str(tmp_path / "q"), "--want", "flyer_speed=2"]
-    assert CliRunner().invoke(app, alone).exit_code == 2
+    run_kolsky("predict", tmp_path / "t.toml", "--out", tmp_path / "q", "--want", "flyer_speed=2", code=2)
 
 
 @pytest.mark.slow
@@ -251,8 +244,7 @@ def test_the_page_says_what_the_command_says(tmp_path: Path) -> None:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == 6 and cells[1].isdigit():
             shown[cells[0]] = [float(cell.replace("−", "-")) for cell in cells[1:5]]
-    done = CliRunner().invoke(app, ["predict", str(PAPER), "--out", str(tmp_path / "p"), "--json"])
-    assert done.exit_code == 0, done.output
+    done = run_kolsky("predict", PAPER, "--out", tmp_path / "p", "--json")
     with (tmp_path / "p" / "events.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["event"] for row in rows] == list(shown)

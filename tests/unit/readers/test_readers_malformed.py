@@ -313,6 +313,9 @@ def test_an_xml_header_with_entities(tmp_path):
 def test_a_file_of_no_format(tmp_path):
     path = tmp_path / "a.xyz"
     path.write_text("hello")
+    with pytest.raises(InputError, match=r"seems to be text, and its name ends in '.xyz'"):
+        list_channels(path)
+    path.write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match=r"is of no known format"):
         list_channels(path)
     with pytest.raises(InputError, match=r"is said to have the format 'wav'; it must be one of"):

@@ -216,7 +216,7 @@ def test_matlab_arrays_are_those_that_were_written(compressed, tmp_path):
     }
     savemat(path, written, do_compression=compressed)
     contents = read_contents(path)
-    assert contents.facts["not opened"] == "waves (complex), text (char), settings (struct)"
+    assert contents.facts["without numbers"] == "waves (complex), text (char), settings (struct)"
     values = {channel.name: channel.values() for channel in contents.channels}
     for name in ("double", "single", "codes", "a_long_name_of_a_variable", "few"):
         np.testing.assert_array_equal(values[name], np.ravel(written[name]))

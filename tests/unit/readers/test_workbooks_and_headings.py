@@ -10,7 +10,7 @@ import xlwt
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
-from kolsky.readers.header import split_unit
+from kolsky.readers.header import heading_unit, name_without_unit, split_unit
 from kolsky.readers.recordings import list_channels, read_recordings
 
 
@@ -95,10 +95,42 @@ def test_text_that_is_called_xls_is_text(tmp_path):
         ("gauge_s", ("gauge_s", None)),
         ("CH_1", ("CH_1", None)),
         ("test_me", ("test_me", None)),
+        ("incident_bar", ("incident_bar", None)),
+        # The longest unit counts: the last word of a rate or a speed is no time.
+        ("Rate/1/s", ("Rate/1/s", None)),
+        ("Strain_gauge_1/V", ("Strain_gauge_1", "V")),
+        ("Strain rate in 1/s", ("Strain rate in 1/s", None)),
+        ("Speed in m/s", ("Speed", "m/s")),
+        ("Speed/mm/s", ("Speed", "mm/s")),
+        ("Druck/bar", ("Druck", "bar")),
+        ("Stress/kgf/cm2", ("Stress", "kgf/cm2")),
+        ("Spannung in N/mm²", ("Spannung", "N/mm²")),
+        ("Load, kgf", ("Load", "kgf")),
     ],
 )
 def test_a_unit_is_found_in_the_last_word_of_a_heading(heading, expected):
     assert split_unit(heading) == expected
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [
+        ("Weg (mm)", "Weg", "mm"),
+        ("Weg/mm", "Weg", "mm"),
+        ("Weg / mm", "Weg", "mm"),
+        ("Weg in mm", "Weg", "mm"),
+        ("Weg, mm", "Weg", "mm"),
+        ("travel_mm", "travel", "mm"),
+        ("Stress [kgf/cm2]", "Stress", "kgf/cm2"),
+        ("Load, kgf/cm2", "Load", "kgf/cm2"),
+        ("Area in mm²", "Area", "mm²"),
+        ("Dehnung [-]", "Dehnung", "1"),
+        ("incident_bar", "incident_bar", None),
+        ("Kraft (oben)", "Kraft", None),
+    ],
+)
+def test_a_unit_of_any_kind_wherever_a_heading_has_it(heading, name, unit):
+    assert (name_without_unit(heading), heading_unit(heading)) == (name, unit)
 
 
 @pytest.mark.parametrize("time", ["time_s", "Time_s", "t_s", "elapsed_time_s", "timestamp (s)"])

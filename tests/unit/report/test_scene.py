@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from synthetic import synthetic
@@ -198,8 +199,7 @@ def test_chosen_pictures() -> None:
 )
 def test_what_the_command_refuses(options: list[str], words: str, tmp_path: Path) -> None:
     shot = Path(__file__).parents[3] / "runs" / "open-01"
-    done = CliRunner().invoke(app, ["film", str(shot), "--out", str(tmp_path), *options])
-    assert done.exit_code == 2
+    done = run_kolsky("film", shot, "--out", tmp_path, *options, code=2)
     assert words in done.output
 
 
@@ -280,8 +280,7 @@ def test_a_command_without_pyvista_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyvista", None)
     shot = Path(__file__).parents[3] / "runs" / "open-01"
-    done = CliRunner().invoke(app, ["film", str(shot), "--out", str(tmp_path)])
-    assert done.exit_code == 2
+    done = run_kolsky("film", shot, "--out", tmp_path, code=2)
     assert "--format png" in done.output
     assert "pip install 'kolsky[scene]'" in done.output
     done = CliRunner().invoke(app, ["film", str(shot), "--format", "vtu", "--out", str(tmp_path), "--json"])

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from scipy.stats import t as student
-from typer.testing import CliRunner
 
 from doe.ledger import Run
-from kolsky.cli import app
 from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, design, factors_of, shifted, slopes_of
@@ -271,8 +270,7 @@ def test_the_command_says_sources_and_shares_as_one_object(tmp_path: Path) -> No
         "4",
     ]
     words += ["--size", "imperfections.length=0.5 %", "--free", "stiffness_factor", "--json"]
-    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(*words, "--out", tmp_path / "out")
     (answer,) = json.loads(done.stdout)["budgets"]
     sources = answer["sources"]
     assert {key: source["sigma"] for key, source in sources.items()} == {

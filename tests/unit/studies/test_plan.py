@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 from barrecord import classical_shot
+from kolsky_command import run_kolsky
 from typer.testing import CliRunner
 
 from doe.information import LinearData
-from kolsky.cli import app
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
@@ -248,8 +248,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory):
     shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
     options = ["--mesh", "8x11", "--rates", "1,2", "--heights", "2", "--threads", "1", "--json"]
     options += ["--figures", "svg"]
-    result = runner.invoke(app, ["plan", str(folder), *options])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("plan", folder, *options)
     return folder / "results", json.loads(result.stdout)
 
 
@@ -301,8 +300,7 @@ def test_files_hold_the_map(planned):
     ],
 )
 def test_bad_options_are_one_line_and_exit_code_2(options, message, tmp_path: Path):
-    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options])
-    assert result.exit_code == 2
+    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, code=2)
     assert message in result.stderr
     assert "Traceback" not in result.stderr
 
@@ -321,8 +319,7 @@ def test_wishes_replace_what_the_shot_has(tmp_path: Path):
         "1 mm",
     ]
     window = ["--window", "0.05 ms:1.0 ms", "--force-sigma", "0.2 N", "--free", "damping"]
-    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options, *wishes, *window])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *wishes, *window)
     said = json.loads(result.stdout)
     expected = Instruments(
         window=(5e-5, 1e-3),
@@ -348,8 +345,7 @@ def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
     options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--threads", "1", "--discrepancy", "none"]
     free = ["--free", "damping", "--free", "friction", "-p", "friction=900"]
     wishes = ["--window", "0.05 ms:0.5 ms", "--figures", "svg", "--json"]
-    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options, *free, *wishes])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *free, *wishes)
     said = json.loads(result.stdout)
     assert said["parameters"]["friction"]["sigma"] is None
     assert said["parameters"]["damping"]["sigma_others_known"] > 0.0
@@ -364,8 +360,7 @@ def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
 def test_a_plan_for_the_force_alone(tmp_path: Path):
     options = ["--mesh", "4x6", "--rates", "1", "--threads", "1", "--points", "0 1/mm", "--figures", "svg"]
     free = ["--free", "damping", "--window", "0.05 ms:0.5 ms", "--json"]
-    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options, *free])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *free)
     said = json.loads(result.stdout)
     assert said["parameters"]["damping"]["sigma"] == said["parameters"]["damping"]["sigma_force"]
     assert "sigma_outline" not in said["parameters"]["damping"]

@@ -1,6 +1,5 @@
 """Made folders: read back, the same for one seed, wrong where asked for, their truth read by nothing."""
 
-import json
 import re
 import tomllib
 from collections.abc import Iterator
@@ -15,10 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import json_of
 
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.cli.virtual import template
 from kolsky.shot.load import load_shot
 from kolsky.virtual import make as make_module
@@ -248,8 +246,6 @@ def test_the_command_says_as_one_object_what_it_made(tmp_path: Path) -> None:
     path.write_text("format = 1\n" + TINY, encoding="utf-8")
     out = tmp_path / "out"
     for made_now in (1, 0):  # a shot that is there is kept
-        done = CliRunner().invoke(app, ["virtual", "make", str(path), "--out", str(out), "--json"])
-        assert done.exit_code == 0, done.output
-        said = json.loads(done.stdout)
+        said = json_of("virtual", "make", path, "--out", out)
         assert (said["shots"], said["made"], said["folder"]) == (1, made_now, str(out))
         assert [Path(folder, "shot.toml").is_file() for folder in said["folders"]] == [True]
