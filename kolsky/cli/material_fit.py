@@ -125,15 +125,12 @@ def _fit_cylinder_with_friction(
     print_result(
         {},
         content,
-<<<<<<< HEAD
         lines=[
+            *taken,
             *_cylinder_lines(fitted),
             f"  Poisson's ratio {numerics.poisson:.6g} ± {2.0 * numerics.poisson_sigma:.2g} "
             + ("(declared)" if poisson is not None else "(assumed, k = 2; --poisson declares it)"),
         ],
-=======
-        lines=[*taken, *_cylinder_lines(fitted)],
->>>>>>> main
         files={"constants": folder / "specimen_constants.csv"},
         warnings=[
             *mean.remarks,

@@ -25,14 +25,8 @@ from kolsky.bodies.actuator_control import (
     run_loop,
 )
 from kolsky.bodies.actuator_model import Actuator, Pneunet
-<<<<<<< HEAD
 from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
-from kolsky.cli.commandline import app
 from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
-=======
-from kolsky.bodies.actuator_reading import read_actuator, volume_reading
-from kolsky.equilibrium.loads import FollowerPressure, faces_on
->>>>>>> main
 from kolsky.equilibrium.meshes import box
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
