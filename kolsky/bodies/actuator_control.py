@@ -91,6 +91,12 @@ class Reduction:
         """Largest error at an unseen pressure [rad]."""
         return float(np.abs(self.error).max())
 
+    def error_up_to(self, angle: float) -> float:
+        """Largest error at unseen pressures up to the first that bends it by `angle` or more [rad]."""
+        beyond = np.flatnonzero(self.angle >= angle)
+        last = beyond[0] + 1 if len(beyond) else len(self.angle)
+        return float(np.abs(self.error[:last]).max())
+
 
 def reduce_actuator(
     actuator: Actuator,
@@ -185,6 +191,11 @@ class Controller:
         for pressure in np.linspace(0.0, self.most, 9)[1:]:
             found = self.model.bend(float(pressure), start=found.state.q)
         return found
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Angles of the model at the least and the largest pressure [rad]."""
+        return self._low.angle, self._high.angle
 
     def tick(self, wanted: float, measured: float) -> Tick:
         """Take a measured angle and give the pressure for the wanted one; both in rad."""
@@ -461,11 +472,14 @@ def run_control(
     where they follow from the same inputs; None: neither.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
-    closed = {}
+    controllers = {}
     for name, (made, plant) in prepared.items():
-        controller = Controller(made.model, gain=section.gain, most=section.most)
+        controllers[name] = Controller(made.model, gain=section.gain, most=section.most)
+        check_targets(name, made, plant, section, reach=controllers[name].reach)
+    closed = {}
+    for name, (_, plant) in prepared.items():
         closed[name] = run_loop(
-            controller,
+            controllers[name],
             plant,
             schedule(section),
             rate=section.rate,
@@ -497,6 +511,37 @@ def _prepared(
     if file is not None:
         _write_basis(file, stored(key, made, plant))
     return made, plant
+
+
+def check_targets(
+    name: str, made: Reduction, plant: Plant, section: ControlSection, *, reach: tuple[float, float]
+) -> None:
+    """Refuse angles that model or plant do not reach, and a reduced model that is too far off on the way.
+
+    ``name``: the direction of gravity. ``reach``: angles of the model at pressures 0 and `most` [rad].
+
+    Raises ValueError with the range, or with the error and its limit.
+    """
+    ranges = {
+        "the model": reach,
+        f"the plant, {section.plant_stiffness:g} times as stiff,": (plant.angle.min(), plant.angle.max()),
+    }
+    for who, (low, high) in ranges.items():
+        for angle in section.angles:
+            if not low <= angle <= high:
+                raise ValueError(
+                    f"{name}: {np.degrees(angle):.4g}° is beyond reach: {who} bends from "
+                    f"{np.degrees(low):.4g}° to {np.degrees(high):.4g}° up to {1e-5 * section.most:.3g} bar; "
+                    "raise control.most, or ask for an angle inside"
+                )
+    largest = float(np.abs(section.angles).max())
+    error = made.error_up_to(max(section.angles))
+    if error > section.error * largest:
+        raise ValueError(
+            f"{name}: the reduced model is {np.degrees(error):.3g}° off a bend of "
+            f"{np.degrees(largest):.4g}°, more than control.error = {section.error:g} of it: raise "
+            "control.modes or control.snapshots, or lower control.tolerance"
+        )
 
 
 def schedule(section: ControlSection) -> FloatArray:

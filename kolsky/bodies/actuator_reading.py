@@ -14,6 +14,7 @@ from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.actuator_model import Actuator, Pneunet
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_constants
+from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh, from_pyvista
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
@@ -142,6 +143,7 @@ class ControlSection(Section):
     most: Pressure
     modes: Annotated[int, Field(ge=1, le=60)] = 8
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     snapshots: Annotated[int, Field(ge=3, le=200)] = 13
     plant_stiffness: Annotated[float, Field(gt=0.0, le=10.0)] = 0.85
     delay: Annotated[int, Field(ge=0, le=50)] = 1
@@ -245,6 +247,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
                 f"has no set {missing[0]!r}; it has {', '.join(sorted(mesh.sets)) or 'none'}",
                 cure='name the points in Gmsh\'s physical groups, or point data "set:clamp" of a VTU file',
             )
+        _check_closed(toml, mesh, cavities)
     given = declared.material.constants
     solid = _solid(toml, declared, "material.constants", given, declared.material.D1)
     healed = None
@@ -266,6 +269,37 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
     return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
+
+
+_OPENINGS = ("clamp", "mirror", "inlet")
+"""Sets on which the surface of a cavity may end: what closes it there moves no point of the body."""
+
+
+def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:
+    """Refuse a cavity whose surface ends elsewhere than on the clamp, the mirror plane or the inlet.
+
+    The pressure on an open surface has a resultant that no closed cavity has.
+    """
+    known = [name for name in _OPENINGS if name in mesh.sets]
+    for name in cavities:
+        with toml.refusing("geometry.mesh", "has no surface to load"):
+            ends = rim(mesh, name)
+        for opening in known:
+            ends = ends[~np.isin(ends, mesh.nodes(opening)).all(axis=1)]
+        if len(ends) == 0:
+            continue
+        low, high = (end(1e3 * mesh.points[ends.ravel()], axis=0) for end in (np.min, np.max))
+        place = ", ".join(
+            f"{axis} = {a:.4g}" if np.isclose(a, b) else f"{axis} = {a:.4g} to {b:.4g}"
+            for axis, a, b in zip("xyz", low, high, strict=True)
+        )
+        raise toml.error(
+            "geometry.mesh",
+            f"has an open surface {name!r}: {len(ends)} of its edges belong to one loaded face only, at "
+            f"{place} mm",
+            allowed=f"a closed surface, or one that ends on the set {', '.join(known)}",
+            cure='add the missing points to the set, or name the points of an opening that is held "inlet"',
+        )
 
 
 def _pneunet_of(section: GeometrySection) -> Pneunet:

@@ -40,6 +40,8 @@ _CONDITION = 1e-6
 and the weighted mean stands in."""
 _GATE_NEIGHBOURS = 20
 """Points that predict one point for the gate."""
+NOISE_POINTS = _GATE_NEIGHBOURS + 1
+"""Least points whose noise can be found: one and those that predict it."""
 GATE = 6.0
 """Largest deviation from the prediction, in robust standard deviations of all points."""
 _GATE_PASSES = 5

@@ -256,9 +256,10 @@ LONGEST = 0.3
 """Longest relative step of a constant."""
 NEAR = 0.02
 """Relative step below which the exact second derivatives take over."""
-_ADEQUATE = 0.05
-"""Largest misfit of the displacements over their size, beyond their noise, with which the model is called
-adequate."""
+EXPLAINED_SHARE = 0.05
+"""Largest misfit of displacements or forces over their size, beyond their noise, that counts as explained."""
+TESTABLE_SHARE = 0.5
+"""Noise of the forces over their size above which they test nothing: their sign alone is then in doubt."""
 
 
 @dataclass(frozen=True)
@@ -315,10 +316,37 @@ class FieldFit:
         return field, max(1.0, float(of_force) / max(len(data.pad) - 1.0, 1.0))
 
     @property
+    def force_misfit(self) -> float:
+        """Misfit of the forces of all steps over their size [-]."""
+        data = self.problem.data
+        return _share(self.cost.state.force - data.force, data.force)
+
+    @property
+    def force_noise(self) -> float:
+        """The misfit that the declared noise of the forces alone would make [-]."""
+        data = self.problem.data
+        return _share(np.full(len(data.force), data.sigma_force), data.force)
+
+    @property
     def adequate(self) -> bool:
-        """Whether the model explains the field: its misfit beyond noise is at most `ADEQUATE`."""
+        """Whether the model explains the field: its misfit beyond noise is at most `EXPLAINED_SHARE`."""
         beyond = np.sqrt(np.maximum(self.misfit**2 - self.noise**2, 0.0))
-        return bool(beyond.max() <= _ADEQUATE)
+        return bool(beyond.max() <= EXPLAINED_SHARE)
+
+    @property
+    def force_testable(self) -> bool:
+        """Whether the forces are larger than their noise, so that they can contradict a model."""
+        return self.force_noise <= TESTABLE_SHARE
+
+    @property
+    def force_explained(self) -> bool:
+        """Whether the model explains the forces: their misfit beyond noise is at most `EXPLAINED_SHARE`."""
+        return self.force_misfit**2 - self.force_noise**2 <= EXPLAINED_SHARE**2
+
+    @property
+    def explained(self) -> bool:
+        """Whether the model explains the field and the forces."""
+        return self.adequate and self.force_explained
 
     @property
     def covariance(self) -> FloatArray:
@@ -373,7 +401,23 @@ class FieldFit:
                 f"noise alone would make {100.0 * self.noise.max():.2g} %; the constants are those of the "
                 "nearest such sheet, and differ from step to step"
             )
+        if not self.force_explained:
+            warnings.append(
+                f"the model does not explain the force: its misfit is {100.0 * self.force_misfit:.3g} % of "
+                f"the force, noise alone would make {100.0 * self.force_noise:.2g} %"
+            )
+        elif not self.force_testable:
+            warnings.append(
+                f"the force is not testable: its declared noise is {100.0 * self.force_noise:.3g} % of it; "
+                "pull further, or use a finer load cell"
+            )
         return warnings
+
+
+def _share(part: FloatArray, whole: FloatArray) -> float:
+    """Size of a vector over that of another; infinite where the other is zero."""
+    size = float(np.linalg.norm(whole))
+    return float(np.linalg.norm(part)) / size if size > 0.0 else np.inf
 
 
 def fit_field(problem: FieldProblem) -> FieldFit:

@@ -1,7 +1,7 @@
 """From the [field] of a SPEC.toml and its files to a sheet with data, measured or simulated before the
 test."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,16 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
 from kolsky.base.units import UnitError, quantity
-from kolsky.bodies.sheet import Sheet, cells_inside, outliers, point_noise, project, spacing
+from kolsky.bodies.sheet import (
+    NEIGHBOURS,
+    NOISE_POINTS,
+    Sheet,
+    cells_inside,
+    outliers,
+    point_noise,
+    project,
+    spacing,
+)
 from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
 from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
 from kolsky.bodies.specimen_reading import Specification, read_constants
@@ -41,6 +50,8 @@ class MeasuredField:
     """Frames that are fitted."""
     inputs: dict[str, str]
     """SHA-256 of the files, by name."""
+    declared_sigma: float | None = None
+    """Declared standard deviation of a point's displacement [m]; None: that which the points show."""
 
 
 def read_field(spec: Specification) -> MeasuredField:
@@ -54,28 +65,85 @@ def read_field(spec: Specification) -> MeasuredField:
     hashes[section.mesh] = raw.sha256
     points, displacements, hashes[section.points.file] = _points(toml, section)
     pad, force, hashes[section.pad.file] = _pad(toml, section)
+    declared = section.sigma_displacement
+    _check_count(toml, section, len(points))
     bad = np.zeros(len(points), dtype=np.bool_)
     flat = np.moveaxis(displacements, 0, 1).reshape(len(points), -1)
     if section.points.gated:
         bad = outliers(points, flat, gate=section.points.gate)
-    kept = ~bad
-    noise = section.sigma_displacement or point_noise(points[kept], flat[kept])
-    if not noise > 0.0:
+    if not (declared or point_noise(points[~bad], flat[~bad])) > 0.0:
         raise toml.error(
             "field.sigma_displacement", "is missing, and the points show no noise", cure='write e.g. "5 um"'
         )
-    low, high = points[kept].min(axis=0), points[kept].max(axis=0)
-    margin = 1e-12 * float((high - low).max())
-    cells = cells_inside(sheet.mesh, low - margin, high + margin)
-    if not cells.any():
-        raise toml.error(
-            "field.points", "lie on no whole cell of the mesh", cure="check field.mesh_unit and the origin"
-        )
-    projected = project(points[kept], flat[kept], sheet.mesh.points)
-    nodal = np.moveaxis(projected.reshape(len(projected), -1, 2), 0, 1)
-    data = FieldData(pad, force, nodal, cells, noise, section.sigma_force, spacing(points) ** 2)
+    every = np.ones(len(sheet.mesh.cells), dtype=np.bool_)
+    data = FieldData(
+        pad, force, displacements[:, :0], every, declared or 0.0, section.sigma_force, spacing(points) ** 2
+    )
     problem = FieldProblem(sheet, data, spec.constants)
-    return MeasuredField(problem, points, bad, displacements, tuple(section.frames), hashes)
+    frames = tuple(section.frames)
+    measured = keeping(MeasuredField(problem, points, bad, displacements, frames, hashes, declared), bad)
+    if not measured.problem.data.cells.any():
+        scale = _mesh_scale(sheet.mesh.points, points)
+        unit = f"; the mesh would hold them if it were {scale:g} times as large" if scale else ""
+        raise toml.error(
+            "field.points",
+            f"lie on no whole cell of the mesh{unit}",
+            cure="check field.mesh_unit, the units of x and y, and the origin",
+        )
+    return measured
+
+
+def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
+    """Refuse fewer points than their projection on the nodes, and the estimate of their noise, take."""
+    if count < NEIGHBOURS:
+        raise toml.error(
+            "field.points",
+            f"has {count} points a frame in {section.points.file}: too few",
+            allowed=f"at least {NEIGHBOURS}, since a quadratic through {NEIGHBOURS} neighbours gives the "
+            f"value at a node; at least {NOISE_POINTS} without field.sigma_displacement",
+            cure="export more points of the same frames",
+        )
+    if count < NOISE_POINTS and section.sigma_displacement is None:
+        raise toml.error(
+            "field.points",
+            f"has {count} points a frame in {section.points.file}: too few to find their noise",
+            allowed=f"at least {NOISE_POINTS}, since each is compared with its {NOISE_POINTS - 1} neighbours",
+            cure='export more points, or declare field.sigma_displacement, e.g. "5 um"',
+        )
+
+
+def _mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
+    """Usual factor of lengths with which the nodes' box holds the points and is at most twice as large."""
+    size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
+    for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):
+        low, high = factor * nodes.min(axis=0), factor * nodes.max(axis=0)
+        held = ((points >= low) & (points <= high)).all()
+        if held and (factor * size <= 2.0 * wanted).all():
+            return factor
+    return None
+
+
+def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
+    """The field without some of its points, projected on the mesh again.
+
+    ``left_out``: shape [n]. Raises ValueError if too few are left.
+    """
+    problem, points = measured.problem, measured.points
+    kept = ~left_out
+    own = points[kept]
+    flat = np.moveaxis(measured.displacements, 0, 1).reshape(len(points), -1)[kept]
+    mesh = problem.sheet.mesh
+    low, high = own.min(axis=0), own.max(axis=0)
+    margin = 1e-12 * float((high - low).max())
+    projected = project(own, flat, mesh.points)
+    data = replace(
+        problem.data,
+        displacements=np.moveaxis(projected.reshape(len(projected), -1, 2), 0, 1),
+        cells=cells_inside(mesh, low - margin, high + margin),
+        sigma_displacement=measured.declared_sigma or point_noise(own, flat),
+    )
+    changed = FieldProblem(problem.sheet, data, problem.constants)
+    return replace(measured, problem=changed, left_out=left_out)
 
 
 def _sheet(toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh) -> Sheet:

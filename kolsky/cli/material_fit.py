@@ -82,7 +82,7 @@ def _fit_cylinder_with_friction(
     from kolsky.cli.material_curves import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
-    from kolsky.material.end_friction.problem import CorrectionNumerics
+    from kolsky.material.end_friction.problem import ASSUMED_POISSON_SIGMA, CorrectionNumerics
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.reference_curve import Treatment, model_summary, reference_curve
     from kolsky.material.uniaxial import UniaxialTest
@@ -97,6 +97,9 @@ def _fit_cylinder_with_friction(
             raise InputError(
                 texts.COMMAND_LINE, f"{test.name} is not a compression test", cure="leave it out"
             )
+    numerics = CorrectionNumerics(poisson_sigma=ASSUMED_POISSON_SIGMA)
+    if poisson is not None:
+        numerics = CorrectionNumerics(poisson=poisson)
     compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
     with texts.refused(cure="correct the option; `--help` shows each with its unit"):
         mean = reference_curve(compressed, Treatment(points=40))
@@ -105,9 +108,10 @@ def _fit_cylinder_with_friction(
             size,
             contact,
             laws or _DEFAULT_LAWS,
-            numerics=CorrectionNumerics(poisson=0.499 if poisson is None else poisson),
+            numerics=numerics,
         )
-    content = {"inputs": hashes, "ends": ends, "laws": [model_summary(one) for one in fits]}
+    ratio = {"value": numerics.poisson, "sigma": numerics.poisson_sigma}
+    content = {"inputs": hashes, "ends": ends, "poisson": ratio, "laws": [model_summary(one) for one in fits]}
     fitted = [one for one in fits if not one.reason]
     with filling(folder) as partial:
         write_json(partial / "specimen.json", content)
@@ -121,9 +125,18 @@ def _fit_cylinder_with_friction(
     print_result(
         {},
         content,
-        lines=[*taken, *_cylinder_lines(fitted)],
+        lines=[
+            *taken,
+            *_cylinder_lines(fitted),
+            f"  Poisson's ratio {numerics.poisson:.6g} ± {2.0 * numerics.poisson_sigma:.2g} "
+            + ("(declared)" if poisson is not None else "(assumed, k = 2; --poisson declares it)"),
+        ],
         files={"constants": folder / "specimen_constants.csv"},
-        warnings=[*mean.remarks, *(f"{one.name} has no fit: {one.reason}" for one in fits if one.reason)],
+        warnings=[
+            *mean.remarks,
+            *(f"{one.name} has no fit: {one.reason}" for one in fits if one.reason),
+            *(one.remark for one in fits if one.remark),
+        ],
     )
 
 

@@ -151,7 +151,8 @@ def _fit_sheet(
     stills: bool,
 ) -> None:
     from kolsky.bodies import specimen_output
-    from kolsky.bodies.sheet_fit import fit_field, fit_steps
+    from kolsky.bodies.sheet_checks import fit_measured, one_change
+    from kolsky.bodies.sheet_fit import fit_steps
     from kolsky.bodies.sheet_reading import read_field
     from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
     from kolsky.cli.terminal import print_result
@@ -161,16 +162,17 @@ def _fit_sheet(
 
     measured = read_field(read)
     with read.toml.refusing("field", "cannot be fitted"):
-        result = fit_field(measured.problem)
+        measured, result = fit_measured(measured, gate=read.declared.field.points.gate)
+        change = one_change(measured.problem, result)
     steps = fit_steps(result.problem) if each_step else []
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None
-    view = sheet_view_of(read.name, measured, result, steps, mapped)
+    view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
     inputs = {**read.inputs, **measured.inputs}
     write_sheet_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
         rows | printed(view),
-        specimen_output.field_json(result, steps) | {"inputs": inputs},
+        specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs},
         files={"page": folder / "specimen.html"},
         warnings=view.warnings,
     )

@@ -14,6 +14,7 @@ than the tolerance.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -137,6 +138,25 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
     if not result:
         raise ValueError(f"no face of the mesh has all its points in the set {where!r}")
     return result
+
+
+def rim(mesh: Mesh, where: str) -> IntArray:
+    """Ends of the edges at which the surface of a set stops, shape [n, 2]; none of a closed surface.
+
+    Every edge of a closed surface belongs to an even number of its faces. ``where``: set of a
+    three-dimensional mesh. Raises ValueError if no face has all its points in it.
+    """
+    element, low = mesh.element, -1.0 if mesh.element.shape == "hypercube" else 0.0
+    corners = np.flatnonzero(np.isin(element.nodes, (low, 1.0)).all(axis=1))
+    edges = []
+    for faces in faces_on(mesh, where):
+        own = np.intersect1d(element.nodes_on(faces.face), corners)
+        for a, b in combinations(own, 2):
+            # the corners of a quadrilateral's diagonal differ in two coordinates
+            if low == 0.0 or np.count_nonzero(element.nodes[a] != element.nodes[b]) == 1:
+                edges.append(mesh.cells[faces.cells][:, [a, b]])
+    unique, counts = np.unique(np.sort(np.concatenate(edges), axis=1), axis=0, return_counts=True)
+    return np.asarray(unique[counts % 2 == 1])
 
 
 def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatArray:

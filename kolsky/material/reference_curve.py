@@ -394,4 +394,4 @@ def model_summary(model: ModelFit) -> dict[str, Any]:
         "constants": model.constants,
         "sigma": model.sigma,
         "correlation": model.correlation.tolist(),
-    }
+    } | ({"remark": model.remark} if model.remark else {})

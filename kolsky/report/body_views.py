@@ -99,6 +99,8 @@ class SheetView:
     """What displacements of the whole sheet would tell."""
     stiffness: StiffnessMap | None = None
     """Factors of stiffness by blocks, if they were asked for."""
+    change: str = ""
+    """The one change of the data that would explain field and force; empty if there is none."""
 
     @property
     def mesh(self) -> Mesh:
@@ -108,12 +110,12 @@ class SheetView:
     @property
     def warnings(self) -> list[str]:
         """Warnings of the fit and of the points."""
-        said = list(self.fit.warnings)
+        said = [*self.fit.warnings, *([self.change] if self.change else [])]
         gone = int(self.measured.left_out.sum())
         if gone:
             said.append(
-                f"{gone} of {len(self.measured.left_out)} points are left out: their neighbours do not "
-                "predict them (field.points.gate)"
+                f"{gone} of {len(self.measured.left_out)} points are left out: neither their "
+                "neighbours nor the fitted sheet predict them (field.points.gate)"
             )
         if self.stiffness is not None and not self.stiffness.explained:
             said.append(
@@ -130,6 +132,8 @@ def sheet_view_of(
     found: FieldFit,
     steps: Sequence[FieldFit | str],
     stiffness: StiffnessMap | None = None,
+    *,
+    change: str = "",
 ) -> SheetView:
     """Make the fields of a fitted sheet: sensitivities, and the map before any test, Eqs. (K.26-36)."""
     problem = found.problem
@@ -146,7 +150,14 @@ def sheet_view_of(
     both = block_diag([whole, whole]).tocsr()
     stacked = np.moveaxis(slopes, 2, 1).reshape(p, -1)  # all x, then all y
     return SheetView(
-        name, measured, found, tuple(steps), field, before_test(stacked, both, found.values[free]), stiffness
+        name,
+        measured,
+        found,
+        tuple(steps),
+        field,
+        before_test(stacked, both, found.values[free]),
+        stiffness,
+        change,
     )
 
 

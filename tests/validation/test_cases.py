@@ -123,3 +123,65 @@ def test_a_workbook_may_stand_as_the_curve_of_a_shot(shared, tmp_path):
     at = int(np.argmin(np.abs(curve.stretch - 0.99)))  # row 7 of the workbook: -1 %, -0.000749 MPa
     assert (curve.stretch[at], curve.stress[at]) == pytest.approx((0.99, -749.0))
     assert len(curve.stretch) == 63
+
+
+def printed(path: Path, folder: Path, *command: str) -> dict[str, Any]:
+    """What a command on a file of the cases prints with --json."""
+    run = CliRunner().invoke(app, [*command, str(path), "--json", "--out", str(folder)])
+    assert run.exit_code == 0, run.output
+    found: dict[str, Any] = json.loads(run.stdout)
+    return found
+
+
+@pytest.mark.slow
+def test_points_at_a_hole_and_a_border_are_kept(shared, tmp_path):
+    path = shared / "data/cases/sheet_hole/good.toml"
+    found = printed(path, tmp_path, "specimen", "fit")
+    for name, right in (("E", 80e3), ("poisson", 0.35)):
+        assert abs(found["constants"][name] - right) < 1.96 * found["sigma"][name]
+    assert found["adequate"]
+    assert found["force_explained"]
+    assert not any("left out" in one for one in found["warnings"])
+
+
+@pytest.mark.slow
+def test_a_force_with_the_wrong_sign_is_named(shared, tmp_path):
+    found = printed(shared / "data/cases/sheet_hole/fsign.toml", tmp_path, "specimen", "fit")
+    assert not found["force_explained"]
+    assert "field.pad.force times -1" in found["one_change"]
+
+
+def test_too_few_points_are_counted(shared, tmp_path):
+    path = shared / "data/cases/sheet_hole/few.toml"
+    run = CliRunner().invoke(app, ["specimen", "fit", str(path), "--out", str(tmp_path)])
+    assert run.exit_code == 2
+    assert "has 6 points a frame in p_few.csv" in run.stderr
+    assert "at least 21 without field.sigma_displacement" in run.stderr
+
+
+def test_an_open_cavity_is_refused_with_its_place(shared, tmp_path):
+    path = shared / "data/cases/actuator/open.toml"
+    run = CliRunner().invoke(app, ["actuator", "simulate", str(path), "--out", str(tmp_path)])
+    assert run.exit_code == 2
+    assert "14 of its edges belong to one loaded face only, at x = 39, y = 1.5 to 10.5" in run.stderr
+
+
+def test_a_closed_cavity_bends_as_felupe_says(shared, tmp_path):
+    found = printed(shared / "data/cases/actuator/good.toml", tmp_path, "actuator", "simulate")
+    angles = np.degrees(found["bends"]["downward"]["angle_rad"])
+    assert angles == pytest.approx([2.15200, 2.50166], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_intervals_of_a_bonded_cylinder_contain_its_constants(shared, tmp_path):
+    words = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]
+    words += ["--specimen", "80 mm x 70 mm", "--ends", "bonded", "--laws", "reduced_polynomial", "--json"]
+    path = shared / "data/cases/bonded/push.csv"
+    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, "--out", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    found = json.loads(run.stdout)
+    (law,) = found["laws"]
+    for name, right in (("C10", 1404.9), ("C20", 699.4)):
+        assert abs(law["constants"][name] - right) < 2.0 * law["sigma"][name]
+    assert abs(found["poisson"]["value"] - 0.4995) < 2.0 * found["poisson"]["sigma"]
+    assert "the constants change with the range" in law["remark"]

@@ -16,14 +16,17 @@ criterion (N.2); their spread is part of the band. A force alone does not tell f
 either: the coefficient is free only where the radius at mid-height was measured, else it is declared.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_distribution
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.end_friction.fits import (
+    LEAST_SINGULAR_VALUE,
     NOISE_LEFT,
     FitFailedError,
     ModelOptimum,
@@ -318,6 +321,10 @@ def fit_specimen(
     simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change
     is in the uncertainties.
 
+    Two more parts are in the uncertainties: the change of the constants when the fit ends at a smaller
+    strain, beyond what noise makes of it (`RangeDrift`), and that by Poisson's ratio, which no force
+    determines.
+
     Raises ValueError if no law can be fitted; the message has each one's reason.
 
     ``band``: apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its ends.
@@ -340,11 +347,16 @@ def fit_specimen(
         change = mesh_change(one, test)
         share = mesh_share(test.numerics)
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
+        drift = _range_drift(one, test)
+        # `_fit_candidates` makes fits of the library's laws alone
+        units = one.model.units  # type: ignore[attr-defined]
+        more = np.hypot(drift.excess, _poisson_change(one, test))[: len(units)] * units
         sigma = {
-            name: float(np.hypot(row.sigma[name], share * (value - before[name])))
-            for name, value in row.constants.items()
+            name: float(np.linalg.norm([row.sigma[name], share * (value - before[name]), extra]))
+            for (name, value), extra in zip(row.constants.items(), more, strict=True)
         }
-        made.append(replace(row, sigma=sigma))
+        remark = _drift_remark(row, drift, units) if drift.probability < DRIFTS else ""
+        made.append(replace(row, sigma=sigma, remark=remark))
     return (*sorted(made, key=lambda one: -one.weight), *failed)
 
 
@@ -354,4 +366,96 @@ def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
     rows = one.mesh.stress / test.noise
     if test.bulge is not None:
         rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
+    return np.asarray(-one.gain[:, : rows.size] @ rows)
+
+
+RANGES = (0.5, 0.6, 0.7, 0.8)
+"""Shares of the largest strain at which a fit is ended for comparison [-]: with less a law's second constant
+is lost in the noise, with more nothing is left to compare."""
+DRIFTS = 0.01
+"""Probability of a change as large, were the law right, below which it is reported: with four ranges that are
+alike, one right test in a hundred or two."""
+
+
+@dataclass(frozen=True)
+class RangeDrift:
+    """Change of the unknowns when a fit ends earlier."""
+
+    excess: FloatArray
+    """Largest change beyond what noise makes of it, of any range [-], shape [n]."""
+    probability: float
+    """Least probability of such a change of all unknowns if the law were right [-]."""
+    rows: int
+    """Rows of the range with that probability."""
+    change: FloatArray
+    """Change of the unknowns from the whole range to that one [-], shape [n]."""
+
+
+def range_drift(
+    jacobian: FloatArray, residual: FloatArray, ranges: Sequence[int], *, excess: float = 1.0
+) -> RangeDrift:
+    """Compare a fit with those to its first rows only (Hausman 1978).
+
+    With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to its own optimum. Of a
+    right law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - V_jj is what exceeds it.
+
+    ``jacobian``: over standard deviations, shape [m, n]. ``residual``: at the optimum of all rows, likewise,
+    shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual over the declared.
+    """
+    n = jacobian.shape[1]
+    whole = np.linalg.pinv(jacobian.T @ jacobian)
+    found = RangeDrift(np.zeros(n), 1.0, len(residual), np.zeros(n))
+    for rows in ranges:
+        own = jacobian[:rows]
+        size = np.linalg.norm(own, axis=0)
+        if rows <= n or not (size > 0.0).all():
+            continue
+        if np.linalg.svd(own / size, compute_uv=False)[-1] < LEAST_SINGULAR_VALUE:
+            continue  # these rows do not determine every unknown
+        inverse = np.linalg.inv(own.T @ own)
+        change = -inverse @ own.T @ residual[:rows]
+        variance = excess * (inverse - whole)
+        beyond = np.sqrt(np.maximum(change**2 - np.diag(variance), 0.0))
+        probability = float(chi2_distribution.sf(change @ np.linalg.pinv(variance) @ change, n))
+        found = replace(found, excess=np.maximum(found.excess, beyond))
+        if probability < found.probability:
+            found = replace(found, probability=probability, rows=rows, change=change)
+    return found
+
+
+def _range_drift(one: ModelOptimum, test: MeasuredSpecimen) -> RangeDrift:
+    """How the unknowns change when the test ends earlier; the stresses alone are compared."""
+    n = test.strain.size
+    ranges = [int(np.count_nonzero(test.strain <= share * test.strain[-1])) for share in RANGES]
+    scale = max(1.0, one.chi2 / max(1, n - one.theta.size))
+    return range_drift(one.jacobian[:n], one.off / test.noise, ranges, excess=scale)
+
+
+def _drift_remark(row: ModelFit, drift: RangeDrift, units: FloatArray) -> str:
+    """The change of the constants with the range in words."""
+    changes = drift.change[: len(units)] * units
+    shorter = ", ".join(
+        f"{name} {value + change:.5g}"
+        for (name, value), change in zip(row.constants.items(), changes, strict=True)
+    )
+    return (
+        f"{row.name}: the constants change with the range that is fitted; the first {drift.rows} strains "
+        f"alone give {shorter} (SI). The law or the declared ends do not describe the whole test: the "
+        "intervals are widened by the change; end the test earlier, or try another law"
+    )
+
+
+def _poisson_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
+    """Change of the unknowns by one standard uncertainty of Poisson's ratio [-], shape [n]."""
+    numerics = test.numerics
+    if numerics.poisson_sigma == 0.0:
+        return np.zeros(one.theta.size)
+    stiffer = replace(numerics, poisson=numerics.poisson + numerics.poisson_sigma, poisson_sigma=0.0)
+    made = [
+        replace(test, numerics=own).simulate(one.model, one.theta, derivatives=False)
+        for own in (numerics, stiffer)
+    ]
+    rows = np.log(made[1].stress / made[0].stress) / test.noise
+    if test.bulge is not None:
+        rows = np.append(rows, (made[1].bulge - made[0].bulge) / test.bulge_scale)
     return np.asarray(-one.gain[:, : rows.size] @ rows)

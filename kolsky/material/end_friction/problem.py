@@ -279,6 +279,11 @@ class EndFriction:
             raise ValueError(f"the friction's sigma must be in [0, friction], got {self.sigma} with {f}")
 
 
+ASSUMED_POISSON_SIGMA = 5e-4
+"""Standard uncertainty of Poisson's ratio where nobody declares it [-]: with the default of 0.499, k = 2
+covers what is usual of rubbers, 0.498 to 0.49999."""
+
+
 @dataclass(frozen=True)
 class CorrectionNumerics:
     """Numerical choices of a correction."""
@@ -289,6 +294,8 @@ class CorrectionNumerics:
     """The mesh that the answer is moved to."""
     poisson: float = 0.499
     """Poisson's ratio at rest [-]; that of the shot the curve is meant for."""
+    poisson_sigma: float = 0.0
+    """Its standard uncertainty [-], which `fit_specimen` counts."""
     places: int = 25
     """Most strains at which the test is compared."""
 
@@ -297,6 +304,10 @@ class CorrectionNumerics:
             raise ValueError(f"the refined mesh {self.refined_mesh} must be finer than {self.mesh}")
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"Poisson's ratio must be in [0, 0.5), got {self.poisson}")
+        if not 0.0 <= self.poisson_sigma < 0.5 - self.poisson:
+            raise ValueError(
+                f"poisson_sigma must be in [0, 0.5 - {self.poisson:g}), got {self.poisson_sigma:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -323,6 +334,8 @@ class ModelFit:
     """Simulated tests that the fit took."""
     reason: str = ""
     """Why it has no weight, if it has none."""
+    remark: str = ""
+    """What a reader of the constants must know."""
 
     @classmethod
     def without(cls, name: str, reason: str) -> "ModelFit":

@@ -73,7 +73,8 @@ def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
 def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
     """Rows of the table of constants of a sheet."""
     fit = view.fit
-    words = "identified" if fit.adequate else "of a model that does not explain the field"
+    parts = [name for name, fits in (("field", fit.adequate), ("force", fit.force_explained)) if not fits]
+    words = f"of a model that does not explain the {' and the '.join(parts)}" if parts else "identified"
     return [
         {
             "fit": "all steps",
@@ -84,7 +85,7 @@ def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
             else f"{_shown_value(spec, float(value - 1.96 * sigma))} to "
             f"{_shown_value(spec, float(value + 1.96 * sigma))}",
             "verdict": "at its bound" if bound else words,
-            "ok": fit.adequate and not bound,
+            "ok": fit.explained and not bound,
         }
         for spec, value, sigma, bound in zip(
             fit.constants.free_specs, fit.values, fit.sigma, fit.at_bound, strict=True
@@ -102,6 +103,8 @@ def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
             "steps": str(len(data.pad)),
             "misfit of the displacements": f"{numbers.percent(float(fit.misfit.min()))} to "
             f"{numbers.percent(float(fit.misfit.max()))}",
+            "misfit of the force": f"{numbers.percent(fit.force_misfit)}, noise alone "
+            f"{numbers.percent(fit.force_noise)}",
             "noise of a point": f"{1e6 * data.sigma_displacement:.3g} µm",
             "simulations": str(fit.simulations),
         }

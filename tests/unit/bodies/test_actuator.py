@@ -18,13 +18,15 @@ from kolsky.bodies.actuator_control import (
     Controller,
     Plant,
     ReducedBend,
+    Reduction,
+    check_targets,
     largest_gain,
     reduce_actuator,
     run_loop,
 )
 from kolsky.bodies.actuator_model import Actuator, Pneunet
-from kolsky.bodies.actuator_reading import read_actuator, volume_reading
-from kolsky.equilibrium.loads import FollowerPressure, faces_on
+from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
+from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
 from kolsky.equilibrium.meshes import box
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
@@ -237,12 +239,13 @@ TET = """$MeshFormat
 2.2 0 8
 $EndMeshFormat
 $PhysicalNames
-5
+6
 2 1 "clamp"
 2 2 "cavity"
 0 3 "tip"
 0 4 "origin"
 3 5 "body"
+2 6 "inlet"
 $EndPhysicalNames
 $Nodes
 4
@@ -252,12 +255,13 @@ $Nodes
 4 0 0 10
 $EndNodes
 $Elements
-5
+6
 1 2 2 1 1 1 3 4
 2 2 2 2 2 2 3 4
 3 15 2 3 3 2
 4 15 2 4 4 1
 5 4 2 5 5 1 2 3 4
+6 2 2 6 6 2 3 4
 $EndElements
 """
 
@@ -360,6 +364,24 @@ def test_faces_that_meet_in_an_edge_are_two() -> None:
     )
 
 
+@pytest.mark.parametrize("kind", ["hex8", "hex27", "tet4"])
+def test_a_cavity_ends_on_clamp_and_mirror_alone(kind: str) -> None:
+    mesh = Pneunet(chambers=1, element=kind).mesh
+    ends = rim(mesh, "cavity")
+    held = [np.isin(ends, mesh.nodes(name)).all(axis=1) for name in ("clamp", "mirror")]
+    assert len(ends) > 0
+    assert (held[0] | held[1]).all()
+    assert len(rim(Pneunet(chambers=1, element=kind, half=False, separate=True).mesh, "cavity_1")) == 0
+
+
+def test_edges_of_a_hole_in_a_closed_surface() -> None:
+    # Without one corner of the hollow three faces are missing: a rim of six edges.
+    mesh = Pneunet(chambers=1, element="hex8", half=False, separate=True).mesh
+    own = mesh.nodes("cavity_1")
+    corner = own[np.argmax(mesh.points[own].sum(axis=1))]
+    assert len(rim(mesh.with_set("cavity_1", own[own != corner]), "cavity_1")) == 6
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -458,6 +480,36 @@ def test_in_real_time_a_tick_begins_when_it_is_due(monkeypatch: pytest.MonkeyPat
     assert found.real_time
     assert clock["now"] == pytest.approx(100.009 + 4 * 50e-3 + 3e-3)  # nine bends make the controller
     assert not run_loop(controller, plant, wanted, rate=20.0, seed=1).real_time
+
+
+def _check(angles: list[float], *, error: float = 0.005, reach: tuple[float, float] = (0.0, 0.4)) -> None:
+    """Check angles against a plant up to 0.3 rad and a reduced model that is off by `error` at 0.2 rad."""
+    unseen = np.array([0.1, 0.2, 0.3])
+    made = Reduction(Line(), unseen, unseen, np.array([0.0, -error, 1.0]), np.nan)  # type: ignore[arg-type]
+    section = ControlSection.model_construct(angles=angles, most=1e5, plant_stiffness=0.9, error=0.05)
+    plant = Plant(np.array([0.0, 1e5]), np.array([0.0, 0.3]), 0.0, 0, 0.0)
+    check_targets("down", made, plant, section, reach=reach)
+
+
+def test_an_angle_beyond_reach_is_refused_before_the_loop() -> None:
+    _check([0.19, 0.1])
+    with pytest.raises(ValueError, match=r"20.05° is beyond reach: the plant, 0.9 times as stiff, .* 17.19°"):
+        _check([0.35])
+    with pytest.raises(
+        ValueError, match=r"10.89° is beyond reach: the model bends from 0° to 8.594° up to 1"
+    ):
+        _check([0.19], reach=(0.0, 0.15))
+    with pytest.raises(ValueError, match="beyond reach"):
+        _check([-0.01])
+
+
+def test_the_reduced_model_is_judged_over_the_angles_it_is_asked_for() -> None:
+    # the error of 1 rad at 0.3 rad is beyond what is asked; 0.0096 of 0.19 is above 5 %
+    _check([0.19], error=0.0094)
+    with pytest.raises(ValueError, match=r"0.55° off a bend of 10.89°, more than control.error = 0.05"):
+        _check([0.19], error=0.0096)
+    with pytest.raises(ValueError, match="off a bend"):
+        _check([0.25])
 
 
 def test_error_is_judged_where_it_has_settled() -> None:

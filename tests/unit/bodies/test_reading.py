@@ -207,7 +207,7 @@ def test_meshes_of_other_formats_are_refused(tmp_path: Path) -> None:
 
 SECTION = ControlSection.model_construct(
     angles=[0.02], hold=0.5, rate=20.0, gain=0.3, most=MOST, modes=4, tolerance=1e-3, snapshots=3,
-    plant_stiffness=0.85, delay=1, lag=0.05, noise=0.0, seed=1, real_time=False,
+    plant_stiffness=0.85, delay=1, lag=0.05, noise=0.0, seed=1, real_time=False, error=0.05,
 )  # fmt: skip
 
 

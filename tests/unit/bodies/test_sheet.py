@@ -7,6 +7,14 @@ import pytest
 from scipy.sparse import csr_matrix, diags
 
 from kolsky.bodies.sheet import ENDS, Sheet, cells_inside, mass_matrix, sheet_state
+from kolsky.bodies.sheet_checks import (
+    LackingFactor,
+    fit_measured,
+    interpolated,
+    lacking_factor,
+    mesh_error,
+    one_change,
+)
 from kolsky.bodies.sheet_fit import (
     FieldData,
     FieldFit,
@@ -19,7 +27,7 @@ from kolsky.bodies.sheet_fit import (
     smoothed,
     variance,
 )
-from kolsky.bodies.sheet_reading import MeasuredField, plan_sheet, simulate_sheet
+from kolsky.bodies.sheet_reading import MeasuredField, _mesh_scale, plan_sheet, simulate_sheet
 from kolsky.bodies.stiffness_map import SMOOTHING, _Blocks, blocks_of, stiffness_map, total_variation
 from kolsky.equilibrium.meshes import Mesh, rectangle
 from kolsky.equilibrium.solve import solve
@@ -169,6 +177,11 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     )
     assert found.misfit == pytest.approx([0.1, 0.1])
     assert not found.adequate
+    assert found.force_misfit == pytest.approx(0.02 / 1.02)
+    assert found.force_noise == pytest.approx(np.sqrt(2.0) * 1e-5 / np.linalg.norm(1.02 * data.force))
+    assert found.force_explained
+    assert found.force_testable
+    assert not found.explained
     area = float(problem.mass.sum())
     size = [np.einsum("ai,ai->", problem.mass @ one, one) for one in off.data.displacements]
     assert found.noise == pytest.approx(np.sqrt(2.0 * area / np.array(size)) * 1e-6)
@@ -178,6 +191,21 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     inverse = np.linalg.inv(cost.gauss_newton)
     middle = found.scales[0] * cost.curvature_displacement + found.scales[1] * cost.curvature_force
     assert found.covariance == pytest.approx(1e-5 * 1e-12 * inverse @ middle @ inverse)
+
+
+def test_a_field_that_is_explained_does_not_excuse_a_force() -> None:
+    problem = made(_sheet(), start=constants())
+    data = replace(problem.data, force=2.0 * problem.data.force)
+    off = FieldProblem(problem.sheet, data, problem.constants)
+    cost = off.cost(constants().start)
+    assert not isinstance(cost, str)
+    zeros = np.zeros((2, 2, *data.displacements.shape[1:]))
+    no = (False, False)
+    found = FieldFit(off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, 2)), True, no, 1)
+    assert found.force_misfit == pytest.approx(0.5)
+    assert found.adequate
+    assert not found.force_explained
+    assert not found.explained
 
 
 def test_second_derivatives_are_those_of_the_gradient() -> None:
@@ -385,3 +413,95 @@ def test_eigenvectors_where_a_constant_moves_nothing() -> None:
 def test_nothing_moves() -> None:
     with pytest.raises(ValueError, match="force has to be measured"):
         before_test(np.zeros((2, 4)), diags([1.0] * 4).tocsr(), np.ones(2))
+
+
+@pytest.mark.parametrize("kind", ["tri3", "quad4", "quad9"])
+def test_interpolation_is_that_of_the_element(kind: str) -> None:
+    mesh = rectangle((4.0, 2.0), (4, 2), kind=kind)
+    values = mesh.points @ np.array([[2.0, 1.0], [-1.0, 3.0]])
+    points = np.array([[0.3, 0.4], [3.9, 1.9], [4.0, 0.0], [4.2, 1.0]])
+    found, cell = interpolated(mesh, values, points)
+    assert found[:3] == pytest.approx(points[:3] @ np.array([[2.0, 1.0], [-1.0, 3.0]]), abs=1e-5)
+    assert (cell >= 0).tolist() == [True, True, True, False]
+    assert np.isnan(found[3]).all()
+
+
+def test_error_of_a_mesh_over_a_parabola() -> None:
+    # u = x^2 on cells 1 x 1: at an inner cell G_a - G = 1 and the longest distance in it sqrt(2).
+    mesh = rectangle((5.0, 1.0), (5, 1), kind="quad4")
+    found = mesh_error(mesh, mesh.points[:, :1] ** 2)
+    assert found[2, 0] == pytest.approx(0.25 * np.sqrt(2.0))
+    assert mesh_error(mesh, mesh.points[:, :1]) == pytest.approx(np.zeros((5, 1)), abs=1e-12)
+
+
+def test_the_factor_that_a_force_lacks() -> None:
+    measured, simulated = np.array([3.0, 4.0]), np.array([-6.0, -8.0])
+    found = lacking_factor(measured, simulated, np.diag([0.01, 0.04]), 0.5)
+    assert found.value == pytest.approx(-2.0)
+    assert found.sigma == pytest.approx(np.sqrt(9.0 * 0.01 + 16.0 * 0.04 + 4.0 * 0.25 * 25.0) / 25.0)
+    assert LackingFactor(2.0 * 1.049, 0.0).near(2.0)  # 5 % of the factor counts as explained
+    assert not LackingFactor(2.0 * 1.051, 0.0).near(2.0)
+    assert LackingFactor(-0.85, 0.08).near(-1.0)
+    assert not LackingFactor(-0.75, 0.08).near(-1.0)
+
+
+@pytest.fixture(scope="module")
+def two_materials() -> FieldProblem:
+    """A sheet of which half is of a known material: its field alone determines both constants."""
+    mesh = small_mesh()
+    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
+    stiff = constants(E=9e4, poisson=0.2)
+    return made(_sheet(regions=regions, held={1: stiff.solid(stiff.start)}))
+
+
+@pytest.mark.parametrize(
+    ("key", "factor", "words"),
+    [
+        ("force", -1.0, "field.pad.force times -1"),
+        ("force", 1e3, "field.pad.force times 0.001"),
+        ("force", 0.5, "field.pad.force times 2"),
+        ("displacements", 1e3, "field.points.ux and uy times 0.001"),
+    ],
+)
+def test_one_wrong_factor_is_named(two_materials: FieldProblem, key: str, factor: float, words: str) -> None:
+    data = replace(two_materials.data, **{key: factor * getattr(two_materials.data, key)})
+    problem = FieldProblem(two_materials.sheet, data, two_materials.constants)
+    found = fit_field(problem)
+    assert not found.explained
+    assert any("does not explain the " in one for one in found.warnings)
+    assert words in one_change(problem, found)
+
+
+def test_a_right_sheet_has_no_change(two_materials: FieldProblem) -> None:
+    found = fit_field(two_materials)
+    assert found.explained
+    assert one_change(two_materials, found) == ""
+
+
+def test_a_force_of_the_size_of_its_noise_is_not_testable(two_materials: FieldProblem) -> None:
+    data = replace(two_materials.data, sigma_force=float(np.abs(two_materials.data.force).max()))
+    found = fit_field(FieldProblem(two_materials.sheet, data, two_materials.constants))
+    assert not found.force_testable
+    assert "the force is not testable" in found.warnings[-1]
+
+
+def test_a_doubted_point_comes_back_if_the_sheet_predicts_it(two_materials: FieldProblem) -> None:
+    sheet, data = two_materials.sheet, two_materials.data
+    x, y = np.meshgrid(np.linspace(0.006, 0.034, 15), np.linspace(0.002, 0.018, 9), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    nodal = np.moveaxis(data.displacements, 0, 1).reshape(len(sheet.mesh.points), -1)
+    rng = np.random.default_rng(2)
+    flat = interpolated(sheet.mesh, nodal, points)[0] + 1e-6 * rng.standard_normal((len(points), 4))
+    flat[40, 2] += 5e-4
+    doubted = np.isin(np.arange(len(points)), [40, 67, 70])
+    moved = np.moveaxis(flat.reshape(len(points), 2, 2), 1, 0)
+    measured = MeasuredField(two_materials, points, doubted, moved, (1, 2), {}, 1e-6)
+    kept, _ = fit_measured(measured, gate=6.0)
+    assert np.flatnonzero(kept.left_out).tolist() == [40]
+
+
+def test_the_scale_at_which_a_mesh_holds_the_points() -> None:
+    nodes, points = np.array([[0.0, 0.0], [0.06, 0.03]]), np.array([[0.01, 0.005], [0.05, 0.025]])
+    assert _mesh_scale(1e3 * nodes, points) == 1e-3
+    assert _mesh_scale(nodes / 25.4, points) == 25.4
+    assert _mesh_scale(nodes + 1.0, points) is None

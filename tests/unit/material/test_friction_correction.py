@@ -5,10 +5,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from kolsky.base.apparatus import Specimen
 from kolsky.material.end_friction import correct, fits
-from kolsky.material.end_friction.correct import _correction, cause_of_misfit, correct_friction, mesh_change
+from kolsky.material.end_friction.correct import (
+    DRIFTS,
+    _correction,
+    _drift_remark,
+    _poisson_change,
+    _range_drift,
+    cause_of_misfit,
+    correct_friction,
+    mesh_change,
+    range_drift,
+)
 from kolsky.material.end_friction.fits import ModelOptimum, bic, local_rms, model_weights, on_refined_mesh
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
 from kolsky.material.uniaxial import CurveBand
@@ -250,6 +261,52 @@ def test_the_size_of_a_mesh_error_is_its_root_mean_square_over_laws_and_neighbou
 def test_constants_move_with_the_mesh():
     test = made_test()
     assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
+
+
+def test_constants_of_a_part_of_the_range_in_closed_form():
+    """Rows of 1, residuals (a, a, -a, -a): half of them move the unknown by -a, of a variance 1/2 - 1/4."""
+    J, a = np.ones((4, 1)), 1.5
+    found = range_drift(J, a * np.array([1.0, 1.0, -1.0, -1.0]), [2])
+    assert found.change == pytest.approx([-a])
+    assert found.excess == pytest.approx([np.sqrt(a**2 - 0.25)])
+    assert found.probability == pytest.approx(chi2.sf(a**2 / 0.25, 1))
+    assert found.rows == 2
+    wide = range_drift(J, a * np.array([1.0, 1.0, -1.0, -1.0]), [2], excess=16.0)
+    assert wide.excess == pytest.approx([0.0])
+    # one row and two unknowns: nothing is compared
+    assert range_drift(np.ones((4, 2)), np.ones(4), [1, 3]).excess == pytest.approx([0.0, 0.0])
+
+
+def test_a_test_that_leaves_the_law_is_said_to():
+    """The force falls short over the last four tenths: half of the test gives another constant."""
+    test = made_test()
+    off = np.where(STRAIN > 0.35, -0.06, 0.0)
+    one = replace(found(test), off=off - off.mean())
+    drift = _range_drift(one, test)
+    assert drift.probability < DRIFTS
+    assert drift.excess[0] > 0.01
+    row = SimpleNamespace(name="yeoh", constants={"C10": 2.0})
+    assert f"C10 {2.0 + drift.change[0]:.5g}" in _drift_remark(row, drift, np.ones(1))
+    assert _range_drift(replace(one, off=np.zeros(N)), test).excess == pytest.approx([0.0])
+
+
+@dataclass(frozen=True)
+class Compressible(Made):
+    """A simulated test whose ln S grows by 4 a unit of Poisson's ratio."""
+
+    def simulate(self, model, theta, *, refined=False, derivatives=True):
+        made = super().simulate(model, theta)
+        made.stress = made.stress * np.exp(4.0 * self.numerics.poisson)
+        return made
+
+
+def test_poissons_ratio_moves_the_constants():
+    own = vars(made_test()) | {"numerics": CorrectionNumerics(poisson_sigma=5e-4)}
+    test = Compressible(**own)
+    assert _poisson_change(found(test, refined=False), test) == pytest.approx([-4.0 * 5e-4])
+    assert _poisson_change(found(made_test(), refined=False), made_test()) == pytest.approx([0.0])
+    with pytest.raises(ValueError, match="poisson_sigma"):
+        CorrectionNumerics(poisson_sigma=0.0011)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,225 @@
+r"""What of a sheet's data its model explains: single points, the field, the force, and what one factor mends.
+
+**Points.** The gate of `kolsky.bodies.sheet.outliers` doubts a point that its neighbours do not predict. At a
+hole, a pad or the border of a region the field bends within a few points, and neighbours predict none of
+them. So a doubted point counts as an outlier only if the fitted sheet does not predict it either: with u_h
+the field of the mesh, e its error there and s the robust deviation of all points from u_h,
+
+    |u - u_h| > gate s + e,     e = (h / 4) max_a |G_a - G|,                                          (P.1)
+
+h the size of the cell, G its gradient and G_a the gradient averaged over the cells at its node a: over a
+parabola the error of a linear element is that much (Zienkiewicz and Zhu 1987).
+
+**Force and field** are fitted together, and each is judged by its own misfit. Where one is not explained, the
+constants are fitted to the field alone, with the covariance C. With the force f and F = df/dm there
+
+    k = (f . f_msr) / (f_msr . f_msr),
+    sigma_k^2 = f_msr . (F C F^T + k^2 sigma_f^2) f_msr / |f_msr|^4                                   (P.2)
+
+is the factor that the measured force lacks. A usual factor k_0 is named if |k - k_0| is at most twice
+sigma_k with the share that counts as explained, and if a fit with the force times k_0 explains both.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dic.basics import MAD
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.bodies.sheet_fit import EXPLAINED_SHARE, FieldData, FieldFit, FieldProblem, fit_field
+from kolsky.bodies.sheet_reading import MeasuredField, keeping
+from kolsky.equilibrium.meshes import Mesh
+
+_CELLS = 16
+"""Nearest cells, by their middles, in which a point is looked for."""
+_INSIDE = 1e-6
+"""Distance outside the reference cell within which a point counts as inside [-]: that of round-off."""
+_NEWTON_STEPS = 8
+"""Steps of the inverse map; a straight cell takes one, a bent one four or five."""
+_PASSES = 4
+"""Most fits with points that were taken back."""
+FORCE_FACTORS = {
+    -1.0: "its sign is reversed",
+    1e3: "its unit is 1000 times larger, as N for mN",
+    1e-3: "its unit is 1000 times smaller, as mN for N",
+    2.0: "it is that of half of the sheet",
+    0.5: "it is that of two sheets",
+}
+"""Factor that a measured force lacks -> what is wrong with it."""
+FIELD_FACTORS = {
+    -1.0: "their sign is reversed",
+    1e3: "their unit is 1000 times larger, as mm for µm",
+    1e-3: "their unit is 1000 times smaller, as µm for mm",
+}
+"""Factor that the points' displacements lack -> what is wrong with them."""
+
+
+def interpolated(mesh: Mesh, values: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Nodal values at points, and the cell of each; NaN and -1 where no cell holds the point.
+
+    ``values``: shape [nodes, k]. ``points``: shape [n, d].
+    """
+    element = mesh.element
+    corners = mesh.points[mesh.cells]
+    near = cKDTree(corners.mean(axis=1)).query(points, k=min(_CELLS, len(mesh.cells)))[1]
+    near = near.reshape(len(points), -1)
+    found, cell = np.full((len(points), values.shape[1]), np.nan), np.full(len(points), -1)
+    for candidates in near.T:
+        left = np.flatnonzero(cell < 0)
+        if not len(left):
+            break
+        own = candidates[left]
+        xi = np.tile(element.nodes.mean(axis=0), (len(left), 1))
+        for _ in range(_NEWTON_STEPS):
+            away = points[left] - np.einsum("nk,nkd->nd", element.values(xi), corners[own])
+            slopes = np.einsum("nkj,nkd->ndj", element.gradients(xi), corners[own])
+            xi = np.clip(xi + np.linalg.solve(slopes, away[..., None])[..., 0], -5.0, 5.0)
+        if element.shape == "simplex":
+            inside = (xi.min(axis=1) >= -_INSIDE) & (xi.sum(axis=1) <= 1.0 + _INSIDE)
+        else:
+            inside = np.abs(xi).max(axis=1) <= 1.0 + _INSIDE
+        at = left[inside]
+        found[at] = np.einsum("nk,nkf->nf", element.values(xi[inside]), values[mesh.cells[own[inside]]])
+        cell[at] = own[inside]
+    return found, cell
+
+
+def mesh_error(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """Estimated error of nodal values inside each cell, Eq. (P.1), shape [m, k].
+
+    ``values``: shape [nodes, k].
+    """
+    element, cells = mesh.element, mesh.cells
+    corners = mesh.points[cells]
+    gradients = element.gradients(element.nodes)
+    jacobian = np.einsum("akj,mkd->madj", gradients, corners)
+    local = np.einsum("akj,mkf->majf", gradients, values[cells])
+    slope = np.einsum("majd,majf->madf", np.linalg.inv(jacobian), local)
+    total = np.zeros((len(mesh.points), *slope.shape[2:]))
+    np.add.at(total, cells, slope)
+    total /= np.maximum(np.bincount(cells.ravel(), minlength=len(total)), 1)[:, None, None]
+    jump = np.linalg.norm(total[cells] - slope, axis=2).max(axis=1)
+    longest = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=-1).max(axis=(1, 2))
+    return np.asarray(0.25 * longest[:, None] * jump)
+
+
+def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolArray:
+    """Points that the fitted sheet predicts within its mesh's error, Eq. (P.1), shape [n]."""
+    mesh = found.problem.sheet.mesh
+    nodal = np.moveaxis(found.cost.state.displacements, 0, 1).reshape(len(mesh.points), -1)
+    simulated, cell = interpolated(mesh, nodal, measured.points)
+    own = np.moveaxis(measured.displacements, 0, 1).reshape(len(measured.points), -1)
+    apart = np.abs(own - simulated)
+    inside = cell >= 0
+    if not inside.any():
+        return inside
+    scale = MAD * np.median(apart[inside], axis=0)
+    return np.asarray(inside & (apart <= gate * scale + mesh_error(mesh, nodal)[cell]).all(axis=1))
+
+
+def fit_measured(measured: MeasuredField, *, gate: float) -> tuple[MeasuredField, FieldFit]:
+    """Fit a measured sheet, and take back the doubted points that it predicts until none is left to take.
+
+    Raises ValueError as `fit_field`.
+    """
+    found = fit_field(measured.problem)
+    for _ in range(_PASSES):
+        if not measured.left_out.any():
+            break
+        bad = measured.left_out & ~predicted(measured, found, gate=gate)
+        if (bad == measured.left_out).all():
+            break
+        measured = keeping(measured, bad)
+        own = measured.problem
+        found = fit_field(FieldProblem(own.sheet, own.data, found.constants))
+    return measured, found
+
+
+@dataclass(frozen=True)
+class LackingFactor:
+    """The factor that measured values lack, Eq. (P.2)."""
+
+    value: float
+    """[-]."""
+    sigma: float
+    """Its standard uncertainty [-]."""
+
+    def near(self, factor: float) -> bool:
+        """Whether a usual factor is this one, within its uncertainty and the share that is explained."""
+        return abs(self.value - factor) <= 2.0 * np.hypot(self.sigma, 0.5 * EXPLAINED_SHARE * abs(factor))
+
+
+def lacking_factor(
+    measured: FloatArray, simulated: FloatArray, covariance: FloatArray, sigma: float
+) -> LackingFactor:
+    """Factor of measured values that meets the simulated ones best, Eq. (P.2).
+
+    ``measured``, ``simulated``: shape [n]. ``covariance``: of the simulated ones, shape [n, n]. ``sigma``:
+    standard deviation of each measured one.
+    """
+    size = float(measured @ measured)
+    k = float(simulated @ measured) / size
+    own = float(measured @ covariance @ measured) + (k * sigma) ** 2 * size
+    return LackingFactor(k, float(np.sqrt(own)) / size)
+
+
+def one_change(problem: FieldProblem, found: FieldFit) -> str:
+    """The one factor of force or displacements with which the sheet explains both, in words; empty if none.
+
+    ``problem``: with the constants to begin at. ``found``: its fit. A usual factor is confirmed by a fit.
+    """
+    if found.explained:
+        return ""
+    data = problem.data
+    near = list(FORCE_FACTORS)
+    try:
+        alone = fit_field(FieldProblem(problem.sheet, replace(data, sigma_force=_MUTE), problem.constants))
+        slopes = alone.cost.state.force_by_constants
+        spread = slopes @ alone.covariance @ slopes.T
+        lacking = lacking_factor(data.force, alone.cost.state.force, spread, data.sigma_force)
+        near = [factor for factor in near if lacking.near(factor)]
+    except (ValueError, np.linalg.LinAlgError):
+        pass  # the field alone does not determine the constants: every factor is tried
+    for factor in near:
+        if _explains(problem, replace(data, force=factor * data.force)):
+            return _words("force", "field.pad.force", FORCE_FACTORS[factor], factor)
+    lack = _field_factor(found)
+    for factor, cause in FIELD_FACTORS.items():
+        # the constants of a fit that failed are not those of the sheet: only the order of size is compared
+        if factor * lack > 0.0 and abs(np.log10(lack / factor)) < 1.0:
+            sigma = abs(factor) * data.sigma_displacement
+            moved = replace(data, displacements=factor * data.displacements, sigma_displacement=sigma)
+            if _explains(problem, moved):
+                return _words("displacements", "field.points.ux and uy", cause, factor)
+    return ""
+
+
+def _words(what: str, key: str, cause: str, factor: float) -> str:
+    """The change in a sentence."""
+    return (
+        f"one change of the {what} would explain the field and the force: {cause} ({key} times {factor:g}); "
+        "check the column's sign and unit"
+    )
+
+
+_MUTE = 1e9
+"""Standard deviation of a force that counts for nothing [N]."""
+
+
+def _field_factor(found: FieldFit) -> float:
+    """Factor of the displacements that meets the simulated ones best [-]."""
+    mass, data, state = found.problem.mass, found.problem.data, found.cost.state
+    loaded = [mass @ one for one in data.displacements]
+    both = sum(float(np.sum(a * b)) for a, b in zip(loaded, state.displacements, strict=True))
+    own = sum(float(np.sum(a * b)) for a, b in zip(loaded, data.displacements, strict=True))
+    return both / own if own > 0.0 else 1.0
+
+
+def _explains(problem: FieldProblem, data: FieldData) -> bool:
+    """Whether a fit to changed data explains field and force with no constant at its bound."""
+    try:
+        trial = fit_field(FieldProblem(problem.sheet, data, problem.constants))
+    except (ValueError, np.linalg.LinAlgError):
+        return False
+    return trial.explained and not any(trial.at_bound)
