@@ -161,8 +161,10 @@ def _fit_sheet(
     from kolsky.report.specimen_folder import write_sheet_results
 
     measured = read_field(read)
+    section = read.declared.field
+    assert section is not None  # `read_field` refuses a file without it
     with read.toml.refusing("field", "cannot be fitted"):
-        measured, result = fit_measured(measured, gate=read.declared.field.points.gate)
+        measured, result = fit_measured(measured, gate=section.points.gate)
         change = one_change(measured.problem, result)
     steps = fit_steps(result.problem) if each_step else []
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None

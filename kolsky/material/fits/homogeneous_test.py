@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -252,15 +252,16 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
     names = {text.rpartition(" (")[0].strip("'") for text in column_names(path, layout)}
     if names.issuperset(TABLE_HEADINGS):
         return replace(columns, strain=TABLE_HEADINGS[0], stress=TABLE_HEADINGS[1]), ""
-    found = recognised_columns(path, layout)
+    recognised = recognised_columns(path, layout)
     pairs = [("strain", "stress"), ("stretch", "stress"), ("displacement", "force")]
     if columns.length is not None and columns.section is not None:
         pairs.reverse()
     for pair in pairs:
-        if found.keys() >= set(pair):
-            words = " and ".join(f"'{found[name]}' as the {name}" for name in pair)
-            said = f"{path}: took {words}; name others with --{pair[0]} and --{pair[1]}"
-            return replace(columns, **{name: found[name] for name in pair}), said
+        if recognised.keys() >= set(pair):
+            words = " and ".join(f"'{recognised[name]}' as the {name}" for name in pair)
+            remark = f"{path}: took {words}; name others with --{pair[0]} and --{pair[1]}"
+            taken: dict[str, Any] = {name: recognised[name] for name in pair}
+            return replace(columns, **taken), remark
     return columns, ""
 
 
