@@ -87,6 +87,15 @@ LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
             rejected=("r1r2 ZNCC", "r1t1 ZNCC", "r1t2 ZNCC"),
         ),
     ),
+    "duodic": (
+        # https://github.com/SolavLab/DuoDIC keeps cells of a MATLAB structure: `DUODIC_CURE` writes tables.
+        ExportLayout(
+            "DuoDIC, MultiDIC",
+            ("Points3D_X", "Points3D_Y", "Points3D_Z"),
+            ("DispVec_X", "DispVec_Y", "DispVec_Z"),
+            key=("point",),
+        ),
+    ),
 }
 """Name in shot.toml -> layouts, the first of which that has all its columns in the header is used."""
 

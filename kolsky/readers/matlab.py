@@ -7,6 +7,7 @@ Versions 5 to 7 are read by SciPy in a process of its own (`kolsky.readers.child
 bytes changed, each of six series of at most 400 ended that process by a segmentation fault or a bus error.
 """
 
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,6 +24,14 @@ LIMIT = 400_000_000
 """Largest file before 7.3 [bytes]."""
 _HDF5_OFFSET = 512
 """A 7.3 file has its HDF5 signature behind a header of text."""
+
+DUODIC_CURE = (
+    "write a table a frame in MATLAB, with its structure as P: for k = 1:numel(P.Points3D), "
+    "M = [(1:size(P.Points3D{k}, 1))' P.Points3D{1} P.Disp.DispVec{k}]; writetable(array2table(M, "
+    "'VariableNames', {'point', 'Points3D_X', 'Points3D_Y', 'Points3D_Z', 'DispVec_X', 'DispVec_Y', "
+    "'DispVec_Z'}), sprintf('duodic_%04d.csv', k)); end"
+)
+"""MATLAB's lines for the layout "duodic" of `kolsky.readers.dic_export`."""
 
 
 def sniff(path: Path) -> bool:
@@ -75,6 +84,8 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
         file_hash(path, limit=LIMIT)
         arrays, scalars, others = _plain(path)
         version = "5 to 7"
+    if any(re.fullmatch(r"/?DIC3D\w*(/Points3D)? \(.*\)", name) for name in others):
+        raise InputError(path, "holds a structure of DuoDIC or MultiDIC, with all frames", cure=DUODIC_CURE)
     if not arrays:
         raise InputError(
             path,

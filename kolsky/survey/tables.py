@@ -147,7 +147,7 @@ def survey(folder: Path) -> Survey:
         try:
             table = _read_table_entry(path)
         except InputError as error:
-            doubtful[path.name] = error.message
+            doubtful[path.name] = str(error) if "DuoDIC" in error.message else error.message
             continue
         if _is_recording(table):
             recordings.append(table)

@@ -35,6 +35,7 @@ HEADS = {
     "dice": "SUBSET_ID,MODEL_COORDINATES_X,MODEL_COORDINATES_Y,MODEL_COORDINATES_Z,"
     "MODEL_DISPLACEMENT_X,MODEL_DISPLACEMENT_Y,MODEL_DISPLACEMENT_Z",
     "opencorr": "ref_x,ref_y,ref_z,u,v,w,x,y",
+    "duodic": "point,Points3D_X,Points3D_Y,Points3D_Z,DispVec_X,DispVec_Y,DispVec_Z",
 }
 FRAMES, START = 12, 6
 """Frames of a short series, and the first in which it moves."""
@@ -118,6 +119,7 @@ def columns(program: str, X: np.ndarray, u: np.ndarray, scale: float) -> np.ndar
         "matchid": np.hstack([lengths, point, point]),
         "dice": np.hstack([point, lengths]),
         "opencorr": np.hstack([lengths, point, point]),
+        "duodic": np.hstack([point, lengths]),
     }[program]
 
 

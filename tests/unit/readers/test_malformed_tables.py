@@ -158,6 +158,16 @@ def test_structures_records_groups_and_texts_in_files_of_arrays(tmp_path: Path) 
     scipy.io.savemat(mat, {"test": {"strain": STRAIN, "stress": STRESS}})
     with pytest.raises(InputError, match=r"test \(struct\).*'-struct'"):
         read_table(mat)
+    cells = np.empty((1, 2), dtype=object)
+    cells[0, 0] = cells[0, 1] = np.zeros((3, 3))
+    scipy.io.savemat(mat, {"DIC3DPPresults": {"Points3D": cells}})
+    with pytest.raises(InputError, match=r"of DuoDIC or MultiDIC.*'Points3D_X'"):
+        read_table(mat)
+    with h5py.File(mat, "w") as file:  # as MATLAB 7.3 has it: a cell is an array of references
+        file["#refs#/a"] = np.zeros((3, 3))
+        file["DIC3DPPresults/Points3D"] = np.array([[file["#refs#/a"].ref]], dtype=h5py.ref_dtype)
+    with pytest.raises(InputError, match=r"of DuoDIC or MultiDIC.*'Points3D_X'"):
+        read_table(mat)
     mat.write_bytes(text(HEAD, *ROWS))
     with pytest.raises(InputError, match=r"seems to be text: rename it to end in \.csv"):
         read_table(mat)

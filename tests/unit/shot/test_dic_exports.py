@@ -66,6 +66,8 @@ def write(folder, layout, *, current=False, drop=True):
             x, y = pixels[i]
             if layout == "vic3d":
                 lines.append(", ".join([*c, *d, "-1" if lost else "0.004", str(x), str(y)]))
+            elif layout == "duodic":
+                lines.append(",".join([str(i + 1), *(["NaN"] * 6 if lost else [*c, *d])]))
             elif layout == "aramis":
                 lines.append("; ".join([str(i + 1), *(["nan"] * 6 if lost else [*c, *d])]))
             elif layout == "matchid" and not lost:  # has no row for it
@@ -76,6 +78,7 @@ def write(folder, layout, *, current=False, drop=True):
                 lines.append(",".join([str(x), str(y), *d, "-2" if lost else "0.98", *c]))
         head = {
             "opencorr": "x,y,u,v,w,r1r2 ZNCC,ref_x,ref_y,ref_z",
+            "duodic": "point,Points3D_X,Points3D_Y,Points3D_Z,DispVec_X,DispVec_Y,DispVec_Z",
             "vic3d": '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"',
             "aramis": "# stage data:\n####################\n"
             "#        ID; x_undef [mm]; y_undef [mm]; z_undef [mm]; u [mm]; v [mm]; w [mm]",
