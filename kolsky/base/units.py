@@ -143,13 +143,15 @@ SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")
 
 def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
     """The first of some SI units whose dimension a written unit has; empty if it is none of them."""
-    for kind in kinds if unit else ():
+    written, kinds = "1" if unit == "-" else unit, tuple(kinds) if unit else ()
+    usual = next((kind for kind in kinds if written in USUAL.get(kind, {})), "")
+    for kind in () if usual else kinds:
         try:
-            unit_factor("1" if unit == "-" else unit, kind)
+            unit_factor(written, kind)
         except UnitError:
             continue
         return kind
-    return ""
+    return usual
 
 
 def quantity(text: str, unit: str) -> float:

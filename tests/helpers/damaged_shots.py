@@ -107,7 +107,10 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
     "two gigabytes": (sparse("scope.csv"), ["scope.csv: has 2000 MB, more than the 200 MB"]),
     "two gigabytes of toml": (sparse("shot.toml"), ["shot.toml: has 2000 MB"]),
     # Another code page is found and read; the unit behind the number is still none of a number.
-    "not UTF-8": (latin1, ["flyer.csv line 188", "is not a number: '3.59 µm'", "no unit behind a number"]),
+    "not UTF-8": (
+        latin1,
+        ["flyer.csv line 188", "is not a number: '3.59 µm'", "export numbers without a unit behind them"],
+    ),
     "not UTF-8 toml": (
         lambda f: (f / "shot.toml").write_bytes("format = 1 # Ø\n".encode("latin-1")),
         ["shot.toml line 1: is not UTF-8 text: byte 0xd8 at byte offset 13"],

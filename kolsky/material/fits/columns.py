@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from kolsky.base.options import HeaderLine, Option, SheetName
-from kolsky.readers.contents import Layout
+
+if TYPE_CHECKING:
+    from kolsky.readers.contents import Layout
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,10 @@ class Columns:
             raise ValueError("--area and --diameter exclude each other")
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> "Layout":
         """What is declared of the files."""
+        from kolsky.readers.contents import Layout
+
         return Layout(header_line=self.header_line, sheet=self.sheet)
 
     @property

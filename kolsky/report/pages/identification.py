@@ -51,6 +51,8 @@ _VERDICTS = {
     "do not use the value before the cause is found. The warnings name the channel.",
     Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
     "allow: do not use the value before the cause is found.",
+    Verdict.SHOTS_CONTRADICT: "The shots ask for stiffnesses that are further apart than their uncertainties "
+    "allow: do not use the value before the cause is found. The warnings name the shots.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: the value is a limit, not an "
     "estimate. Widen the design and run again.",
     Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not tell the value "

@@ -26,9 +26,9 @@ def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def problem(points: dict[str, Any], numerics: Numerics) -> tuple[Any, ...]:
         return numerics.element, {name: value.tolist() for name, value in points.items()}
 
-    def compiled(problems: Any, *, also: Any, device: str, threads: int, told: Any) -> int:
+    def compiled(problems: Any, *, also: Any, device: str, threads: int, progress: Any) -> int:
         asked.update(problems=problems, also=[make() for make in also], device=device, threads=threads)
-        told(1, 3)
+        progress(1, 3)
         return 3
 
     monkeypatch.setattr(explicit, "compile_time_loops", compiled)
