@@ -199,9 +199,12 @@ def information_shares(
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
     covariance C: each datum has its share, and the shares sum up to one. With independent data it is
     ``(g_ik sigma_k)^2``. A datum that serves to take a common error off the others can have a negative share.
+    A parameter that no datum moves has NaN.
     """
     parts = gain * spread
-    return {channel: parts[:, use].sum(axis=1) / parts.sum(axis=1) for channel, use in masks.items()}
+    total = parts.sum(axis=1)
+    total[total == 0.0] = np.nan
+    return {channel: parts[:, use].sum(axis=1) / total for channel, use in masks.items()}
 
 
 def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple[float, float]:

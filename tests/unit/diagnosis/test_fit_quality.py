@@ -99,6 +99,12 @@ def test_an_error_in_common_takes_its_share_of_the_information() -> None:
     assert found["a"][0] == pytest.approx(1.0 / 11.0, rel=1e-12)
 
 
+def test_a_parameter_that_no_datum_moves_has_no_shares() -> None:
+    gain = np.array([[0.0, 0.0], [3.0, 4.0]])
+    found = information_shares(gain, gain, {"a": np.array([True, False])})
+    np.testing.assert_array_equal(found["a"], [np.nan, 9.0 / 25.0])
+
+
 def test_correlation_of_neighbours_is_ljung_and_boxs() -> None:
     residual = np.array([1.0, 2.0, -1.0, -2.0, 1.0, 3.0])
     r, probability = correlated(residual, np.arange(5), np.arange(1, 6))
