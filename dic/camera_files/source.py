@@ -5,6 +5,7 @@ XML; a document that declares an entity is refused, so nothing is expanded or fe
 """
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -33,6 +34,9 @@ class CameraFileError(ValueError):
         self.path, self.line, self.what, self.cure = Path(path), line, fault, cure
 
 
+_COMMA = re.compile(r"\s*[+-]?\d{1,15},\d{1,20}(?:[eE][+-]?\d{1,3})?\s*")
+
+
 @dataclass(frozen=True)
 class Source:
     """The text of a camera file."""
@@ -57,8 +61,13 @@ class Source:
             raise CameraFileError(
                 path, f"is larger than {LARGEST // 2**20} MiB", cure="name the calibration, not a picture"
             )
+        if data.startswith(b"PK\3\4"):
+            cure = "unpack it (a .z3d is a ZIP archive) and name the project file in it"
+            raise CameraFileError(path, "is a packed archive", cure=cure)
+        if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return cls(path, data.decode("utf-16", "replace"))
         if b"\0" in data:
-            raise CameraFileError(path, "is no text", cure="name the calibration, not a picture or archive")
+            raise CameraFileError(path, "is no text", cure="name the calibration, not a picture")
         try:
             return cls(path, data.decode("utf-8-sig"))
         except UnicodeDecodeError:
@@ -82,7 +91,9 @@ class Source:
                 self.path,
                 f"{quantity} is {word.strip()[:40]!r}",
                 line=line,
-                cure="it must be a finite number",
+                cure="write the decimal sign as a point"
+                if _COMMA.fullmatch(word)
+                else "it must be a finite number",
             )
         return value
 

@@ -35,6 +35,7 @@ _TIMES_BLOCK = 1002
 _MARK, _RATE, _CFA, _REAL_BITS = 140, 768, 808, 896
 """Offsets of the fields of SETUP that are read [bytes]."""
 _LARGEST_HEADER = 2**30
+_DAMAGED = "the file is cut off or damaged: copy or export it again"
 _PACKED = {256: 10, 1024: 12}
 """Values of biCompression for packed pictures, and their bits: P10 and P12L."""
 
@@ -72,10 +73,17 @@ class CinePictures:
             (start,) = struct.unpack("<q" if self.entry == 8 else "<I", place)
             (notes,) = _NUMBER.unpack(self._bytes(file, index, start, 4))
             if notes < 8:
-                raise PictureError(self.path, f"its annotation has {notes} bytes, at least 8", frame=index)
+                raise PictureError(
+                    self.path,
+                    f"its annotation has {notes} bytes, must have 8 or more",
+                    frame=index,
+                    cure=_DAMAGED,
+                )
             (size,) = _NUMBER.unpack(self._bytes(file, index, start + notes - 4, 4))
             if size < need:
-                raise PictureError(self.path, f"it has {size} bytes, {need} are needed", frame=index)
+                raise PictureError(
+                    self.path, f"it has {size} bytes, {need} are needed", frame=index, cure=_DAMAGED
+                )
             self._bytes(file, index, start + notes + need - 1, 1)
         raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=start + notes, shape=(need,))
         return checked_frame(self.path, index, self._grey(raw), self.shape, self.bits)
@@ -98,7 +106,7 @@ class CinePictures:
                 self.path,
                 f"bytes {start} to {start + count} of {size} are needed",
                 frame=index,
-                cure="the file is cut off or damaged: copy or export it again",
+                cure=_DAMAGED,
             )
         file.seek(start)
         return file.read(count)
@@ -128,20 +136,27 @@ def read(path: Path) -> CinePictures:
         bitmap = _BITMAP.unpack(_piece(file, path, "bitmap header", at_bitmap, _BITMAP.size))
         mark, length = struct.unpack("<2sH", _piece(file, path, "SETUP", at_setup + _MARK, 4))
         if mark != b"ST":
-            raise PictureError(path, f"its SETUP block at byte {at_setup} has the mark {mark!r}, not b'ST'")
+            raise PictureError(
+                path, f"its SETUP block at byte {at_setup} has the mark {mark!r}, not b'ST'", cure=_DAMAGED
+            )
         setup = _piece(file, path, "SETUP", at_setup, length)
         if table >= size:
-            raise PictureError(path, f"its table of pictures is at byte {table} of {size}: it is cut off")
+            raise PictureError(
+                path, f"its table of pictures should lie at byte {table} of {size}", cure=_DAMAGED
+            )
         stamps = _stamps(_piece(file, path, "tagged blocks", at_setup + length, table - at_setup - length))
     _, columns, height, _, container, packing, *_ = bitmap
     colours = _field(setup, _CFA)
-    if compression != 0 or colours & 0xFFFF or container not in (8, 16) or packing not in (0, *_PACKED):
-        raise PictureError(
-            path,
-            f"compression {compression}, colour filter {colours}, {container} bits, packing {packing}: only "
-            "grey pictures, uncompressed or packed as P10 or P12L, can be read",
-            cure="export it as such, or as TIFF",
-        )
+    for unread, what in (
+        (colours & 0xFFFF, f"was taken with a colour filter ({colours & 0xFFFF}), one colour a pixel"),
+        (container in (24, 48), f"holds colour pictures of {container} bits a pixel"),
+        (compression != 0, f"holds compressed pictures (compression {compression})"),
+        (container not in (8, 16), f"holds pictures of {container} bits a pixel, not 8 or 16"),
+        (packing not in (0, *_PACKED), f"holds pictures of an unknown packing ({packing})"),
+    ):
+        if unread:
+            cure = "export grey pictures: a cine without compression or packed as P10 or P12L, or TIFF files"
+            raise PictureError(path, what, cure=cure)
     stored = _PACKED.get(packing, container)
     real = _field(setup, _REAL_BITS)
     bits = 12 if packing else (real or container) if container == 16 else 8
@@ -166,7 +181,7 @@ def _piece(file: BinaryIO, path: Path, part: str, start: int, count: int) -> byt
         raise PictureError(
             path,
             f"its {part} should lie at bytes {start} to {start + count} of {size}",
-            cure="the file is cut off or damaged: copy or export it again",
+            cure=_DAMAGED,
         )
     file.seek(start)
     return file.read(count)

@@ -241,6 +241,14 @@ def read(path: Path) -> MrawPictures:
     real = checked_bits(header.path, min(header.whole("EffectiveBit Depth", stored), stored), stored)
     high = header.word("EffectiveBit Side", "lower") == "higher"
     n_frames = checked_count(header.path, header.whole("Total Frame"))
+    size = pixels.stat().st_size
+    fits = [bits for bits in (8, 10, 12, 16) if size == n_frames * packed_size(rows * columns, bits)]
+    if fits and stored not in fits:
+        raise PictureError(
+            header.path,
+            f'"Color Bit" is {stored}, but {pixels.name} is as long as {n_frames} pictures of {fits[0]} bits',
+            cure="is it the header of this recording? correct it, or export the recording again",
+        )
     return MrawPictures(
         path=pixels,
         n_frames=n_frames,

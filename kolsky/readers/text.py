@@ -368,6 +368,8 @@ def find_dialect(
         last = _columns(filled[-count:], best.delimiter, best.decimal)
         if last is not None and last.fields == best.fields and {*last.numeric} > {*best.numeric}:
             best = last
+    if delimiter is None and best.delimiter == BLANKS.character:
+        best = _tabs_for_blanks(filled, best)
     if delimiter is None and best.delimiter in (COMMA.character, BLANKS.character):
         _check_stronger_delimiter(path, lines, filled)
     return best
@@ -434,6 +436,19 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     empty = tuple(i for i, count in enumerate(filled) if count == 0)
     mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
     return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
+
+
+def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
+    """The dialect with tabs, where tabs divide the samples as any blanks do: names may hold blanks then."""
+    tab = DELIMITERS[0].character
+    samples = [line for line in filled if dialect.is_samples(line)]
+    same = [
+        tab in line and [part.strip() for part in line.split(tab) if part.strip()] == dialect.split(line)
+        for line in samples
+    ]
+    if not samples or sum(same) < _AGREEING_SHARE * len(samples):
+        return dialect
+    return _columns(samples, tab, dialect.decimal) or dialect
 
 
 def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:

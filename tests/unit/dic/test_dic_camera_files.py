@@ -394,12 +394,26 @@ def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "picture.tif").write_bytes(b"II*\0\x08\0\0\0")
     with pytest.raises(CameraFileError, match="is no text"):
         read_rig(tmp_path / "picture.tif")
+    (tmp_path / "project.z3d").write_bytes(b"PK\3\4\0\0")
+    with pytest.raises(CameraFileError, match="packed archive; unpack it"):
+        read_rig(tmp_path / "project.z3d")
     with pytest.raises(CameraFileError, match="cannot be read"):
         read_rig(tmp_path / "missing.xml")
     with (tmp_path / "large.xml").open("wb") as file:
         file.truncate(17 * 2**20)
     with pytest.raises(CameraFileError, match="larger than 16 MiB"):
         read_rig(tmp_path / "large.xml")
+
+
+def test_text_of_two_bytes_a_character_is_read_and_a_decimal_comma_named(tmp_path: Path) -> None:
+    path = tmp_path / "rig.caldat"
+    write_rig(path, rig(), "matchid")
+    text = path.read_text()
+    path.write_text(text, encoding="utf-16")
+    assert np.array_equal(read_rig(path).cameras[1].matrix, rig().cameras[1].matrix)
+    path.write_text(text.replace(".", ","))
+    with pytest.raises(CameraFileError, match="write the decimal sign as a point"):
+        read_rig(path)
 
 
 DEEP = 100_000

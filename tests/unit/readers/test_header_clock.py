@@ -172,3 +172,21 @@ def test_waveforms_of_a_channel_are_joined_only_without_a_gap(tmp_path: Path) ->
     write(tmp_path / "gap.tdms", 150)
     with pytest.raises(InputError, match=r"sample 51 was taken 0.00015 s later"):
         read_recordings(tmp_path / "gap.tdms", ["G/A"])
+
+
+def test_tabs_divide_names_that_hold_blanks(tmp_path: Path) -> None:
+    """A short table below settings by channel: its samples divide between blanks too."""
+    settings = [
+        "Setting\tStrain gauge 1\tKraft A",
+        *(f"{word}\t1\t1" for word in ("Coupling", "Probe", "Bandwidth")),
+    ]
+    samples = [f"{i}e-3\t{(7 * i) % 11}\t{(5 * i) % 13}" for i in range(12)]
+    names = "Time [ms]\tStrain gauge 1 [kN]\tKraft A [mV]"
+    path = tmp_path / "scope.txt"
+    path.write_text("\n".join(["Sampling Frequency: 1000000 S/s", "", *settings, "", names, *samples]), "utf-8")
+    assert [(c.name, c.unit) for c in list_channels(path)] == [
+        ("Strain gauge 1 [kN]", "kN"),
+        ("Kraft A [mV]", "mV"),
+    ]
+    path.write_text("\n".join(line.replace("\t", "  ") for line in samples), "utf-8")
+    assert [c.facts["delimiter"] for c in list_channels(path)][:1] == ["blanks"]
