@@ -248,8 +248,8 @@ Largest error over the pulse's peak [%]:
 
 **Independent source.** Three-dimensional elasticity: the axisymmetric mesh of {{ref}}`theory-bar-models`,
 whose force through cross-sections knows nothing of modes. A pulse of {1e6 * LOAD.rise:g} µs rise presses
-evenly on the end of a rod of {LENGTH:g} m; what it is at {NEAR:g} m is carried to {FAR:g} m. The other modes stay
-near the end. Largest difference over the peak:
+evenly on the end of a rod of {LENGTH:g} m; what it is at {NEAR:g} m is carried to {FAR:g} m. The other modes
+stay near the end. Largest difference over the peak:
 
 {table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
 
