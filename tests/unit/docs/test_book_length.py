@@ -1,4 +1,4 @@
-"""The book stays short enough to be read: words of its tutorials and how-to pages."""
+"""The book stays short enough to be read: words of its tutorials, how-to pages and chapters of theory."""
 
 import re
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
-LIMITS = {("tutorials", "howto"): 27_000}
-"""Folders -> words at most. The book, theory included, has at most 45 000: a working day at 100 a minute."""
+LIMITS = {("tutorials", "howto"): 27_000, ("tutorials", "howto", "theory"): 45_000}
+"""Folders -> words at most. 45 000 are a working day at 100 a minute."""
 
 
 def words(text: str) -> int:
@@ -18,7 +18,7 @@ def words(text: str) -> int:
 @pytest.mark.parametrize("folders", LIMITS, ids="+".join)
 def test_the_book_is_short(folders: tuple[str, ...]) -> None:
     pages = {path: words(path.read_text("utf-8")) for name in folders for path in (DOCS / name).glob("*.md")}
-    assert len(pages) > 5 * len(folders)  # the pages are there
+    assert len(pages) >= 5 * len(folders)  # the pages are there
     longest = sorted(pages, key=pages.__getitem__)[-5:]
     named = ", ".join(f"{path.name} {pages[path]}" for path in reversed(longest))
     assert sum(pages.values()) <= LIMITS[folders], f"{sum(pages.values())} words; the longest: {named}"
