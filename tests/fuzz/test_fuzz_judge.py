@@ -121,12 +121,15 @@ def test_cases_at_random(case: Case, tmp_path_factory: pytest.TempPathFactory) -
 
 FEWEST = 1500
 """Cases that the corpus must have."""
+EVERY = 3
+"""Of so many cases one is read here; `python -m tests.fuzz` reads all of them."""
 
 
-@pytest.mark.slow  # three to four minutes on two cores
+@pytest.mark.slow
 def test_nothing_is_wrong_in_silence_and_nothing_ends_in_a_traceback() -> None:
     cases = [*corpus(), *traps()]
     assert len(cases) >= FEWEST
+    cases = cases[::EVERY]
     found = list(answers(cases, workers=2))
     assert Counter(answer.case for answer in found) == Counter(map(str, cases))
     wrong = [
