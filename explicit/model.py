@@ -215,7 +215,7 @@ class Stepping:
     bound: Literal["trace", "eigenvalue"] = "trace"
     """How the bound takes the part of an element's stiffness and damping that is not volumetric: by the trace
     of |grad v|^2, or by its largest eigenvalue. Both hold; the latter allows longer steps, the more the finer
-    the mesh, and its error in time is that of longer steps ({doc}`/theory/speed`)."""
+    the mesh, and its error in time is that of longer steps ({doc}`/theory/solver`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3

@@ -70,7 +70,7 @@ def gradient(
     One forward run in phases measures its steps and leaves a checkpoint every `checkpoint_every` of them;
     then, from the end, every segment is run again onto a `warp.Tape` and carried backward. The cost does not
     depend on the number of unknowns. It is the derivative of the discrete response: of the steps that were
-    taken, and of the decisions of contact that were made (docs/theory/derivatives.md).
+    taken, and of the decisions of contact that were made (docs/theory/solver.md).
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ the differences between neighbours on the ladder, and these are returned.
 A difference compares two runs, so both must take the same time steps: a step that follows the deformation
 follows the parameter too, and the response then has a kink wherever a requested time passes from one step to
 the next. `same_steps` gives the cure. What remains is contact: whether a node lands in one step or the next
-is a decision, and between two decisions the discrete response is smooth (docs/theory/derivatives.md).
+is a decision, and between two decisions the discrete response is smooth (docs/theory/solver.md).
 """
 
 from collections.abc import Callable, Iterator, Sequence

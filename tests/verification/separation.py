@@ -239,7 +239,7 @@ def page(result: Result) -> str:
     far, near = PLACES["two gauges"]
     return f"""# {TITLE}
 
-**What is checked.** {{doc}}`../theory/bar_waves`: two known waves that overlap at the gauges of one bar are
+**What is checked.** {{ref}}`theory-bar-waves`: two known waves that overlap at the gauges of one bar are
 told apart.
 
 **Independent source.** Fourier integrals of both waves at every gauge and at the face, with wavenumbers of
