@@ -107,23 +107,11 @@ def joint_fits(
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
     """The residual of each shot's channels, and of each slow test, beside what a right model leaves.
 
-    Parameters
-    ----------
-    problem, optimum
-        The problem and its optimum.
-    gain
-        Linear map from a change of the data to the move of the optimum, shape [d, k].
-    whitening, objectives
-        Weights of the whole vector and of the shots.
-    changes
-        Changes of the whole vector by each source, `residual_changes`.
-    scatters
-        Each shot's part of the scatter, in standard deviations.
-
-    Returns
-    -------
-    tuple
-        Of each shot its channels; the slow tests in their order.
+    ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
+    the move of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
+    the shots. ``changes``: changes of the whole vector by each source, `residual_changes`. ``scatters``: each
+    shot's part of the scatter, in standard deviations. Returns: of each shot its channels; the slow tests in
+    their order.
     """
     stack, names = problem.stack, problem.unknowns.names
     left = {source: left_over(change, optimum.slopes, gain) for source, change in changes.items()}
@@ -185,18 +173,9 @@ def slow_fit(
 ) -> FitQuality:
     """Judge a slow test: its residual and what each source leaves, in units of its sigma.
 
-    Parameters
-    ----------
-    label
-        Its label.
-    residual
-        Measurement less model, shape [n].
-    left
-        What a right model leaves by source, one standard uncertainty, shape [m, n] or [n].
-    peak
-        Largest value [-].
-    judged
-        Whether a limit is set.
+    ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: what a right model leaves
+    by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: whether
+    a limit is set.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
