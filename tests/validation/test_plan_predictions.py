@@ -41,6 +41,7 @@ def test_the_stiffness_alone():
     assert 0.5 < expected / sigma < 2.0
 
 
+@pytest.mark.long
 def test_stiffness_and_damping_together():
     planned = foretold(*JOINT)
     expected = planned.expected["all"]

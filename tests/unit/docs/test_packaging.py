@@ -53,7 +53,7 @@ def built(tmp_path: Path, kind: str) -> Path:
         shutil.copy(ROOT / name, copy)
     for name in (*PACKAGES, "conda", "contributed"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "runs" / "open-01", copy / "runs" / "open-01")
+    shutil.copytree(ROOT / "runs" / "open-05", copy / "runs" / "open-05")
     code = f"from setuptools import build_meta as b; b.build_{kind}({str(tmp_path)!r})"
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], cwd=copy, check=True, capture_output=True)
     return next(tmp_path.glob("kolsky-*"))

@@ -143,7 +143,7 @@ def test_reduced_likelihood_is_the_whole_one(surrogate: tuple[CorrectedSurrogate
 @pytest.mark.slow
 def test_what_the_data_cannot_see_is_said() -> None:
     free = {"stiffness_factor": (1.0, 1.25), "mass_damping": (0.0, 1e-3)}
-    found = identify(load_shot(OPEN_01), replace(COARSE, free=free))
+    found = identify(OPEN_01, replace(COARSE, free=free))  # a folder is loaded
     m, alpha = found.profiles
     # 1e-3 1/s over 1.4 ms dissipates a millionth, which no force of 0.03 N and no 4 um tell.
     assert alpha.verdict == "not seen"
