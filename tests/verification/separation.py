@@ -244,7 +244,7 @@ told apart.
 
 **Independent source.** Fourier integrals of both waves at every gauge and at the face, with wavenumbers of
 the printed frequency equation (steel). For the polymer the wavenumbers are the package's own, which
-`tests/unit/bars/test_polymer_waves.py` checks: there the separation alone is tested.
+`tests/unit/bars/test_pochhammer.py` checks: there the separation alone is tested.
 
 **Set-up.** Bars of Ø 20 mm, 1.5 m long, gauges {far:g} and {near:g} m from the specimen. Steel,
 ν = 0.29, with a rise of 5 µs; a polymer, a standard linear solid of 5.0 + 0.5 GPa and 12 µs, ν = 0.35, with a

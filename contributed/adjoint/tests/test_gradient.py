@@ -1,18 +1,30 @@
 """The adjoint: the maps it transposes, independence of its segments, identities, and what it refuses."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from contributed.adjoint import StepSequence, by_curve_stress, by_table, forward_run, gradient
+from contributed.adjoint.passes import ForceSampling
+from contributed.adjoint.perturbed_runs import (
+    BACKWARD,
+    CENTRAL,
+    FORWARD,
+    Histories,
+    jacobian,
+    same_steps,
+    stencil_for,
+)
 from explicit import CharacteristicBar, Model, PlatenMotion, Samples, Sampling, Stepping, cylinder
-from explicit.adjoint import StepSequence, by_curve_stress, by_table, forward_run, gradient
-from explicit.adjoint.passes import ForceSampling
-from explicit.adjoint.perturbed_runs import Histories, jacobian, same_steps
 from explicit.materials import AnyLaw, marlow_from_curve, neo_hookean
 from explicit.materials.laws import MooneyRivlin, Ogden2, Yeoh
-from explicit.model import BACKWARD, CENTRAL, FORWARD, scale_of, stencil_for
+from explicit.model import scale_of
+from explicit.relaxation import PronySeries
 
+README = Path(__file__).resolve().parents[1] / "README.md"
 TIMES = np.linspace(0.0, 9e-4, 13)[1:]
 SAMPLING = Sampling(force_times=TIMES, surface_times=TIMES[5::6])
 STRETCH = np.linspace(0.97, 0.4, 12)
@@ -106,6 +118,7 @@ BAR = CharacteristicBar(impedance=5.0, round_trip=1e-4)
         ({"steps": StepSequence(0.0, np.full(4, 1e-6))}, r"the 4 recorded steps end at"),
         ({"sampling": Sampling(TIMES - 1e-3, TIMES)}, r"is before the model's start"),
         ({"model": model(materials=(neo_hookean(1.0),))}, r"Cure:"),
+        ({"model": model(relaxation=(PronySeries((0.4,), (1e-3,)),))}, r"knows no branches that relax"),
         ({"steps": StepSequence(0.0, np.full(18, 5e-5))}, r"Cure:"),  # far above the stable step
     ],
 )
@@ -119,6 +132,25 @@ def test_what_cannot_be_differentiated_is_refused(changes, message) -> None:
     }
     with pytest.raises(ValueError, match=message):
         gradient(**arguments)
+
+
+def test_the_example_of_the_readme() -> None:
+    (example,) = re.findall(r"^```python\n(.*?)^```$", README.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    names: dict = {}
+    exec(compile(example, str(README), "exec"), names)
+    found = names["slopes"]
+
+    def forces(factor: float) -> np.ndarray:
+        samples = Samples.of(poisson=0.49, stiffness_factor=factor)
+        histories, _ = forward_run(names["model"], samples, names["sampling"], steps=found.steps)
+        return histories.force_transmission
+
+    difference = (forces(1.0 + 1e-4) - forces(1.0 - 1e-4)) / 2e-4
+    by_force = float(found.histories.force_transmission @ difference)
+    # The squares of steps of 1e-4, and of waves in a coarse mesh.
+    assert found.stiffness_factor == pytest.approx(by_force, rel=1e-4)
+    assert names["by_stiffness"].derivative.force_transmission.shape == (1, 10)
+    assert names["by_stiffness"].study.smooth.all()
 
 
 def test_a_gradient_of_another_law_is_refused() -> None:
@@ -135,12 +167,12 @@ hundred for what cancels in a sum of squares of forces."""
 
 
 def material_model(law: AnyLaw, **options: str) -> Model:
-    """A specimen pressed at up to 2.6 m/s, bonded."""
+    """A coarser one, pressed for a shorter time."""
     motion = PlatenMotion.sampled(
         lambda t: 2.6 * t**2 / 12e-4, lambda t: 2.6 * t / 6e-4, start=0.0, end=MATERIAL_TIMES[-1]
     )
     mesh = cylinder(4.75e-3, 6.5e-3, n_radial=3, n_axial=4)
-    return Model(mesh, 870.0, (law,), (motion,), **options)  # type: ignore[arg-type]
+    return model(mesh=mesh, materials=(law,), motions=(motion,), **options)
 
 
 @pytest.mark.slow
@@ -179,14 +211,9 @@ def test_the_constants_of_a_law(place: int) -> None:
     assert by_constant == pytest.approx((ends[0] - ends[1]) / (2.0 * h), rel=1e-5)
 
 
-def jacobian_model(**changes: object) -> Model:
-    """A specimen pressed at up to 2.6 m/s, bonded."""
-    motion = PlatenMotion.sampled(
-        lambda t: 2.6 * t**2 / 18e-4, lambda t: 2.6 * t / 9e-4, start=0.0, end=TIMES[-1]
-    )
-    mesh = cylinder(4.75e-3, 6.5e-3, n_radial=4, n_axial=6)
-    base = Model(mesh=mesh, density=870.0, materials=(neo_hookean(27e3),), motions=(motion,))
-    return replace(base, **changes)  # type: ignore[arg-type]
+def jacobian_model() -> Model:
+    """The same of a neo-Hookean law."""
+    return model(materials=(neo_hookean(27e3),))
 
 
 def test_every_parameter_at_its_lower_bound_against_the_adjoint() -> None:

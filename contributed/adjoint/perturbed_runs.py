@@ -7,28 +7,20 @@ the differences between neighbours on the ladder, and these are returned.
 A difference compares two runs, so both must take the same time steps: a step that follows the deformation
 follows the parameter too, and the response then has a kink wherever a requested time passes from one step to
 the next. `same_steps` gives the cure. What remains is contact: whether a node lands in one step or the next
-is a decision, and between two decisions the discrete response is smooth (docs/theory/solver.md).
+is a decision, and between two decisions the discrete response is smooth (`README.md`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explicit.arrays import FloatArray
 from explicit.contact import contact_law
-from explicit.model import (
-    BOUNDS,
-    Model,
-    Samples,
-    Sampling,
-    Stencil,
-    Stepping,
-    perturbed,
-    scale_of,
-    stencil_for,
-)
+from explicit.materials.volumetric import POISSON_LIMIT
+from explicit.model import Model, Samples, Sampling, Stepping, scale_of
 from explicit.response import Response
 from explicit.run_batch import run
 
@@ -84,6 +76,51 @@ LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))
 STEP_MARGIN = 0.9
 """Share of the smallest step of a trial batch that all runs take."""
 FORCES, IMPULSES, PROFILE = NAMES[:2], NAMES[2:4], NAMES[4:]
+
+
+BOUNDS: dict[str, tuple[float, float]] = {
+    "stiffness_factor": (0.0, inf),
+    "poisson": (0.0, POISSON_LIMIT),
+    "damping": (0.0, inf),
+    "friction": (0.0, inf),
+    "mass_damping": (0.0, inf),
+}
+"""The parameters that can be varied, with the range of their values."""
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Points where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
+
+    offsets: FloatArray
+    """Distances from the value in steps, the first one 0 [-], shape [3]."""
+    weights: FloatArray
+    """Weights of the responses [-], shape [3]."""
+
+
+CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
+"""(f(p + h) - f(p - h)) / 2 h."""
+FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
+"""(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
+BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
+"""The same to the other side."""
+
+
+def stencil_for(name: str, value: float, widest: float) -> Stencil:
+    """The central formula, or a one-sided one where a step would leave the parameter's range.
+
+    ``value``, ``widest``: its value and the widest step, in its unit.
+    """
+    low, high = BOUNDS[name]
+    for stencil in (CENTRAL, FORWARD, BACKWARD):
+        reached = value + stencil.offsets * widest
+        above = reached.min() > low if name == "stiffness_factor" else reached.min() >= low
+        if above and reached.max() <= high:
+            return stencil
+    raise ValueError(
+        f"{name} = {value:.6g} has no room for a step of {widest:.3g} inside [{low:g}, {high:g}];"
+        " use smaller relative steps"
+    )
 
 
 @dataclass(frozen=True)
@@ -254,7 +291,8 @@ def _batch(samples: Samples, names: tuple[str, ...], stencils: list[Stencil], st
         first = 1 + p * each
         column[first : first + each] += np.outer(step[p], stencil.offsets[1:]).ravel()
         values[name] = column
-    return perturbed(samples, values, n)
+    columns = {f.name: np.repeat(getattr(samples, f.name), n) for f in fields(Samples)}
+    return Samples(**{**columns, **values})
 
 
 def _require_completed(response: Response, samples: Samples, names: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Figs. 7 to 10 of Mates et al. (2012) in kind: `python runs/paper_figures.py [SHOT] [FOLDER]`.
+"""Figs. 7 to 10 of Mates et al. (2012) in kind: `python -m contributed.paper_figures SHOT [FOLDER]`.
 
 Shape misfit and cost against Poisson's ratio, force for several dampings, misfits over friction and
 stiffness, runs and surrogates along the stiffness: pictures into FOLDER (default: SHOT/results/paper),
@@ -9,14 +9,16 @@ import sys
 from pathlib import Path
 
 import kolsky
+from contributed.paper_figures.figures import TRENDS
+from contributed.paper_figures.trends import trends
 
 STIFFNESS = 1.12  # the known answer of open-01; the paper's Fig. 8 has 1, where its specimen turned out to be
 
-shot = kolsky.load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
+shot = kolsky.load_shot(sys.argv[1])
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results" / "paper"
-found = kolsky.trends(shot, stiffness=STIFFNESS)
-kolsky.save_figures(folder, found, formats=("png",))
-for kind in kolsky.figures_of(found).values():
+found = trends(shot, stiffness=STIFFNESS)
+kolsky.save_figures(folder, found, formats=("png",), registry=TRENDS)
+for kind in TRENDS.values():
     print(f"{kind.name}: {kind.caption(found)}")
 
 nu = found.poisson

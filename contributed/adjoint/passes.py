@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.perturbed_runs import Histories
-from explicit.adjoint.plan import FIELDS, PhasePlan
+from contributed.adjoint.perturbed_runs import Histories
+from contributed.adjoint.plan import FIELDS, PhasePlan
 from explicit.arrays import FloatArray
 from explicit.elements.base import INVERTED
 from explicit.model import Sampling

@@ -326,7 +326,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     if model.relaxation:
         raise ValueError(
             "the adjoint knows no branches that relax, got a model with relaxation; use "
-            "explicit.adjoint.perturbed_runs.jacobian"
+            "perturbed_runs.jacobian"
         )
     if isinstance(model.support, MovingSupport):
         raise ValueError(

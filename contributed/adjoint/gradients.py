@@ -12,9 +12,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.passes import StepSequence, reverse, run_forward
-from explicit.adjoint.perturbed_runs import Histories
-from explicit.adjoint.plan import plan
+from contributed.adjoint.passes import StepSequence, reverse, run_forward
+from contributed.adjoint.perturbed_runs import Histories
+from contributed.adjoint.plan import plan
 from explicit.arrays import FloatArray
 from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.model import Model, Samples, Sampling, Stepping
@@ -70,7 +70,7 @@ def gradient(
     One forward run in phases measures its steps and leaves a checkpoint every `checkpoint_every` of them;
     then, from the end, every segment is run again onto a `warp.Tape` and carried backward. The cost does not
     depend on the number of unknowns. It is the derivative of the discrete response: of the steps that were
-    taken, and of the decisions of contact that were made (docs/theory/solver.md).
+    taken, and of the decisions of contact that were made (README.md).
 
     Parameters
     ----------

@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contributed.paper_figures.figures import TRENDS
+from contributed.paper_figures.trends import Trends, trends
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.simulate import simulate
 from kolsky.report.canvas import build
-from kolsky.report.figures import TRENDS
 from kolsky.shot.load import load_shot
-from kolsky.studies.trends import Trends, trends
 
 pytestmark = pytest.mark.slow
 
-SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
+ROOT = Path(__file__).resolve().parents[3]
+SHOT = ROOT / "runs" / "open-01"
 COARSE = Numerics(mesh=(12, 16), threads=1)
 
 
@@ -86,12 +87,11 @@ def test_figures_are_drawn(found: Trends, name: str):
 
 
 def test_the_script(tmp_path: Path):
-    script = SHOT.parent / "paper_figures.py"
-    command = [sys.executable, str(script), str(SHOT), str(tmp_path)]
-    run = subprocess.run(command, capture_output=True, text=True, cwd=SHOT.parent.parent, timeout=300)
+    command = [sys.executable, "-m", "contributed.paper_figures", str(SHOT), str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
     assert run.returncode == 0, run.stderr
     assert sorted(p.stem for p in tmp_path.iterdir()) == sorted(TRENDS)
-    page = (SHOT.parent.parent / "docs" / "validation" / "paper_figures.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "validation" / "paper_figures.md").read_text(encoding="utf-8")
     # The page's numbers are the script's.
     assert "nu = 0.4999: Phi_S = 0.00132, 9163 steps, 4.28" in run.stdout
     assert "4.28 times" in page
