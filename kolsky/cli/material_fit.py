@@ -6,6 +6,7 @@ elements.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 _DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2", "ogden1")
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
+_POINTS = 40
+"""Most points of the mean curve that the simulated cylinder is compared with."""
 _SAME_SIZE = 1e-3
 """Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
 
@@ -81,8 +84,8 @@ def _fit_cylinder_with_friction(
     from kolsky.material.end_friction.correct import fit_specimen
     from kolsky.material.end_friction.problem import ASSUMED_POISSON_SIGMA, CorrectionNumerics
     from kolsky.material.fits.homogeneous import Mode
-    from kolsky.material.reference_curve import Treatment, model_summary, reference_curve
-    from kolsky.material.uniaxial import UniaxialTest
+    from kolsky.material.reference_curve import FEWEST_POINTS, Treatment, model_summary, reference_curve
+    from kolsky.material.uniaxial import UniaxialTest, noise_about_curve
 
     contact = ends_of(ends, 0.0)
     if contact is None or ends == "free":
@@ -95,9 +98,15 @@ def _fit_cylinder_with_friction(
         numerics = CorrectionNumerics(poisson=poisson)
     compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
     with texts.refused(cure="correct the option; `--help` shows each with its unit"):
-        mean = reference_curve(compressed, Treatment(points=40))
+        # More points than readings would be joined by chords, which lie beside a bent curve.
+        points = min(_POINTS, *(int(np.count_nonzero(t.strain)) for t in tests))
+        mean = reference_curve(compressed, Treatment(points=max(FEWEST_POINTS, points)))
+        band = mean.band
+        if len(tests) == 1:
+            noise = noise_about_curve(compressed[0].strain, compressed[0].stress)
+            band = replace(band, noise=np.full(band.strain.size, noise))
         fits = fit_specimen(
-            mean.band,
+            band,
             size,
             contact,
             laws or _DEFAULT_LAWS,
@@ -139,7 +148,8 @@ def _constant_words(fitted: Sequence["ModelFit"]) -> dict[str, list[Any]]:
         "law": [one.name for one, _ in rows],
         "constant": [name for _, name in rows],
         "value (SI)": [one.constants[name] for one, name in rows],
-        "u (SI)": [one.sigma[name] for one, name in rows],
+        "u (SI)": [one.sigma[name] if isfinite(one.sigma[name]) else "" for one, name in rows],
+        "determined": ["no" if name in one.not_determined else "yes" for one, name in rows],
         "weight of the law": [one.weight for one, _ in rows],
         "misfit (rms)": [one.misfit for one, _ in rows],
     }
@@ -153,7 +163,13 @@ def _cylinder_lines(fitted: Sequence["ModelFit"]) -> list[str]:
     for one in fitted:
         lines.append(f"{one.name}: {100.0 * one.misfit:.2g} % from the test (rms), weight {one.weight:.2g}")
         for name, value in one.constants.items():
-            lines.append(f"  {name} = {value:.5g} ± {2.0 * one.sigma[name]:.2g} (SI, k = 2)")
+            half = 2.0 * one.sigma[name]
+            if name in one.not_determined:
+                ends = f"{value - half:.3g} to {value + half:.3g} (SI, k = 2)"
+                ends = ends if np.isfinite(half) else f"the force does not change with it at {value:.3g} (SI)"
+                lines.append(f"  {name} is not determined by this test: {ends}")
+            else:
+                lines.append(f"  {name} = {value:.5g} ± {half:.2g} (SI, k = 2)")
         off = np.abs(np.triu(one.correlation, 1))
         if off.size > 1 and off.max() > 0.0:
             i, j = np.unravel_index(int(np.argmax(off)), off.shape)

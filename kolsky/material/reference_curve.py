@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any, Literal
 
@@ -392,6 +392,7 @@ def model_summary(model: ModelFit) -> dict[str, Any]:
         "misfit": model.misfit,
         "bic": model.bic,
         "constants": model.constants,
-        "sigma": model.sigma,
+        "sigma": {name: u if isfinite(u) else None for name, u in model.sigma.items()},
+        "not_determined": list(model.not_determined),
         "correlation": model.correlation.tolist(),
     } | ({"remark": model.remark} if model.remark else {})

@@ -391,6 +391,20 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
     return float(np.median(np.abs(gap)) / norm.ppf(0.75))
 
 
+def noise_about_curve(strain: FloatArray, value: FloatArray) -> float:
+    """Standard deviation of a reading of a test with few of them, about a smooth curve.
+
+    Between few readings a smooth curve bends by more than their noise, and second differences hold the bend:
+    they are taken of what a polynomial leaves, of the fifth order with twenty readings or more.
+
+    ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four.
+    """
+    order = np.argsort(strain, kind="stable")
+    x, y = strain[order], value[order]
+    smooth = np.polynomial.Polynomial.fit(x, y, min(5, x.size // 4))
+    return _noise(x, y - smooth(x))
+
+
 @dataclass(frozen=True)
 class ApparentModulus:
     """E_a of a curve with its interval."""

@@ -376,13 +376,17 @@ DRIFTS = 0.01
 """Probability of a change as large, were the law right, below which it is reported: with four ranges that are
 alike, one right test in a hundred or two."""
 
+DRIFT_COVERAGE = 2.0
+"""Standard deviations of a change that a right law explains [-]. The change from the shortest range scatters
+by more than the whole test's constants: with one, every third right interval would be widened by it."""
+
 
 @dataclass(frozen=True)
 class RangeDrift:
     """Change of the unknowns when a fit ends earlier."""
 
     excess: FloatArray
-    """Largest change beyond what noise makes of it, of any range [-], shape [n]."""
+    """Largest change of any range beyond `DRIFT_COVERAGE` standard deviations [-], shape [n]."""
     probability: float
     """Least probability of such a change of all unknowns if the law were right [-]."""
     rows: int
@@ -397,7 +401,7 @@ def range_drift(
     """Compare a fit with those to its first rows only (Hausman 1978).
 
     With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to its own optimum. Of a
-    right law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - V_jj is what exceeds it.
+    right law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - k^2 V_jj exceeds it, k = 2.
 
     ``jacobian``: over standard deviations, shape [m, n]. ``residual``: at the optimum of all rows, likewise,
     shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual over the declared.
@@ -415,7 +419,7 @@ def range_drift(
         inverse = np.linalg.inv(own.T @ own)
         change = -inverse @ own.T @ residual[:rows]
         variance = excess * (inverse - whole)
-        beyond = np.sqrt(np.maximum(change**2 - np.diag(variance), 0.0))
+        beyond = np.sqrt(np.maximum(change**2 - DRIFT_COVERAGE**2 * np.diag(variance), 0.0))
         probability = float(chi2_distribution.sf(change @ np.linalg.pinv(variance) @ change, n))
         found = replace(found, excess=np.maximum(found.excess, beyond))
         if probability < found.probability:

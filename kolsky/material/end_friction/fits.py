@@ -209,7 +209,12 @@ def model_fit(
     theta = test.own(one.theta)
     n = test.strain.size
     excess = max(1.0, one.chi2 / max(1, n - one.theta.size))
-    covariance = np.linalg.pinv(one.jacobian.T @ one.jacobian) * excess
+    length = np.linalg.norm(one.jacobian, axis=0)
+    moves = length > 0.0
+    size = np.where(moves, length, 1.0)
+    scaled = one.jacobian / size
+    # Columns of length 1: moduli and limits of stretch may differ by ten orders, which `pinv` would cut off.
+    covariance = np.linalg.pinv(scaled.T @ scaled) * excess / np.outer(size, size)
     if isinstance(one.model, LibraryModel):
         names, units, values = one.model.names, one.model.units, theta * one.model.units
     else:
@@ -218,6 +223,7 @@ def model_fit(
         units = values
     sigma = np.sqrt(np.diag(covariance))[: theta.size]
     size = np.where(sigma > 0.0, sigma, 1.0)
+    sigma = np.where(moves[: theta.size], sigma, np.inf)
     return ModelFit(
         name=one.model.name,
         constants=dict(zip(names, map(float, values), strict=True)),

@@ -337,6 +337,11 @@ class ModelFit:
     remark: str = ""
     """What a reader of the constants must know."""
 
+    @property
+    def not_determined(self) -> tuple[str, ...]:
+        """Constants whose k = 2 interval reaches zero, where the law loses that term."""
+        return tuple(name for name, value in self.constants.items() if abs(value) <= 2.0 * self.sigma[name])
+
     @classmethod
     def without(cls, name: str, reason: str) -> "ModelFit":
         """A law that could not be fitted."""

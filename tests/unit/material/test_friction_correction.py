@@ -21,7 +21,8 @@ from kolsky.material.end_friction.correct import (
     range_drift,
 )
 from kolsky.material.end_friction.fits import ModelOptimum, bic, local_rms, model_weights, on_refined_mesh
-from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen, ModelFit
+from kolsky.material.reference_curve import model_summary
 from kolsky.material.uniaxial import CurveBand
 
 N = 16
@@ -263,14 +264,50 @@ def test_constants_move_with_the_mesh():
     assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
 
 
+def test_a_constant_whose_interval_reaches_zero_is_not_determined():
+    none = np.zeros(0)
+    constants, sigma = {"a": 2.1, "b": -2.1, "c": 1.9, "d": -1.9}, dict.fromkeys("abcd", 1.0)
+    law = ModelFit("law", constants, sigma, np.eye(4), none, 0.0, 0.0, 1.0, 1)
+    assert law.not_determined == ("c", "d")
+    assert model_summary(law)["not_determined"] == ["c", "d"]
+
+
+class Library(fits.LibraryModel):
+    """Two constants, a modulus of 1 Pa and a limit."""
+
+    names, units, name = ("mu", "Jm"), np.array([1.0, 1.0]), "gent"
+
+    def __init__(self):
+        pass
+
+    def stress(self, theta, strain):
+        return theta[0] * strain
+
+
+@pytest.mark.parametrize("slope", [1e-12, 0.0])
+def test_a_constant_that_hardly_moves_the_force_has_the_interval_of_its_own_slope(slope):
+    """Rows (1, 0) and (0, slope): standard uncertainties 1 and 1 over the slope, infinite without one."""
+    J = np.zeros((N, 2))
+    J[0, 0], J[1, 1] = 1.0, slope
+    one = replace(found(made_test()), model=Library(), theta=np.array([2.5, 1e6]), jacobian=J)
+    row = fits.model_fit(one, made_test(), STRAIN, 1.0, 0.0)
+    assert row.sigma["mu"] == pytest.approx(1.0)
+    assert row.sigma["Jm"] == pytest.approx(1.0 / slope if slope else np.inf)
+    assert row.not_determined == ("Jm",)
+    assert np.isfinite(row.correlation).all()
+    assert model_summary(row)["sigma"]["Jm"] == (row.sigma["Jm"] if slope else None)
+
+
 def test_constants_of_a_part_of_the_range_in_closed_form():
     """Rows of 1, residuals (a, a, -a, -a): half of them move the unknown by -a, of a variance 1/2 - 1/4."""
     J, a = np.ones((4, 1)), 1.5
     found = range_drift(J, a * np.array([1.0, 1.0, -1.0, -1.0]), [2])
     assert found.change == pytest.approx([-a])
-    assert found.excess == pytest.approx([np.sqrt(a**2 - 0.25)])
+    assert found.excess == pytest.approx([np.sqrt(a**2 - 4.0 * 0.25)])
     assert found.probability == pytest.approx(chi2.sf(a**2 / 0.25, 1))
     assert found.rows == 2
+    # within two standard deviations, 2 root(1/4), nothing exceeds the noise
+    assert range_drift(J, 0.99 * np.array([1.0, 1.0, -1.0, -1.0]), [2]).excess == pytest.approx([0.0])
     wide = range_drift(J, a * np.array([1.0, 1.0, -1.0, -1.0]), [2], excess=16.0)
     assert wide.excess == pytest.approx([0.0])
     # one row and two unknowns: nothing is compared

@@ -1,0 +1,220 @@
+"""Constants of bonded cylinders made by FElupe: `python -m populations.bonded_cylinders --out FOLDER`.
+
+Each specimen has a law, constants, Poisson's ratio, slenderness and largest strain of its own. FElupe makes
+its force on two meshes (`populations.felupe_cylinder`), each reading gets noise, and `kolsky material fit`
+answers with size, ends and law declared. Counted is how often every constant that the answer calls
+determined lies inside its k = 2 interval. The folder keeps every answer: called again, the study goes on
+where it stopped. `--refit` answers again with the forces that are kept.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from typer.testing import CliRunner
+
+from explicit.arrays import FloatArray
+from explicit.materials import bulk_modulus
+from kolsky.cli.commandline import app
+from populations.driver import RESULTS, command, results, write
+from populations.felupe_cylinder import Invariants, compression_force
+
+FILE = RESULTS / "bonded_cylinders.json"
+SPECIMENS = 20
+READINGS = 20
+NOISE = 2e-3
+"""Standard deviation of a reading over its value [-]."""
+DIAMETER = 40e-3
+"""Of every specimen [m]; a force scales with its square."""
+SLENDERNESS = (0.2, 1.2)
+"""Length over diameter [-]."""
+STRAIN = (0.05, 0.30)
+"""Largest nominal strain [-]."""
+POISSON = (0.4981, 0.4999)
+"""What the assumed 0.499 ± 0.001 of the command covers [-]."""
+LAWS = ("neo_hookean", "reduced_polynomial", "mooney_rivlin_2", "gent")
+COARSER = 2.0 / 3.0
+"""Elements a side of FElupe's first mesh over those of its second [-]."""
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """One specimen."""
+
+    law: str
+    constants: dict[str, float]
+    """SI, by name."""
+    poisson: float
+    slenderness: float
+    """Length over diameter [-]."""
+    strain: float
+    """Largest nominal strain [-]."""
+
+    @property
+    def length(self) -> float:
+        """Undeformed length [m]."""
+        return self.slenderness * DIAMETER
+
+    @property
+    def felupe(self) -> Invariants:
+        """The law for FElupe."""
+        c = self.constants
+        if self.law == "gent":
+            mu, Jm = c["mu"], c["Jm"]
+            bulk = float(bulk_modulus(mu, self.poisson))
+            return Invariants(
+                lambda I1: 0.5 * mu / (1.0 - (I1 - 3.0) / Jm),
+                lambda I1: 0.5 * mu / Jm / (1.0 - (I1 - 3.0) / Jm) ** 2,
+                0.0,
+                bulk,
+            )
+        C10 = 0.5 * c["mu"] if "mu" in c else c["C10"]
+        C20, C01 = c.get("C20", 0.0), c.get("C01", 0.0)
+        return Invariants(
+            lambda I1: C10 + 2.0 * C20 * (I1 - 3.0),
+            lambda I1: 2.0 * C20 + 0.0 * I1,
+            C01,
+            float(bulk_modulus(2.0 * (C10 + C01), self.poisson)),
+        )
+
+
+def drawn(seed: int) -> list[Cylinder]:
+    """The specimens of a seed; slenderness and strain fill their ranges evenly, in an order drawn apart."""
+    rng = np.random.default_rng(seed)
+    places = [rng.permutation(SPECIMENS) + rng.uniform(0.0, 1.0, SPECIMENS) for _ in range(2)]
+    made = []
+    for k, (tall, far) in enumerate(np.transpose(places) / SPECIMENS):
+        law = LAWS[k % len(LAWS)]
+        mu, share = float(10.0 ** rng.uniform(3.5, 5.5)), float(rng.uniform(0.1, 0.5))
+        constants = {
+            "neo_hookean": {"mu": mu},
+            "reduced_polynomial": {"C10": 0.5 * mu, "C20": 0.5 * mu * share},
+            "mooney_rivlin_2": {"C10": 0.5 * mu * (1.0 - share), "C01": 0.5 * mu * share},
+            "gent": {"mu": mu, "Jm": 4.0 / share},
+        }[law]
+        made.append(
+            Cylinder(
+                law,
+                constants,
+                float(rng.uniform(*POISSON)),
+                float(SLENDERNESS[0] + np.ptp(SLENDERNESS) * tall),
+                float(STRAIN[0] + np.ptp(STRAIN) * far),
+            )
+        )
+    return made
+
+
+def force_of(one: Cylinder, elements: int = 12) -> tuple[FloatArray, FloatArray, float]:
+    """Strains [-] and forces [N] by FElupe, and its largest relative change to the finer of two meshes [-].
+
+    The corner where face and side meet is singular, so that the error falls with the size of the elements:
+    both meshes give the force without it (Richardson 1911, order 1).
+    """
+    strain = np.linspace(0.0, one.strain, READINGS + 1)[1:]
+    along = int(np.clip(round(elements * one.slenderness), 0.5 * elements, elements))
+    fine, coarse = (
+        compression_force(
+            one.felupe, 0.5 * DIAMETER, one.length, strain, (round(s * elements), round(s * along))
+        )
+        for s in (1.0, COARSER)
+    )
+    return strain, fine + (fine - coarse) / (1.0 / COARSER - 1.0), float(np.abs(fine / coarse - 1.0).max())
+
+
+def answer(one: Cylinder, strain: FloatArray, force: FloatArray, folder: Path) -> dict[str, Any]:
+    """The command's answer to a specimen's readings."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = "".join(f"{1e3 * one.length * e:.9g},{f:.9g}\n" for e, f in zip(strain, force, strict=True))
+    (folder / "push.csv").write_text("Travel (mm),Load (N)\n0,0\n" + rows, encoding="utf-8")
+    words = ["material", "fit", str(folder / "push.csv"), "--displacement", "Travel", "--force", "Load"]
+    words += ["--convention", "compression-positive", "--ends", "bonded", "--laws", one.law, "--json"]
+    words += ["--specimen", f"{1e3 * DIAMETER:.9g} mm x {1e3 * one.length:.9g} mm", "--out", str(folder)]
+    run = CliRunner().invoke(app, words)
+    if run.exit_code != 0:
+        return {"refused": run.output.strip()}
+    return dict(json.loads(run.stdout)["laws"][0])
+
+
+def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
+    """Which constants are determined, and whether these are inside their intervals."""
+    if "reason" in found or "refused" in found:
+        return {"right": False, "outside": [], "determined": []}
+    determined = [name for name in found["constants"] if name not in found["not_determined"]]
+    outside = [
+        name
+        for name in determined
+        if abs(found["constants"][name] - one.constants[name]) > 2.0 * found["sigma"][name]
+    ]
+    return {"right": not outside, "outside": outside, "determined": determined}
+
+
+def experiment(seed: int, number: int, folder: Path, *, refit: bool = False) -> dict[str, Any]:
+    """One specimen of a seed: made, fitted, judged."""
+    one, path = drawn(seed)[number], folder / f"{number:02d}.json"
+    if path.exists():
+        kept = json.loads(path.read_text("utf-8"))
+        if "found" in kept and not refit:
+            return dict(kept)
+        strain, force, mesh = np.array(kept["strain"]), np.array(kept["force"]), kept["mesh"]
+    else:
+        strain, force, mesh = force_of(one)
+        write(path, {"strain": strain.tolist(), "force": force.tolist(), "mesh": mesh})
+    noise = np.random.default_rng([seed, number]).normal(0.0, NOISE, READINGS)
+    found = answer(one, strain, force * (1.0 + noise), folder / f"{number:02d}")
+    kept = {
+        "cylinder": asdict(one),
+        "strain": strain.tolist(),
+        "force": force.tolist(),
+        "mesh": mesh,
+        "found": found,
+        "judged": judged(one, found),
+    }
+    write(path, kept)
+    return kept
+
+
+def line(row: dict[str, Any]) -> str:
+    """One specimen, one line."""
+    one, found, verdict = row["cylinder"], row["found"], row["judged"]
+    cells = [
+        f"{name} {100.0 * (value / one['constants'][name] - 1.0):+.2f} ± "
+        f"{200.0 * found['sigma'][name] / one['constants'][name]:.2g} %"
+        if name in verdict["determined"]
+        else f"{name} not determined"
+        for name, value in found.get("constants", {}).items()
+    ]
+    words = "; ".join(cells) or found.get("reason", found.get("refused", ""))
+    return (
+        f"| {one['law']} | {one['slenderness']:.2f} | {100.0 * one['strain']:.0f} | {one['poisson']:.4f}"
+        f" | {100.0 * row['mesh']:.2f} | {words} | {'yes' if verdict['right'] else 'no'} |"
+    )
+
+
+def recorded() -> list[dict[str, Any]]:
+    """The study that the documents show, by law."""
+    return list(json.loads(FILE.read_text("utf-8"))["rows"])
+
+
+def main() -> None:
+    """Make, fit, judge, print."""
+    parser = command(__doc__, seed=61803)
+    parser.add_argument("--refit", action="store_true", help="answer again with the forces that are kept")
+    given = parser.parse_args()
+    jobs = [(given.seed, number, given.out) for number in range(SPECIMENS)]
+    rows = []
+    for row in results(_again if given.refit else experiment, jobs, given.workers):
+        print(line(row), flush=True)
+        rows.append(row)
+    rows.sort(key=lambda row: LAWS.index(row["cylinder"]["law"]))
+    print(f"{sum(row['judged']['right'] for row in rows)} of {len(rows)} right")
+    write(FILE, {"seed": given.seed, "rows": rows}, indent=1)
+
+
+def _again(seed: int, number: int, folder: Path) -> dict[str, Any]:
+    return experiment(seed, number, folder, refit=True)
+
+
+if __name__ == "__main__":
+    main()
