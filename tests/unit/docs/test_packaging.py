@@ -86,7 +86,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_runs_outside_the_tree(tm
 def test_the_source_distribution_holds_the_shots_and_pages(tmp_path: Path) -> None:
     with tarfile.open(built(tmp_path, "sdist")) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
-    wanted = {"runs/open-01/shot.toml", "conda/recipe.yaml", "CITATION.cff", "contributed/adjoint/plan.py"}
+    wanted = {"runs/open-05/shot.toml", "conda/recipe.yaml", "CITATION.cff", "contributed/adjoint/plan.py"}
     assert {*wanted, "kolsky/py.typed"} <= held
 
 
