@@ -154,6 +154,15 @@ class FitQuality:
         """Root mean square of what a right model leaves, of all sources, in `unit`."""
         return float(sum(part**2 for part in self.predicted.values()) ** 0.5)
 
+    def spread(self, noise: FloatArray) -> FloatArray:
+        """Standard deviation of what a right model leaves at each value, in `unit`, shape of ``noise``.
+
+        ``noise``: that of each value; of the other sources each value has the root mean square. The root mean
+        square of the spread is `expected`.
+        """
+        others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
+        return np.sqrt(noise**2 + others)
+
     @property
     def over_noise(self) -> float:
         """Residual over the measured noise [-]."""
@@ -628,6 +637,16 @@ class Identification:
     """Force alone minus outline alone; None without an outline, or if it was not recorded."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""
+
+    def spread(self, channel: str) -> FloatArray:
+        """Standard deviation of what a right model leaves at each force bin or outline point, in N or m.
+
+        The noise alone where the goodness of fit was not recorded.
+        """
+        c = self.comparison
+        noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
+        fit = next((one for one in self.fit if one.channel == channel), None)
+        return noise if fit is None else fit.spread(noise)
 
     def __repr__(self) -> str:
         said = "; ".join(

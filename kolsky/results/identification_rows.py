@@ -81,6 +81,7 @@ def _channel(result: Identification, f: FitQuality) -> dict[str, Any]:
     factor, unit = _CHANNEL_UNITS[f.unit]
     plain = numbers.plain
     return {
+        "channel": f.channel,
         "words": f"{f.channel}, {f.values} values",
         "explained": f.explained,
         "residual": f"{plain(factor * f.residual, 3)} {unit}",

@@ -17,12 +17,14 @@ const validators = {
 
 async function looked(page, file, out, scheme, width) {
   await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-  await page.setViewport({ width, height: 900 });
+  await page.setViewport({ width, height: width < 600 ? 844 : 1200 });
   await page.goto("file://" + path.resolve(file), { waitUntil: "load", timeout: 120000 });
   const found = [];
+  const stem = path.join(out, path.basename(file, ".html"));
+  await page.screenshot({ path: `${stem}-${width}-${scheme}-first.png` });
+  await page.evaluate(() => document.querySelectorAll("details").forEach((fold) => { fold.open = true; }));
   const beyond = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   if (beyond > 0) found.push(`${beyond} px wider than the screen`);
-  const stem = path.join(out, path.basename(file, ".html"));
   if (scheme === "light" || width > 1000) {
     await page.screenshot({ path: `${stem}-${width}-${scheme}.png`, fullPage: true });
   }
@@ -42,6 +44,7 @@ async function audited(browser, file, out) {
     for (const width of [390, 1280]) found.push(...(await looked(page, file, out, scheme, width)));
   }
   await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
+  await page.goto("file://" + path.resolve(file)); // folded, as it is printed
   await page.pdf({ path: path.join(out, path.basename(file, ".html") + ".pdf"), format: "A4", timeout: 120000 });
   const kind = fs.readFileSync(file, "utf8").includes("furo-main-content") ? "documentation" : "ours";
   const report = await validators[kind].validateFile(file);

@@ -22,19 +22,20 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 PLACES: dict[str, tuple[str, ...]] = {
     "JOINT": ("joint.joint_shots", "joint.joint_curve"),
-    # Recordings behind an identification; shown before those of `REGISTRY`
+    # Recordings behind an identification; shown after those of `REGISTRY`
     "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification
     "REGISTRY": (
         "comparison.force",
-        "comparison.shape_residual",
+        "comparison.outline",
         "comparison.profiles",
+        "comparison.shape_residual",
         "comparison.force_residual",
-        "misfit.misfit",
-        "misfit.contour",
         "misfit.likelihood",
         "misfit.ridge",
         "misfit.corner",
+        "misfit.misfit",
+        "misfit.contour",
         "comparison.energy",
         "comparison.meshes",
         "comparison.scene",

@@ -8,7 +8,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from kolsky.inverse.result import Identification, worst_imbalance
+from kolsky.inverse.result import FORCE as FORCE_CHANNEL
+from kolsky.inverse.result import NOISE, OUTLINE, Identification, worst_imbalance
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -35,16 +36,33 @@ from kolsky.report.figures.base import (
 from kolsky.report.scene.scene_data import FIELDS, has_scene
 from kolsky.report.scene.stills import COUNT as STILLS
 from kolsky.report.scene.stills import draw_still, scene_of_stills
-from kolsky.results.numbers import percent
+from kolsky.results.numbers import percent, plain
+
+RIGHT = "right model, k = 2"
+"""Label of the band of what a right model leaves."""
+
+
+def right_model(result: Identification, channel: str) -> str:
+    """Return the sentence of a caption on what the band of a channel's residual is made of."""
+    fit = next((one for one in result.fit if one.channel == channel), None)
+    if fit is None:
+        return "The band is k = 2 of the measured noise alone: the goodness of fit was not recorded."
+    others = [source for source in fit.predicted if source != NOISE]
+    added = f" with the root mean square left by {', '.join(others)}" if others else ""
+    limit = f"limit {plain(fit.limit, 2)}" if np.isfinite(fit.limit) else "no limit"
+    return (
+        f"The band is what a right model may leave, k = 2: the noise of each value{added}. The verdict "
+        f"compares the residual with the same spread: {plain(fit.excess, 2)} of it, {limit}."
+    )
 
 
 @figure(
     COLUMN,
-    80.0,
+    68.0,
     [["force"], ["residual"]],
     applies=lambda result: result.comparison.force_time.size > 0,
     sharex=True,
-    height_ratios=[2.4, 1.0],
+    height_ratios=[1.7, 1.0],
 )
 def force(result: Identification, panels: Panels) -> str:
     c = result.comparison
@@ -57,8 +75,8 @@ def force(result: Identification, panels: Panels) -> str:
     top.legend(loc="upper left")
     top.tick_params(labelbottom=False)
 
-    band = 2.0 * c.force_sigma
-    low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label="noise, k = 2")
+    band = 2.0 * result.spread(FORCE_CHANNEL)
+    low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label=RIGHT)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
     low.set(xlabel="Time $t$ (ms)", ylabel=r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
@@ -69,8 +87,50 @@ def force(result: Identification, panels: Panels) -> str:
     low.margins(y=0.25)
     return (
         "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
-        "optimum (top); simulated minus measured force of each bin with the k = 2 band of the measured noise "
-        "(bottom). Compression is positive."
+        "optimum (top); simulated minus measured force of each bin (bottom). Compression is positive. "
+        + right_model(result, FORCE_CHANNEL)
+    )
+
+
+def _has_outline(result: Identification) -> bool:
+    return result.comparison.centre_line.time.size > 0
+
+
+@figure(COLUMN, 68.0, [["outline"], ["residual"]], applies=_has_outline, height_ratios=[1.7, 1.0])
+def outline(result: Identification, panels: Panels) -> str:
+    c, line = result.comparison, result.comparison.centre_line
+    top, low = panels["outline"], panels["residual"]
+    for frame, style in zip(chosen_frames(result)[1::2], (":", "--", "-"), strict=False):
+        rows = np.flatnonzero(line.frame == frame)
+        rows = rows[np.argsort(line.y[rows], kind="stable")]
+        y = MM * line.y[rows]
+        time = f"{MS * line.time[rows[0]]:.2f} ms"
+        top.plot(y, MM * c.Z_model[rows], style, color=MODEL, label=f"simulated, {time}")
+        top.plot(y, MM * line.Z[rows], "o", color=MEASURED, ms=1.6, mew=0.0, label=f"_measured, {time}")
+    top.set(xlabel="Height $y$ (mm)", ylabel="Outline $Z$ (mm)")
+    top.legend(loc="upper right")
+
+    left_over, spread = UM * (c.Z_model - line.Z), UM * result.spread(OUTLINE)
+    counted = c.inside & np.isfinite(left_over)
+    frames = [counted & (line.frame == frame) for frame in np.unique(line.frame[counted])]
+    times = np.array([MS * line.time[rows][0] for rows in frames])
+    band = np.array([2.0 * np.sqrt(np.mean(spread[rows] ** 2)) for rows in frames])
+    ends = np.array([np.percentile(left_over[rows], [2.5, 50.0, 97.5]) for rows in frames]).reshape(-1, 3)
+    low.fill_between(times, -band, band, color=BAND, alpha=0.4, lw=0.0, label=RIGHT)
+    low.axhline(0.0, color=GREY, lw=0.5)
+    low.vlines(times, ends[:, 0], ends[:, 2], color=MODEL, lw=0.4, alpha=0.6)
+    low.plot(times, ends[:, 1], color=MODEL, lw=0.8)
+    low.set(xlabel="Time $t$ (ms)", ylabel=r"$\Delta Z$ (µm)")
+    low.legend(loc="lower left")
+    if times.size > 1:
+        low.set_xlim(times[0], times[-1])
+    else:
+        note_empty(low, "fewer than two simulated outlines")
+    low.margins(y=0.25)
+    return (
+        "Outline on the camera side over the height above the transmission platen at three times, measured "
+        "(points) and simulated (lines, top); ΔZ, simulated minus measured Z of each frame: median (line) "
+        "and the middle 95 % of its points (bars, bottom). " + right_model(result, OUTLINE)
     )
 
 
@@ -93,7 +153,7 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
     return corners
 
 
-@figure(COLUMN, 62.0, [["map"]], applies=lambda result: result.comparison.centre_line.time.size > 0)
+@figure(COLUMN, 62.0, [["map"]], applies=_has_outline)
 def shape_residual(result: Identification, panels: Panels) -> str:
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
     ax.set(xlabel="Time $t$ (ms)", ylabel="Height $y$ (mm)")
@@ -141,7 +201,7 @@ def chosen_frames(result: Identification) -> NDArray[np.int64]:
     PAGE,
     105.0,
     [[f"{row} {column}" for column in range(OUTLINES)] for row in ("outline", "residual")],
-    applies=lambda result: result.comparison.centre_line.time.size > 0,
+    applies=_has_outline,
     sharey=True,
     height_ratios=[1.25, 1.0],
     letters=[f"outline {column}" for column in range(OUTLINES)],
@@ -152,7 +212,8 @@ def profiles(result: Identification, panels: Panels) -> str:
     left_over = UM * (c.Z_model - line.Z)
     radii = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
     limits = (radii.min() - 0.3, radii.max() + 0.3) if radii.size else (0.0, 1.0)
-    reach = 1.15 * largest((np.abs(left_over) + 2.0 * UM * line.sigma)[np.isin(line.frame, frames)])
+    band = 2.0 * UM * result.spread(OUTLINE)
+    reach = 1.15 * largest((np.abs(left_over) + band)[np.isin(line.frame, frames)])
     for column in range(OUTLINES):
         top, low = panels[f"outline {column}"], panels[f"residual {column}"]
         top.set_xlabel("$Z$ (mm)")
@@ -182,13 +243,15 @@ def profiles(result: Identification, panels: Panels) -> str:
         top.errorbar(
             MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", color=MEASURED, **DOTS
         )
-        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], color=MEASURED, **DOTS)
+        order = np.argsort(y)
+        low.fill_betweenx(y[order], -band[rows][order], band[rows][order], color=BAND, alpha=0.4, lw=0.0)
+        low.plot(left_over[rows], y, "o", color=MEASURED, ms=1.6, mew=0.0)
     # The specimen is flattest in the last picture: that panel has room above it.
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
     return (
-        "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
-        "side surface (top); ΔZ, simulated minus measured Z of the same points, with ±2σ (bottom). y is the "
-        "height above the transmission platen."
+        "Outline of the specimen on the camera side at six times: measured points with ±2σ of their noise "
+        "and the simulated side surface (top); ΔZ, simulated minus measured Z of the same points, and the "
+        "band of what a right model may leave, k = 2 (bottom). y is the height above the transmission platen."
     )
 
 
@@ -202,7 +265,7 @@ def profiles(result: Identification, panels: Panels) -> str:
 )
 def force_residual(result: Identification, panels: Panels) -> str:
     c = result.comparison
-    weighted = (c.force_model - c.force_measured) / c.force_sigma
+    weighted = (c.force_model - c.force_measured) / result.spread(FORCE_CHANNEL)
     history, share = panels["history"], panels["share"]
     history.axhspan(-2.0, 2.0, color=BAND, alpha=0.3, lw=0.0)
     history.axhline(0.0, color=GREY, lw=0.5)
@@ -226,9 +289,9 @@ def force_residual(result: Identification, panels: Panels) -> str:
     share.set_xlim(left=0.0)
     share.tick_params(labelleft=False)
     return (
-        "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
-        "its distribution beside the standard normal one (right). Stretches of one sign are error of the "
-        "model, not noise."
+        "Residual of the force over the standard deviation σ of what a right model may leave in each bin, "
+        "with the band of k = 2 (left), and its distribution beside the standard normal one (right). "
+        "Stretches of one sign are error of the model, not noise."
     )
 
 

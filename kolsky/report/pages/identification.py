@@ -20,7 +20,7 @@ from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.cause_inputs import WITHOUT_TRACE
 from kolsky.inverse.parameters import PARAMETERS, has_effect, reference_words
-from kolsky.inverse.result import CauseFinding, Estimate, Identification, Verdict, worst_imbalance
+from kolsky.inverse.result import FORCE, CauseFinding, Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.pages.rendering import (
     FigureGroup,
@@ -30,11 +30,12 @@ from kolsky.report.pages.rendering import (
     render_page,
     script,
 )
-from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables, milliseconds
+from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.identification_rows import fit_tables, held_line
 from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.results.printed import summary
 from kolsky.shot.inputs import SHOWN, causes
 from kolsky.shot.recordings import ShotRecordings
 
@@ -324,7 +325,7 @@ def instrument_numbers(result: Identification, recordings: ShotRecordings | None
             "time": _rounded_list(_MS_PER_S * c.force_time, "time"),
             "measured": _rounded_list(c.force_measured, "force"),
             "model": _rounded_list(c.force_model, "force"),
-            "sigma": _rounded_list(c.force_sigma, "force"),
+            "sigma": _rounded_list(result.spread(FORCE), "force"),
         },
         "outlines": _outlines(result),
         "simulated": {
@@ -389,8 +390,9 @@ def render(
         result=result,
         figures=figures,
         instrument=instrument(identification, recordings),
-        script=script("instrument.js"),
-        answers=[answer_row(estimate) for estimate in result.estimates.values()],
+        script=script("folds.js") + script("instrument.js"),
+        answers=[answer_row(e) | {"dominant": dominant(result, e)} for e in result.estimates.values()],
+        next=summary(identification)["next"],
         facts=_data_facts(result),
         fit=fit_tables(result),
         fixed=_fixed_rows(result),
@@ -449,13 +451,13 @@ def _figures(
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
-    """Draw all figures, those of the recordings first; by name, as the template takes them.
+    """Draw all figures, those of the recordings last; by name, as the template takes them.
 
     The template removes each figure that it places; the others follow under "Further figures".
     """
     groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:
-        groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
+        groups.append(FigureGroup(RECORDINGS.values(), recordings))
     drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
 

@@ -12,6 +12,7 @@ from kolsky.inverse.result import Declaration, Estimate, Identification, Paramet
 from kolsky.results import numbers
 from kolsky.results.identification_rows import sensitivity_rows, unseen_notes
 from kolsky.results.nomenclature import name_of, route_label, short
+from kolsky.results.printed import MOST_PARTS, variance_shares
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.curve import PAST_CURVE
 from kolsky.shot.inputs import INPUTS
@@ -128,6 +129,14 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
             words = _words(declared.key)
             sigmas[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
     return dict(sorted(sigmas.items(), key=lambda part: -part[1]))
+
+
+def dominant(result: Identification, estimate: Estimate) -> str:
+    """Return the largest shares of an estimate's variance in one line; "" if it is not bounded."""
+    if not isfinite(estimate.sigma):
+        return ""
+    largest = list(variance_shares(result, estimate.name).items())[:MOST_PARTS]
+    return ", ".join(f"{_words(key)} {numbers.percent(share)}" for key, share in largest)
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:

@@ -3,11 +3,14 @@
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic import synthetic
 
 from kolsky.inverse.result import HeldAnswer
 from kolsky.pictures.specimen_length import RimAtRest, conditioned_length
+from kolsky.report.canvas import build
+from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import render
 from kolsky.results import printed
 from kolsky.results.hdf5 import read_identification, write_identification
@@ -25,6 +28,26 @@ def test_the_line_shows_what_is_nearer_its_limit() -> None:
     assert fit_line(bad).startswith("fit: force NOT EXPLAINED (10 of at most 2.5), ")
     open_ = replace(RESULT, fit=(replace(FORCE, limit=float("inf"), slow_limit=float("inf")),))
     assert fit_line(open_) == "fit: force explained (1, no limit)"
+
+
+def test_the_band_of_a_figure_is_that_of_the_verdict() -> None:
+    # Noise of 3 and 5 units with 5 and 12 of the rest: 13 in quadrature with 3 is root 178, with 5 root 194.
+    fit = replace(FORCE, predicted={"noise": np.sqrt(17.0), "mesh": 5.0, "declared inputs": 12.0})
+    noise = np.array([3.0, 5.0])  # its root mean square is that of `predicted`
+    np.testing.assert_allclose(fit.spread(noise) ** 2, [178.0, 194.0])
+    assert np.sqrt(np.mean(fit.spread(noise) ** 2)) == pytest.approx(fit.expected)
+    c = replace(RESULT.comparison, force_sigma=noise)
+    found = replace(RESULT, fit=(OUTLINE, fit), comparison=c)
+    np.testing.assert_allclose(found.spread("force"), fit.spread(noise))
+    others = np.sqrt(OUTLINE.expected**2 - OUTLINE.predicted["noise"] ** 2)
+    np.testing.assert_allclose(found.spread("outline"), np.hypot(c.centre_line.sigma, others))
+    np.testing.assert_array_equal(replace(found, fit=()).spread("force"), noise)
+    for name in ("force", "outline"):
+        caption = REGISTRY[name].caption(RESULT)
+        assert "The band is what a right model may leave, k = 2: the noise of each value with" in caption
+        assert "noise alone" in REGISTRY[name].caption(replace(RESULT, fit=()))
+    band = build(REGISTRY["force"], RESULT).axes[1].collections[0].get_paths()[0].vertices
+    assert band[:, 1].max() == pytest.approx(2.0 * RESULT.spread("force").max())
 
 
 def test_rows_of_a_terminal() -> None:

@@ -217,6 +217,28 @@ def test_page_says_the_answer_first_and_rounds(html: str) -> None:
     assert not re.findall(r"\d\.\d{7,}", text)  # no unrounded number
 
 
+def test_the_first_screen_and_the_folds(html: str) -> None:
+    first, _, rest = html.partition('<nav aria-label="Contents">')
+    contents, _, rest = rest.partition("</nav>")
+    assert re.findall(r"<figure[^>]*id=\"([a-z-]*)\"", first) == ["force", "outline"]
+    text = " ".join(Page(first).text.split())
+    for words in (
+        "Fit of the force: explained",
+        "Fit of the outline: explained",
+        "To narrow the interval: Halving ",
+        "read 2 warnings",
+    ):
+        assert words in text
+    # Noise 0.0019 and mesh 0.0016: 59 and 41 % of their sum of squares.
+    assert "What dominates the variance of m : noise 59 %, mesh and step 41 %." in text
+    folds = re.findall(r'<details class="fold" id="([a-z-]+)"( open)?>', rest)
+    assert [name for name, _ in folds] == re.findall(r'href="#([a-z-]+)"', contents)
+    assert folds[0] == ("budget", "")
+    assert {name for name, opened in folds if opened} <= {"causes"}
+    numbers = [int(number) for number in re.findall(r"<b>Figure (\d+)\.</b>", html)]
+    assert numbers == list(range(1, len(numbers) + 1))  # in the order of the page
+
+
 def test_page_without_warnings_has_no_banner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
     assert "Before using" not in render(replace(RESULTS["one"], warnings=()))
