@@ -1,12 +1,6 @@
-"""The constant side of a batch: what is simulated, with which parameters, and what is recorded.
+"""The constant side of a batch: what is simulated, with which parameters, and what is recorded."""
 
-`Stencil` is the difference formula of second order for one parameter of `Samples`: central, or one-sided near
-a bound.
-"""
-
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from math import inf
 from typing import Literal
 
 import numpy as np
@@ -16,7 +10,7 @@ from explicit.arrays import FloatArray
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
-from explicit.materials.volumetric import POISSON_LIMIT, Form, checked_form
+from explicit.materials.volumetric import Form, checked_form
 from explicit.mesh import Mesh
 from explicit.platens import RIGID, MovingSupport, PlatenMotion, Support
 from explicit.relaxation.base import RateDependence, Relaxation
@@ -215,7 +209,7 @@ class Stepping:
     bound: Literal["trace", "eigenvalue"] = "trace"
     """How the bound takes the part of an element's stiffness and damping that is not volumetric: by the trace
     of |grad v|^2, or by its largest eigenvalue. Both hold; the latter allows longer steps, the more the finer
-    the mesh, and its error in time is that of longer steps ({doc}`/theory/speed`)."""
+    the mesh, and its error in time is that of longer steps ({doc}`/theory/solver`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3
@@ -242,35 +236,8 @@ class Stepping:
             raise ValueError(f"precision must be 'fp32' or 'fp64', got {self.precision!r}")
 
 
-BOUNDS: dict[str, tuple[float, float]] = {
-    "stiffness_factor": (0.0, inf),
-    "poisson": (0.0, POISSON_LIMIT),
-    "damping": (0.0, inf),
-    "friction": (0.0, inf),
-    "mass_damping": (0.0, inf),
-}
-"""The parameters that can be varied, with the range of their values."""
-
 LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
 """Scale of a parameter whose value may be zero [s, 1, 1/s]: what makes a difference in a test."""
-
-
-@dataclass(frozen=True)
-class Stencil:
-    """Points where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
-
-    offsets: FloatArray
-    """Distances from the value in steps, the first one 0 [-], shape [3]."""
-    weights: FloatArray
-    """Weights of the responses [-], shape [3]."""
-
-
-CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
-"""(f(p + h) - f(p - h)) / 2 h."""
-FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
-"""(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
-BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
-"""The same to the other side."""
 
 
 def scale_of(name: str, value: float) -> float:
@@ -282,26 +249,3 @@ def scale_of(name: str, value: float) -> float:
     if name == "poisson":
         return 0.5 - value
     return max(value, LEAST_SCALE.get(name, 0.0))
-
-
-def stencil_for(name: str, value: float, widest: float) -> Stencil:
-    """The central formula, or a one-sided one where a step would leave the parameter's range.
-
-    ``value``, ``widest``: its value and the widest step, in its unit.
-    """
-    low, high = BOUNDS[name]
-    for stencil in (CENTRAL, FORWARD, BACKWARD):
-        reached = value + stencil.offsets * widest
-        above = reached.min() > low if name == "stiffness_factor" else reached.min() >= low
-        if above and reached.max() <= high:
-            return stencil
-    raise ValueError(
-        f"{name} = {value:.6g} has no room for a step of {widest:.3g} inside [{low:g}, {high:g}];"
-        " use smaller relative steps"
-    )
-
-
-def perturbed(samples: Samples, values: Mapping[str, FloatArray], n: int) -> Samples:
-    """A batch of `n` copies of one sample, with new values of some parameters, shape [n]."""
-    columns = {f.name: np.repeat(getattr(samples, f.name), n) for f in fields(Samples)}
-    return Samples(**{**columns, **values})

@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
     from kolsky.studies.sweep_analysis import analyse_sweep
-    from kolsky.studies.trends import trends
 
 _HOME = {
     "EndFriction": "kolsky.material.end_friction.problem",
@@ -108,7 +107,6 @@ _HOME = {
     "tables_of": "kolsky.report.result_folder",
     "to_dataframe": "kolsky.report.notebook",
     "to_xarray": "kolsky.report.notebook",
-    "trends": "kolsky.studies.trends",
     "waves": "kolsky.shot.waves",
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",

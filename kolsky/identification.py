@@ -15,6 +15,7 @@
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_inputs import corrected
@@ -28,6 +29,7 @@ from kolsky.inverse.result import Identification
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.work import Progress, Work
+from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
 from kolsky.uncertainty.answer import budgeted_answer, error_sources
@@ -36,14 +38,14 @@ from kolsky.uncertainty.profiles import LinearisedOptimum
 
 @one_blas_thread()
 def identify(
-    shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
+    shot: Shot | str | Path, settings: Settings | None = None, *, progress: Progress | None = None
 ) -> Identification:
     """Identify the free parameters of a shot.
 
     Parameters
     ----------
     shot
-        A loaded shot.
+        A loaded shot, or its folder.
     settings
         What is free, what is held, numerical choices.
     progress : callable, optional
@@ -63,8 +65,11 @@ def identify(
     ValueError
         If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
         message says how, when and where the first one failed.
+    InputError
+        If the folder holds no shot, or a wrong one.
     """
-    search = search_shot(InverseProblem.of(shot, settings or Settings()), Work(progress))
+    loaded = shot if isinstance(shot, Shot) else load_shot(shot)
+    search = search_shot(InverseProblem.of(loaded, settings or Settings()), Work(progress))
     runner, optimum = search.runner, search.fine
     objective, slopes, response = optimum.objective, optimum.jacobian, optimum.check.response
 

@@ -131,7 +131,7 @@ def joint_result(
         whitening=whitening,
         objectives=objectives,
         changes=residual_changes(problem, mesh, declared),
-        own=[_amount(part, problem, found, size) for part in parts],
+        scatters=[_amount(part, problem, found, size) for part in parts],
     )
     own: tuple[OwnStiffness | None, ...] = (None,) * len(parts)
     agreement = None

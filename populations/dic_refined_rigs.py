@@ -1,4 +1,4 @@
-"""Refinement of the relative pose on made rigs with a known error: the table of docs/theory/calibration.md.
+"""Refinement of the relative pose on made rigs with a known error: the table of docs/validation/cameras.md.
 
 ``python -m populations.dic_refined_rigs [SEED]`` prints it; 0 is the population on which the share of
 `dic.calibration.refine.LEAST_GAIN` was chosen, 1 the one on which it was judged, once.

@@ -20,28 +20,34 @@ if str(TESTS.parent) not in sys.path:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--slow`: run everything, the tests marked slow too."""
-    parser.addoption("--slow", action="store_true", help="also run the tests marked slow (minutes)")
+    """Add `--slow` and `--long`: run the tests marked so too."""
+    parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+    parser.addoption("--long", action="store_true", help="run everything, the tests marked long too (hours)")
 
 
 @pytest.hookimpl(tryfirst=True)  # the marks must be there when `-m` chooses by them
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what the verification manual rests on, and what asks for a GPU by the fixtures `cuda` or `gpu`;
     deselect slow tests unless `--slow` or `-m` is given, and begin with their files then: at the end of a run
-    on several cores, short ones fill them all."""
+    on several cores, short ones fill them all. Long ones run with `--long` or `-m` alone."""
     for item in items:
         if {"cuda", "gpu"} & set(getattr(item, "fixturenames", ())):
             item.add_marker("cuda")
         if item.path.is_relative_to(VERIFICATION):
             item.add_marker("verification")
-    if config.getoption("--slow") or config.getoption("-m"):
-        long = {item.path for item in items if item.get_closest_marker("slow")}
-        items.sort(key=lambda item: item.path not in long)
-        return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    if slow:
-        items[:] = [item for item in items if not item.get_closest_marker("slow")]
-        config.hook.pytest_deselected(items=slow)
+    left_out = {"slow", "long"}
+    if config.getoption("--long") or config.getoption("-m"):
+        left_out = set()
+    elif config.getoption("--slow"):
+        left_out = {"long"}
+    marked = [{mark.name for mark in item.iter_markers()} for item in items]
+    omitted = [item for item, marks in zip(items, marked, strict=True) if marks & left_out]
+    if omitted:
+        items[:] = [item for item, marks in zip(items, marked, strict=True) if not marks & left_out]
+        config.hook.pytest_deselected(items=omitted)
+    if "slow" not in left_out:
+        minutes = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in minutes)
 
 
 @pytest.fixture(scope="session")

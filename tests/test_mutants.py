@@ -13,8 +13,8 @@ from tests.mutants.sources import ROOT, Sources, sources
 FEWEST = 40
 """Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates,
 image correlation, misfit and solver."""
-EVERY = 60
-"""Of so many faults one is planted here: a trial runs whole test files, 20 s of two cores each."""
+EVERY = 120
+"""Of so many faults one is planted here: a trial runs whole test files, 10 to 30 s of one core."""
 
 
 def test_every_fault_fits_one_place() -> None:

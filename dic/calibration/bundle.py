@@ -3,7 +3,7 @@
 Weighted least squares over all points of all pictures by Levenberg and Marquardt's method. The poses are
 eliminated pair by pair (Schur's complement; Triggs et al. 2000, doi:10.1007/3-540-44480-7_21). The centre of
 a dot's image is that of an ellipse in closed form (Heikkilä 2000, doi:10.1109/34.879788), and on a curved
-target it moves further: Eqs. (C.1) and (C.2) of docs/theory/calibration.md. A patch with the second moment s
+target it moves further: Eqs. (CC.1) and (CC.2) of docs/theory/pictures.md. A patch with the second moment s
 per axis counts as a disc of r² = 4 s: s = (r² + h²)/4 for a ring, a²/12 for a square.
 """
 
@@ -62,7 +62,7 @@ def crossed(v: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
-    """Centroids on the plane z = 1 of patches in the camera's frame, Eq. (C.1), shape [n, 2]."""
+    """Centroids on the plane z = 1 of patches in the camera's frame, Eq. (CC.1), shape [n, 2]."""
     z, nz, r2 = inside[:, 2], normals[:, 2], 4.0 * spread
     below = z * z - r2 * (1.0 - nz * nz)
     return np.asarray((inside[:, :2] * z[:, None] + (r2 * nz)[:, None] * normals[:, :2]) / below[:, None])
@@ -71,7 +71,7 @@ def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> Fl
 def _bent_middles(
     inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray
 ) -> FloatArray:
-    """Middles of patches in the camera's frame as their curvature moves them, Eq. (C.2) [m], shape [n, 3]."""
+    """Middles of patches in the camera's frame as curvature moves them, Eq. (CC.2) [m], shape [n, 3]."""
     oblique = np.sum(bend * inside, axis=1) / np.sum(normals * inside, axis=1)
     curvature = np.sum(bend * bend, axis=1)
     return np.asarray(
@@ -121,7 +121,7 @@ def project_points(
 def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `seen` after the rig's parameters and after the target's pose.
 
-    The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
+    Small changes of (CC.1) and (CC.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
 
     Returns: shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`. Returns: after a small
     rotation applied after R, and t, shape [n, 2, 6].
@@ -337,7 +337,7 @@ def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
 
     With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
 
-        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                   (C.4)
+        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                  (CC.4)
 
     for P pairs and m parameters: 1 on average if residuals are independent, more if those of a picture hang
     together (a bent target, a lens model too simple), when their number says more than they know

@@ -197,7 +197,7 @@ def _fit_discs(
 
     With d the offset from the centre and q = √(dᵀ M d), so that q = 1 is the outline, the model is
 
-        I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                                (C.3)
+        I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                               (CC.3)
 
     with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
@@ -265,7 +265,7 @@ def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
-    """Grey values, Eq. (C.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels]."""
+    """Grey values, Eq. (CC.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels]."""
     x0, y0, a, b, c, s, B, Bx, By, D = (p[:, k : k + 1].astype(np.float32) for k in range(10))
     dx, dy = xx - x0, yy - y0
     mx, my = a * dx + b * dy, b * dx + c * dy

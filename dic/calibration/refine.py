@@ -1,7 +1,7 @@
 """Repairs of a calibration: the relative pose refined from matched points, the order of picture pairs.
 
-The rays of a matched point must meet. The relative pose minimises the epipolar distances robustly, Eq. (C.5)
-of docs/theory/calibration.md; the calibration's covariance is the prior. The length of the baseline is not
+The rays of a matched point must meet. The relative pose minimises the epipolar distances robustly, Eq. (CC.5)
+of docs/theory/pictures.md; the calibration's covariance is the prior. The length of the baseline is not
 observable and is kept. `Refinement.helps` judges the result on points that were not fitted. The order of
 picture pairs is the one under which the target's poses in camera 0 predict most places in camera 1.
 """

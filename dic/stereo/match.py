@@ -433,7 +433,7 @@ def match_stereo(
     A few seeds are looked for along their whole epipolar curves, their subsets deformed as facets of several
     slopes would be seen; the other points follow from neighbours, the most reliable first, with affine
     shape functions; the shape function of `settings` has the last word. See
-    :doc:`/theory/stereo_matching`.
+    :ref:`theory-stereo-matching`.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ matches before and after it with opposite signs, so that to first order the chai
 Carried along is the covariance from the root's template, mapped by the deformation; added is that of the
 picture searched in. Where speckles are flattened to a pixel the residual e beyond the noise counts: the
 covariance grows by ``1 + κ e``, κ = `ALONG` in the flattened direction and `ACROSS` at right angles, both
-from `EVEN` without flattening (docs/theory/tracking.md). The match itself scales both directions by 1 + e.
+from `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
 """
 
 from dataclasses import dataclass, fields, replace

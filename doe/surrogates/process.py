@@ -254,7 +254,7 @@ def _minus_log(variance: FloatArray, freedom: int, factor: FloatArray, trend_fac
 def _loss(
     logarithms: FloatArray, kind: str, squares: FloatArray, tail: FloatArray, values: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Minus the restricted log-likelihood, its variance profiled out, and its gradient (docs: doe.md)."""
+    """Minus the restricted log-likelihood, its variance profiled out, and its gradient (docs: howto/doe)."""
     h = Hyperparameters.of(kind, logarithms)
     correlation, slopes = with_slopes(kind, squares, h.lengths)
     correlation[np.diag_indices_from(correlation)] += h.nugget

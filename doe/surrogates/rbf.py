@@ -70,7 +70,7 @@ class RadialBasis:
                 f"{kernel} misses its own runs by {misfit:.2e} (values up to {largest:.2e}): "
                 "the system is too ill-conditioned; take a rougher kernel or a larger shape"
             )
-        # e_i = c_i / B_ii with c = B f (docs: doe.md).
+        # e_i = c_i / B_ii with c = B f (docs: howto/doe.md).
         residuals = (operator @ values) / np.diag(operator)[:, None]
         return cls(kernel, unit_points, residuals, condition, interpolator)
 

@@ -233,11 +233,14 @@ def kirchhoff(law: Stretches, stretch: ArrayLike) -> FloatArray:
 def tangent(law: Stretches, stretch: ArrayLike) -> FloatArray:
     """Derivative of the isochoric Kirchhoff stress by the logarithms of the stretches, Eq. (L.2) [Pa],
     shape [..., 3, 3]; the stretches have shape [..., 3]."""
-    lam = isochoric(stretch)
-    H = law.hessian(lam[..., 0], lam[..., 1], lam[..., 2]) * lam[..., :, None] * lam[..., None, :]
-    H = H + np.eye(3) * _logarithmic_slope(law, lam)[..., None]
     P = np.eye(3) - 1.0 / 3.0
-    return np.asarray(P @ H @ P)
+    return np.asarray(P @ logarithmic_hessian(law, isochoric(stretch)) @ P)
+
+
+def logarithmic_hessian(law: Stretches, lam: FloatArray) -> FloatArray:
+    """Second derivatives of W by the logarithms of the stretches [Pa], shape [..., 3, 3]."""
+    H = law.hessian(lam[..., 0], lam[..., 1], lam[..., 2]) * lam[..., :, None] * lam[..., None, :]
+    return np.asarray(H + np.eye(3) * _logarithmic_slope(law, lam)[..., None])
 
 
 def _logarithmic_slope(law: Stretches, lam: FloatArray) -> FloatArray:

@@ -88,17 +88,13 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
         if len(good) <= _GATE_NEIGHBOURS + 1:
             break
         own, field = points[good], values[good]
-        distance, near = cKDTree(own).query(own, k=_GATE_NEIGHBOURS + 1)
-        weights = _weights(own[near[:, 1:]] - own[:, None], distance[:, 1:])
-        expected = np.einsum("nk,nkf->nf", weights, field[near[:, 1:]])
-        # A point at an edge is extrapolated: its prediction has more noise of its own.
-        deviation = np.abs(field - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
+        near, deviation = _deviations(own, field)
         scale = MAD * np.median(deviation, axis=0)
         ratio = np.divide(deviation, scale, out=np.zeros_like(deviation), where=scale > 0.0).max(axis=1)
         if not (ratio > gate).any():
             break
         # Of neighbours that spoil each other the worst goes first.
-        worst = (ratio > gate) & (ratio >= ratio[near[:, 1:9]].max(axis=1))
+        worst = (ratio > gate) & (ratio >= ratio[near[:, :8]].max(axis=1))
         bad[good[worst]] = True
     return bad
 
@@ -108,11 +104,17 @@ def point_noise(points: FloatArray, values: FloatArray) -> float:
 
     Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
     """
+    return float(MAD * np.median(_deviations(points, values)[1]))
+
+
+def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Nearest others of each point, shape [n, k], and its distance from what they predict, over the noise of
+    that: a point at an edge is extrapolated, which has more. Shape [n, fields]."""
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
-    weights = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
-    expected = np.einsum("nk,nkf->nf", weights, values[near[:, 1:]])
-    deviation = np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
-    return float(MAD * np.median(deviation))
+    distance, near = distance[:, 1:], near[:, 1:]
+    weights = _weights(points[near] - points[:, None], distance)
+    expected = np.einsum("nk,nkf->nf", weights, values[near])
+    return near, np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
 
 
 def _weights(offsets: FloatArray, distance: FloatArray) -> FloatArray:

@@ -390,20 +390,10 @@ def fit(
 
     Raises ValueError if the simulation at the start fails, or there are not more samples than constants.
 
-    Parameters
-    ----------
-    name
-        Of the fit.
-    tests
-        The tests.
-    constants
-        The law, its constants at the start, and which are free.
-    predicted
-        Tests that are simulated with the result for comparison.
-    starts, seed
-        Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
-    bonds
-        Look for peeling bonds: one more simulation a test.
+    ``name``: of the fit. ``tests``: the tests. ``constants``: the law, its constants at the start, and which
+    are free. ``predicted``: tests that are simulated with the result for comparison. ``starts``, ``seed``:
+    number of starts, the first as declared and the others drawn around it, and the seed of the draws.
+    ``bonds``: look for peeling bonds: one more simulation a test.
     """
 
     def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kolsky.base.errors import InputError
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, OutFolder, ShotPath
 
@@ -135,8 +134,7 @@ def repeats(
     Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
     """
     if len(shots) < _FEWEST:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             f"got {len(shots)} shot, the scatter between tests needs {_FEWEST} or more",
             cure="name all repeats of the test",
         )

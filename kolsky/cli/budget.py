@@ -21,10 +21,8 @@ def _rates(option: str, text: str) -> tuple[float, ...]:
     """ "200,1000" as the slowest and the fastest rate [1/s]."""
     rates = tuple(texts.numbers(option, text))
     if len(rates) != 2:
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"{option} needs the slowest and the fastest rate",
-            cure="give two: --rates 100,1000",
+        raise texts.refusal(
+            f"{option} needs the slowest and the fastest rate", cure="give two: --rates 100,1000"
         )
     return rates
 

@@ -185,8 +185,7 @@ def run_jobs(
                 answers[futures[future]] = future.result()
                 report(len(answers))
     except _lost_worker_errors() as error:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             f"a worker was lost with {len(answers)} of {len(jobs)} shots identified ({error})",
             cure="take fewer workers or more memory; the results of the identified shots are complete",
         ) from error
@@ -228,8 +227,7 @@ def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None
     places = [folder_of(shot).resolve() if out is None else out / _shot_name(shot) for shot in shots]
     double = sorted({str(place) for place in places if places.count(place) > 1})
     if double:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             f"two shots would write to {double[0]}",
             cure="name each shot once; with --out the names of their folders must differ",
         )

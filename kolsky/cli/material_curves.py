@@ -45,14 +45,12 @@ class CurveColumns:
         columns = {name: column for name, column in vars(self).items() if column}
         pair = {"strain", "stress"} if self.stress else {"displacement", "force"}
         if (set(columns) & {"strain", "stress", "displacement", "force"}) != pair:
-            raise InputError(
-                texts.COMMAND_LINE,
+            raise texts.refusal(
                 "a test needs --strain and --stress, or --displacement and --force",
                 cure="name two columns, or give their numbers",
             )
         if "force" in pair and size is None:
-            raise InputError(
-                texts.COMMAND_LINE,
+            raise texts.refusal(
                 "--displacement and --force need --diameter and --length",
                 cure="give the size of the specimen",
             )
@@ -66,10 +64,8 @@ def _specimen_of(diameter: float | None, length: float | None) -> "Specimen | No
     if diameter is None and length is None:
         return None
     if diameter is None or length is None:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "needs both --diameter and --length or neither",
-            cure="give both, or leave both out",
+        raise texts.refusal(
+            "needs both --diameter and --length or neither", cure="give both, or leave both out"
         )
     return Specimen(diameter=diameter, length=length, density=0.0)
 
@@ -85,8 +81,7 @@ def ends_of(text: str, sigma: float) -> "EndFriction | None":
         except ValueError:
             texts.one_of("--friction", text, ("none", "bonded", "rough", "free", "a number"))
     if number is None and sigma > 0.0:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             "--friction-sigma goes with a number as --friction",
             cure="give --friction NUMBER, or leave --friction-sigma out",
         )
@@ -109,8 +104,7 @@ def _toe_of(option: str, text: str) -> "Toe":
             raise ValueError
         low, high = (float(end) for end in ends)
     except ValueError:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             f"{option} {text!r} cannot be read",
             cure="write none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12",
         ) from None
@@ -123,11 +117,7 @@ def _units_of(given: Sequence[str], columns: dict[str, str]) -> dict[str, str]:
     for text in given:
         column, equals, unit = text.rpartition("=")
         if not equals or column not in columns.values():
-            raise InputError(
-                texts.COMMAND_LINE,
-                f"--unit {text!r} names no column that is read",
-                cure="write COLUMN=UNIT",
-            )
+            raise texts.refusal(f"--unit {text!r} names no column that is read", cure="write COLUMN=UNIT")
         units[column] = unit
     return units
 
@@ -201,9 +191,7 @@ def reference_curve(
     Writes the curve with its uncertainties, E_a over strain and time, and the table for shot.toml.
     """
     if out.suffix != ".csv":
-        raise InputError(
-            texts.COMMAND_LINE, "is not a table", key="--out", value=str(out), allowed="FILE.csv"
-        )
+        raise texts.refusal("is not a table", key="--out", value=str(out), allowed="FILE.csv")
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
@@ -213,13 +201,12 @@ def reference_curve(
 
     folder = usable_folder(out.parent)
     if friction == "free" and not columns.bulge:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             "--friction free needs --bulge: the radius at mid-height finds the friction",
             cure="measure the radius at mid-height and give it with --bulge",
         )
     if (columns.bulge != "") != (bulge_sigma is not None):
-        raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together", cure="give both")
+        raise texts.refusal("--bulge and --bulge-sigma belong together", cure="give both")
     size = _specimen_of(diameter, length)
     cure = "correct the option; `kolsky material reference-curve --help` shows each"
     with texts.refused(cure=cure):

@@ -39,9 +39,7 @@ def size_of(option: str, text: str) -> Specimen:
     """ "9.5 mm x 6.5 mm" as the undeformed size of a cylinder."""
     diameter, cross, length = text.partition(" x ")
     if not cross:
-        raise InputError(
-            texts.COMMAND_LINE, f"{option} {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
-        )
+        raise texts.refusal(f"{option} {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"')
     return Specimen(
         diameter=texts.physical(option, diameter, "m", positive=True),
         length=texts.physical(option, length, "m", positive=True),
@@ -56,8 +54,7 @@ def with_size(columns: Columns, size: Specimen) -> Columns:
         ("--area or --diameter", columns.section, size.area, "m^2"),
     ):
         if given is not None and abs(given / declared - 1.0) > _SAME_SIZE:
-            raise InputError(
-                texts.COMMAND_LINE,
+            raise texts.refusal(
                 f"{option} gives {given:.6g} {unit}, --specimen {declared:.6g} {unit}",
                 cure=f"leave {option} out: the size of --specimen is taken",
             )
@@ -92,14 +89,10 @@ def _fit_cylinder_with_friction(
 
     contact = ends_of(ends, 0.0)
     if contact is None or ends == "free":
-        raise InputError(
-            texts.COMMAND_LINE, "--specimen needs --ends", cure="write bonded, rough or Coulomb's coefficient"
-        )
+        raise texts.refusal("--specimen needs --ends", cure="write bonded, rough or Coulomb's coefficient")
     for test in tests:
         if test.mode is not Mode.UNIAXIAL or test.strain.min() > -1e-9:
-            raise InputError(
-                texts.COMMAND_LINE, f"{test.name} is not a compression test", cure="leave it out"
-            )
+            raise texts.refusal(f"{test.name} is not a compression test", cure="leave it out")
     numerics = CorrectionNumerics(poisson_sigma=ASSUMED_POISSON_SIGMA)
     if poisson is not None:
         numerics = CorrectionNumerics(poisson=poisson)
@@ -194,9 +187,7 @@ def poisson_of(option: str, text: str) -> float | Literal["free"]:
     except ValueError:
         value = float("nan")
     if not 0.0 <= value <= 0.49999:
-        raise InputError(
-            texts.COMMAND_LINE, "is not a ratio", key=option, value=text, allowed="0 to 0.49999, or free"
-        )
+        raise texts.refusal("is not a ratio", key=option, value=text, allowed="0 to 0.49999, or free")
     return value
 
 
@@ -243,8 +234,7 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
         except ValueError:
             # A drive of Windows, or a mode that does not exist: only one of them is a file.
             if len(head) > 1 and not Path(text).exists():
-                raise InputError(
-                    texts.COMMAND_LINE,
+                raise texts.refusal(
                     "is not a mode of deformation",
                     key=text,
                     allowed=", ".join(mode.value.replace(" ", "-") for mode in Mode)
@@ -261,15 +251,12 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
 
     texts.one_of("--convention", columns.convention, CONVENTIONS)
     if columns.stretch and columns.strain:
-        raise InputError(
-            texts.COMMAND_LINE, "--stretch and --strain exclude each other", cure="leave one out"
-        )
+        raise texts.refusal("--stretch and --strain exclude each other", cure="leave one out")
     if (columns.force != "") != (columns.displacement != ""):
-        raise InputError(texts.COMMAND_LINE, "--force and --displacement belong together", cure="name both")
+        raise texts.refusal("--force and --displacement belong together", cure="name both")
     if columns.force:
         if mode is not Mode.UNIAXIAL or columns.section is None or columns.length is None:
-            raise InputError(
-                texts.COMMAND_LINE,
+            raise texts.refusal(
                 f"{path}: --force and --displacement are of uniaxial tests; they need --length, and --area or"
                 " --diameter",
                 cure="give the specimen's undeformed size",
@@ -284,10 +271,8 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
             "or --strain COLUMN",
         )
     if mode is Mode.SIMPLE_SHEAR and columns.stretch:
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"{path}: simple shear has no stretch",
-            cure="name the amount of shear with --strain",
+        raise texts.refusal(
+            f"{path}: simple shear has no stretch", cure="name the amount of shear with --strain"
         )
 
 
@@ -350,7 +335,7 @@ def material_fit(
         chosen = candidates(texts.listed(laws))
     free_poisson = poisson == "free"
     if free_poisson and not columns.lateral:
-        raise InputError(texts.COMMAND_LINE, "--poisson free needs --lateral", cure="name its column")
+        raise texts.refusal("--poisson free needs --lateral", cure="name its column")
     ratio = None if isinstance(poisson, str) else poisson
     folder = usable_folder(out)
     if specimen is not None:
@@ -382,8 +367,7 @@ def material_fit(
         return
     texts.refuse({"--ends": bool(ends)}, "goes with --specimen", cure="give the cylinder's size")
     if weighting == "sigma" and any(test.sigma is None for test in tests):
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             "--weighting sigma needs tests with a scatter",
             cure="give repeats and --mean, or weight absolute or relative",
         )
@@ -401,11 +385,7 @@ def material_fit(
         )
     if all(row.fit is None for row in comparison.rows):
         reasons = "; ".join(row.reason for row in comparison.rows)
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"no law can be fitted: {reasons}",
-            cure="give more points or more kinds of test",
-        )
+        raise texts.refusal(f"no law can be fitted: {reasons}", cure="give more points or more kinds of test")
     content = to_json(comparison, hashes)
 
     with filling(folder) as partial:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
-from kolsky.base.errors import InputError
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Out, ShotPath, Values
@@ -19,11 +18,7 @@ def _window(option: str, text: str) -> tuple[float, float]:
     """ "0 ms:1.2 ms" as start and end [s]."""
     ends = text.split(":")
     if len(ends) != 2:
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"{option} {text!r} cannot be read",
-            cure='write START:END, e.g. "0 ms:1.2 ms"',
-        )
+        raise texts.refusal(f"{option} {text!r} cannot be read", cure='write START:END, e.g. "0 ms:1.2 ms"')
     start, end = (texts.physical(option, part, "s") for part in ends)
     return start, end
 
@@ -32,8 +27,7 @@ def _heights(option: str, text: str) -> tuple[int, ...]:
     """ "1,3,5" as numbers of heights."""
     counts = texts.numbers(option, text)
     if not counts or any(count != round(count) or count < 1.0 for count in counts):
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             "must be whole numbers from 1",
             key=option,
             value=text,
@@ -45,8 +39,7 @@ def _heights(option: str, text: str) -> tuple[int, ...]:
 def _without_bounds(text: str) -> str:
     """Name of a free parameter, which has no bounds in a plan."""
     if "=" in text:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             f"--free {text!r}: a plan has no bounds",
             cure=f"write --free {text.partition('=')[0]}, and its value with -p",
         )

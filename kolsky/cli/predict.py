@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from kolsky.base.errors import InputError
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Film, OutFolder
@@ -40,18 +39,14 @@ def predict(
     """
     if film:
         if quick:
-            raise InputError(
-                texts.COMMAND_LINE, "--film shows the specimen's elements", cure="leave --quick out"
-            )
+            raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
         from kolsky.report.scene.film import writer_for
 
         cure = "choose another format, or install what it needs"
         with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
             writer_for(film)
     if want and not vary:
-        raise InputError(
-            texts.COMMAND_LINE, "--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"'
-        )
+        raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.prediction import design
@@ -101,4 +96,4 @@ def _wanted(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         cure = "write a number in SI units, e.g. flyer_speed=2.7"
-        raise InputError(texts.COMMAND_LINE, f"--want {text!r} is not NUMBER=VALUE", cure=cure) from None
+        raise texts.refusal(f"--want {text!r} is not NUMBER=VALUE", cure=cure) from None

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from kolsky.base.errors import InputError
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Out, ShotPath, Values, Vtu, changed
@@ -58,16 +57,13 @@ def simulate(
             cure=f"leave it out; of the parameters a slow test reads {', '.join(SLOW_PARAMETERS)}",
         )
         if strain is not None and strain >= 1.0:
-            raise InputError(
-                texts.COMMAND_LINE, "is not allowed", key="--strain", value=strain, allowed="< 100 %"
-            )
+            raise texts.refusal("is not allowed", key="--strain", value=strain, allowed="< 100 %")
         _simulate_slow_test(shot, out, parameter, numerics, strain, 2e-3 if error is None else error)
         return
     given = {"--strain": strain is not None, "--error": error is not None}
     texts.refuse(given, "needs --slow", cure="add --slow")
     if vtu and numerics.compressible is not None:
-        raise InputError(
-            texts.COMMAND_LINE,
+        raise texts.refusal(
             "--vtu and --nearly-incompressible exclude each other: meshes with different nodes have no "
             "common deformed one",
             cure="leave one out",

@@ -6,7 +6,6 @@ workers serve `kolsky budget` and `kolsky identify --each` too.
 
 import asyncio
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from dic.processes import cores
 from kolsky.base.errors import InputError
 from kolsky.base.options import Option
 from kolsky.base.process import process_pool
@@ -164,15 +164,12 @@ class DesignChoice:
         ):
             if given != (need in kind.needs):
                 kinds = [other.option for other in DESIGNS.values() if need in other.needs]
-                raise InputError(
-                    texts.COMMAND_LINE,
+                raise texts.refusal(
                     f"{option} and --design {' or '.join(kinds)} need each other",
                     cure="give both, or neither",
                 )
         if self.points is not None and self.log:
-            raise InputError(
-                texts.COMMAND_LINE, "--log has no effect on points from a file", cure="leave it out"
-            )
+            raise texts.refusal("--log has no effect on points from a file", cure="leave it out")
         if self.points is not None:
             from kolsky.studies.sweep import read_design
 
@@ -257,7 +254,7 @@ class Records:
         """
         if self.ledger == "none":
             if self.merge:
-                raise InputError(texts.COMMAND_LINE, "--merge needs a ledger", cure="leave out --ledger none")
+                raise texts.refusal("--merge needs a ledger", cure="leave out --ledger none")
             return None
         path = Path(self.ledger) if self.ledger else folder / f"{self.stem}.sqlite"
         for other in self.merge:
@@ -306,9 +303,7 @@ class Workers:
         answer.
         """
         if self.dask and self.processes is not None:
-            raise InputError(
-                texts.COMMAND_LINE, "--dask and --processes exclude each other", cure="choose one"
-            )
+            raise texts.refusal("--dask and --processes exclude each other", cure="choose one")
         if self.dask:
             with dask_client(self.dask) as cluster:
                 yield cluster.get_executor
@@ -321,7 +316,7 @@ class Workers:
         """Threads of each worker: what was given, or the cores shared out among the processes."""
         if given is not None or self.processes is None:
             return given
-        return max(1, (os.cpu_count() or 1) // self.processes)
+        return max(1, cores() // self.processes)
 
 
 SCHEDULER_FILE = 1_000_000
@@ -337,7 +332,7 @@ def dask_client(place: str) -> Any:
         from distributed import Client
     except ImportError:
         cure = "pip install 'kolsky[cluster]'"
-        raise InputError(texts.COMMAND_LINE, "--dask needs the package distributed", cure=cure) from None
+        raise texts.refusal("--dask needs the package distributed", cure=cure) from None
     address = _address_in_file(Path(place)) if _is_scheduler_file(place) else place
     try:
         # A client of a program that takes connections and never answers would wait for ever.
@@ -348,7 +343,7 @@ def dask_client(place: str) -> Any:
     except Exception as error:  # of the network, or whatever the answer of another program leads to
         reason = " ".join(str(error).split()) or f"nothing within {SCHEDULER_PATIENCE:g} s"
         problem = f"--dask {place}: no scheduler answers ({reason})"
-        raise InputError(texts.COMMAND_LINE, problem, cure=_SCHEDULER_START) from error
+        raise texts.refusal(problem, cure=_SCHEDULER_START) from error
 
 
 async def _kind(address: str) -> str:

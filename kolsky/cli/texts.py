@@ -10,8 +10,20 @@ from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
 
 
+def refusal(
+    problem: str,
+    *,
+    key: str | None = None,
+    value: object = None,
+    allowed: str | None = None,
+    cure: str | None = None,
+) -> InputError:
+    """An error of the command line."""
+    return InputError(COMMAND_LINE, problem, key=key, value=value, allowed=allowed, cure=cure)
+
+
 def _refuse(option: str, text: str, expected: str) -> InputError:
-    return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
+    return refusal(f"{option} {text!r} cannot be read", cure=f"write {expected}")
 
 
 @contextmanager
@@ -33,7 +45,7 @@ def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
     """Refuse the options that are given, by name, where they have no effect."""
     names = [option for option, is_given in given.items() if is_given]
     if names:
-        raise InputError(COMMAND_LINE, f"{', '.join(names)} {problem}", cure=cure)
+        raise refusal(f"{', '.join(names)} {problem}", cure=cure)
 
 
 def listed(text: str) -> tuple[str, ...]:
@@ -85,7 +97,7 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
     with refused(f"{option}: ", cure="write it as `--help` shows"):
         value = quantity(text, unit)
     if positive and not value > 0.0:
-        raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
+        raise refusal("is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
     return value
 
 
@@ -174,8 +186,7 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
                 raise _refuse(option, text, f"{name} once")
             bounds[name] = pair
     if prod(counts) > MOST_RUNS:
-        raise InputError(
-            COMMAND_LINE,
+        raise refusal(
             f"{option}: {' x '.join(map(str, counts))} levels are {prod(counts)} runs",
             allowed=f"at most {MOST_RUNS}",
             cure="take fewer levels, or --design sobol",
@@ -199,7 +210,7 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 def none(option: str, texts: Sequence[str], other: str) -> None:
     """Refuse an option beside another that excludes it."""
     if texts:
-        raise InputError(COMMAND_LINE, f"{option} excludes {other}", cure=f"leave out {option}")
+        raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 
 
 def shard(option: str, text: str) -> tuple[int, int]:
@@ -215,7 +226,7 @@ def one_of(option: str, text: str, choices: Sequence[str]) -> str:
     if text not in choices:
         *others, last = choices
         allowed = f"{', '.join(others)} or {last}"
-        raise InputError(COMMAND_LINE, "is not known", key=option, value=text, allowed=allowed)
+        raise refusal("is not known", key=option, value=text, allowed=allowed)
     return text
 
 
@@ -230,8 +241,7 @@ def relaxation(option: str, text: str) -> tuple[RelaxationKind, int]:
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
     """Refuse a refined mesh that is not finer than the other one in both directions."""
     if refined[0] <= mesh[0] or refined[1] <= mesh[1]:
-        raise InputError(
-            COMMAND_LINE,
+        raise refusal(
             f"is not finer than {than} {mesh[0]}x{mesh[1]} in both directions",
             key=option,
             value=f"{refined[0]}x{refined[1]}",
@@ -242,7 +252,7 @@ def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int
 def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) -> None:
     """Refuse a parameter that two options claim."""
     for name in sorted(set(names) & set(others)):
-        raise InputError(COMMAND_LINE, f"{name} is named by both {option} and {other}", cure="choose one")
+        raise refusal(f"{name} is named by both {option} and {other}", cure="choose one")
 
 
 def installed(option: str, package: str, extra: str) -> None:
@@ -250,9 +260,7 @@ def installed(option: str, package: str, extra: str) -> None:
     from importlib.util import find_spec
 
     if find_spec(package) is None:
-        raise InputError(
-            COMMAND_LINE, f"{option} needs {package}", cure=f"install it: pip install 'kolsky[{extra}]'"
-        )
+        raise refusal(f"{option} needs {package}", cure=f"install it: pip install 'kolsky[{extra}]'")
 
 
 _WITH_UNIT = "write it as `--help` shows, with a unit"

@@ -386,17 +386,8 @@ def valley_is_free(search: CauseSearch) -> bool:
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     """The starts, the best of each input at the floor of another valley where a run finds that lower.
 
-    Parameters
-    ----------
-    search
-        The data and the model.
-    starts
-        Inputs at values, with the free parameters that suit them.
-
-    Returns
-    -------
-    list of Trial
-        As many; those that were scanned about as a run at their point finds them.
+    ``search``: the data and the model. ``starts``: inputs at values, with the free parameters that suit them.
+    Returns: as many; those that were scanned about as a run at their point finds them.
     """
     best: dict[str, int] = {}
     for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):

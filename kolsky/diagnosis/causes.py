@@ -48,12 +48,8 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
     is listed with what it explains alone.
 
-    Parameters
-    ----------
-    search, trials
-        The data, and the best value of every input.
-    refuted
-        Key of a likely cause that is free beside the parameters; empty if there is none.
+    ``search``, ``trials``: the data, and the best value of every input. ``refuted``: key of a likely cause
+    that is free beside the parameters; empty if there is none.
     """
     adjusted = holm([_chance(search, t) for t in trials])
     entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
@@ -420,13 +416,8 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
     """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
 
-    Parameters
-    ----------
-    analysis
-        All inputs that were tried.
-    explained
-        Whether the model explains force and outline on the refined mesh: then there is nothing that no input
-        explains.
+    ``analysis``: all inputs that were tried. ``explained``: whether the model explains force and outline on
+    the refined mesh: then there is nothing that no input explains.
     """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"

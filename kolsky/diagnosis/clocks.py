@@ -340,14 +340,8 @@ def follow(
 ) -> dict[str, FittedLag]:
     """The lags with runs of their own, where the leading one is significant and explains nothing.
 
-    Parameters
-    ----------
-    fits
-        By recording, the lags from the run at the optimum.
-    again
-        The solver.
-    refit
-        Fits the lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.
+    ``fits``: by recording, the lags from the run at the optimum. ``again``: the solver. ``refit``: fits the
+    lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.
     """
     leading = max(fits.values(), key=_lag_evidence)
     if leading.explains or not (leading.significance > LATE and leading.evidence > 0.0):

@@ -135,16 +135,9 @@ def channel_fits(
 ) -> tuple[FitQuality, ...]:
     """Judge the residual of each measured channel beside what each source leaves of it.
 
-    Parameters
-    ----------
-    objective, vector, names
-        As of `fit_quality`.
-    left
-        By source, what the free parameters do not absorb of its changes, shape [n, k] or [k].
-    weights
-        By channel, its share of the information on each parameter.
-    judged
-        Whether limits are set.
+    ``objective``, ``vector``, ``names``: as of `fit_quality`. ``left``: by source, what the free parameters
+    do not absorb of its changes, shape [n, k] or [k]. ``weights``: by channel, its share of the information
+    on each parameter. ``judged``: whether limits are set.
     """
     residual = objective.data - vector
     found = []

@@ -68,72 +68,60 @@ def residual_changes(
     stack = problem.stack
     size, shots = len(stack.data), range(len(stack.shots))
     front = [_placed(stack, k, stack.shots[k].front) for k in shots]
-    own = [
+    own_rows = [
         _placed(stack, k, row[None])
         for k in shots
         for name, row in stack.shots[k].own.items()
         if name != SCATTER
     ]
-    found = {MESH: mesh_changes(mesh)}
+    changes = {MESH: mesh_changes(mesh)}
     if any(len(rows) for rows in front):
-        found[FLYER] = as_drawn(np.concatenate(front))
+        changes[FLYER] = as_drawn(np.concatenate(front))
     if stack.curve is not None and len(stack.curve):
-        found[CURVE] = as_drawn(np.pad(stack.curve, ((0, 0), (0, size - stack.curve.shape[1]))))
+        changes[CURVE] = as_drawn(np.pad(stack.curve, ((0, 0), (0, size - stack.curve.shape[1]))))
     if stack.common is not None and len(stack.common):
-        found["force scale"] = as_drawn(np.pad(stack.common, ((0, 0), (0, size - stack.common.shape[1]))))
-    rows = [*own, *declared.values()]
+        changes["force scale"] = as_drawn(np.pad(stack.common, ((0, 0), (0, size - stack.common.shape[1]))))
+    rows = [*own_rows, *declared.values()]
     if rows:
-        found[DECLARED] = as_drawn(np.concatenate(rows))
-    return found
+        changes[DECLARED] = as_drawn(np.concatenate(rows))
+    return changes
 
 
 def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
     """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
-    found = np.zeros((len(rows), len(stack.data)))
+    placed = np.zeros((len(rows), len(stack.data)))
     start = stack.ends[k - 1] if k else 0
-    found[:, start : stack.ends[k]] = rows[:, stack.shots[k].kept]
-    return found
+    placed[:, start : stack.ends[k]] = rows[:, stack.shots[k].kept]
+    return placed
 
 
 def joint_fits(
     problem: JointProblem,
-    found: Optimum,
+    optimum: Optimum,
     *,
     gain: FloatArray,
     whitening: Whitening,
     objectives: Sequence[Objective],
     changes: Mapping[str, FloatArray],
-    own: Sequence[float],
+    scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
     """The residual of each shot's channels, and of each slow test, beside what a right model leaves.
 
-    Parameters
-    ----------
-    problem, found
-        The problem and its optimum.
-    gain
-        Linear map from a change of the data to the move of the optimum, shape [d, k].
-    whitening, objectives
-        Weights of the whole vector and of the shots.
-    changes
-        Changes of the whole vector by each source, `residual_changes`.
-    own
-        Each shot's part of the scatter, in standard deviations.
-
-    Returns
-    -------
-    tuple
-        Of each shot its channels; the slow tests in their order.
+    ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
+    the move of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
+    the shots. ``changes``: changes of the whole vector by each source, `residual_changes`. ``scatters``: each
+    shot's part of the scatter, in standard deviations. Returns: of each shot its channels; the slow tests in
+    their order.
     """
     stack, names = problem.stack, problem.unknowns.names
-    left = {source: left_over(change, found.slopes, gain) for source, change in changes.items()}
+    left = {source: left_over(change, optimum.slopes, gain) for source, change in changes.items()}
     spread = gain * whitening.sigma**2
     if whitening.patterns is not None:
         spread = spread + (gain @ whitening.patterns.T) @ whitening.patterns
     everything = np.arange(len(stack.data))
     judged, shots = FLYER in changes, []
     for k, (one, objective, vector) in enumerate(
-        zip(stack.shots, objectives, stack.parts(found.vector), strict=True)
+        zip(stack.shots, objectives, stack.parts(optimum.vector), strict=True)
     ):
         start = stack.ends[k - 1] if k else 0
         part = slice(start, stack.ends[k])
@@ -142,7 +130,7 @@ def joint_fits(
             OUTLINE: (everything >= start + objective.n_force) & (everything < stack.ends[k]),
         }
         row = one.own.get(SCATTER)
-        followed = vector if row is None else vector + own[k] * row[one.kept]
+        followed = vector if row is None else vector + scatters[k] * row[one.kept]
         shots.append(
             channel_fits(
                 objective,
@@ -154,7 +142,7 @@ def joint_fits(
             )
         )
     slow = tuple(
-        _slow_fit(label, part, problem, found, left, judged=judged) for label, part in problem.slow_parts()
+        _slow_fit(label, part, problem, optimum, left, judged=judged) for label, part in problem.slow_parts()
     )
     return tuple(shots), slow
 
@@ -163,7 +151,7 @@ def _slow_fit(
     label: str,
     part: slice,
     problem: JointProblem,
-    found: Optimum,
+    optimum: Optimum,
     left: Mapping[str, FloatArray],
     *,
     judged: bool,
@@ -173,7 +161,7 @@ def _slow_fit(
     sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
     return slow_fit(
         label,
-        (stack.data - found.vector)[part] / sigma,
+        (stack.data - optimum.vector)[part] / sigma,
         {source: change[..., part] / sigma for source, change in left.items()},
         peak=float(np.abs(stack.data[part] / sigma).max()),
         judged=judged,
@@ -185,18 +173,9 @@ def slow_fit(
 ) -> FitQuality:
     """Judge a slow test: its residual and what each source leaves, in units of its sigma.
 
-    Parameters
-    ----------
-    label
-        Its label.
-    residual
-        Measurement less model, shape [n].
-    left
-        What a right model leaves by source, one standard uncertainty, shape [m, n] or [n].
-    peak
-        Largest value [-].
-    judged
-        Whether a limit is set.
+    ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: what a right model leaves
+    by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: whether
+    a limit is set.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
@@ -226,14 +205,14 @@ def _size(values: FloatArray) -> float:
 
 
 def own_stiffnesses(
-    problem: JointProblem, found: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
+    problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
     """The stiffness that each shot asks for by itself, by all its data and by each channel."""
     stack = problem.stack
-    change = problem.unknowns.relative_stiffness(found.slopes, found.x)
+    change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
     more = np.concatenate([mesh_changes(mesh), *own_errors])
-    parts = zip(stack.shots, stack.parts(found.vector - stack.data), stack.parts(change), strict=True)
+    parts = zip(stack.shots, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
     shots = []
     for k, (one, residual, u) in enumerate(parts):
         start = stack.ends[k - 1] if k else 0
@@ -280,15 +259,15 @@ def own_stiffness(
 
 
 def shot_agreement(
-    names: Sequence[str], own: Sequence[OwnStiffness], *, scatter: bool
+    names: Sequence[str], stiffnesses: Sequence[OwnStiffness], *, scatter: bool
 ) -> ShotAgreement | None:
     """Whether the shots ask for one stiffness, and which does not; None for one shot.
 
     All data, the force and the outline are tested by themselves: the weights of a fit let a channel that
     disagrees in one shot count for little. The channel that is least likely is given where one contradicts.
 
-    ``names``: of the shots. ``own``: what each asks for. ``scatter``: whether a scatter between them is in
-    the interval: only what is no scatter of specimens contradicts then.
+    ``names``: of the shots. ``stiffnesses``: what each asks for. ``scatter``: whether a scatter between them
+    is in the interval: only what is no scatter of specimens contradicts then.
     """
     tested = []
     for channel, value, sigma in (
@@ -296,12 +275,12 @@ def shot_agreement(
         (FORCE, "force", "sigma_force"),
         (OUTLINE, "outline", "sigma_outline"),
     ):
-        a = np.array([getattr(one, value) for one in own])
-        s = np.array([getattr(one, sigma) for one in own])
+        a = np.array([getattr(one, value) for one in stiffnesses])
+        s = np.array([getattr(one, sigma) for one in stiffnesses])
         use = np.flatnonzero(np.isfinite(a) & np.isfinite(s) & (s > 0.0))
         if len(use) >= 2:
-            kept = [names[k] for k in use.tolist()]
-            tested.append(_agreement(kept, a[use], s[use], channel, scatter=scatter))
+            used_names = [names[k] for k in use.tolist()]
+            tested.append(_agreement(used_names, a[use], s[use], channel, scatter=scatter))
     apart = [one for one in tested if one.apart]
     return min(apart or tested, key=lambda one: one.probability, default=None)
 
@@ -334,8 +313,8 @@ def _ratio(amounts: FloatArray) -> float:
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
     """The shot without which the others agree best: the largest fall of chi-square."""
-    kept = [np.arange(len(a)) != i for i in range(len(a))]
-    return int(np.argmin([_chi_square(a[use], s[use]) for use in kept]))
+    others = [np.arange(len(a)) != i for i in range(len(a))]
+    return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
 
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:

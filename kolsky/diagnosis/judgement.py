@@ -24,12 +24,8 @@ def judged(
 ) -> Identification:
     """The result with its verdicts, what a branch that relaxes would explain, and its warnings.
 
-    Parameters
-    ----------
-    result
-        The identification with its fit and its causes.
-    found, known, sources, causes
-        The search, the uncertainty analysis, what moves the optimum, and the inputs that were tried.
+    ``result``: the identification with its fit and its causes. ``found``, ``known``, ``sources``, ``causes``:
+    the search, the uncertainty analysis, what moves the optimum, and the inputs that were tried.
     """
     runner, problem, fine = found.runner, found.problem, found.fine
     shot = problem.shot

@@ -145,19 +145,9 @@ class BranchFit:
 def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
     """Search for a branch beside an elastic optimum, all free parameters moving with it.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem; some 200 runs are added on the surrogate's mesh.
-    x
-        The optimum, shape [d].
-    objective
-        Of the optimum.
-
-    Returns
-    -------
-    BranchFit or None
-        None if the shot declares what relaxes, or too few runs complete.
+    ``runner``: runs points of the identification's problem; some 200 runs are added on the surrogate's mesh.
+    ``x``: the optimum, shape [d]. ``objective``: of the optimum. Returns: None if the shot declares what
+    relaxes, or too few runs complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:

@@ -65,25 +65,13 @@ def estimates(
     is not corrected; one that the correction would take past a bound lies at that bound. What the data do not
     see has no optimum that a mesh could move.
 
-    Parameters
-    ----------
-    box
-        The whole range of the design.
-    optimum
-        Values on the refined mesh, shape [d].
-    noise
-        Standard uncertainties by source, shape [d] each; they add in quadrature.
-    numerical
-        Standard uncertainties from the numerics by source, shape [d] each; they add in quadrature.
-    mesh_shift
-        The optimum's move between the meshes, shape [d].
-    mesh_correction
-        What is added to the values, the optimum on an infinitely fine mesh minus that on the refined one,
-        shape [d]; nothing if left out.
-    confirmed
-        Whether the last run on the refined mesh left the optimum where it was.
-    outline
-        Whether an outline was measured; without one the verdict says that the force decides alone.
+    ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``:
+    standard uncertainties by source, shape [d] each; they add in quadrature. ``numerical``: standard
+    uncertainties from the numerics by source, shape [d] each; they add in quadrature. ``mesh_shift``: the
+    optimum's move between the meshes, shape [d]. ``mesh_correction``: what is added to the values, the
+    optimum on an infinitely fine mesh minus that on the refined one, shape [d]; nothing if left out.
+    ``confirmed``: whether the last run on the refined mesh left the optimum where it was. ``outline``:
+    whether an outline was measured; without one the verdict says that the force decides alone.
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     found = {}

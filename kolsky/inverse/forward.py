@@ -76,17 +76,8 @@ def in_surroundings(
 ) -> list[explicit.Response]:
     """Run batches, one a shot, each in its shot's surroundings, the forces as its transducers have them.
 
-    Parameters
-    ----------
-    shots, problems
-        The shots and their batches.
-    run
-        What runs batches.
-
-    Raises
-    ------
-    ValueError
-        If a specimen and its elastic parts do not agree in `MOST_PASSES` passes.
+    ``shots``, ``problems``: the shots and their batches. ``run``: what runs batches. Raises ValueError if a
+    specimen and its elastic parts do not agree in `MOST_PASSES` passes.
     """
     found = run(problems)
     left = [k for k, shot in enumerate(shots) if shot.behind is not None or shot.flyer_body is not None]

@@ -391,18 +391,9 @@ START_STRESS = 0.5
 def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
     """Take the constants of what relaxes out of the samples' fields, and put a choice among materials in.
 
-    Parameters
-    ----------
-    fields
-        Fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of `relaxation`.
-    relaxation
-        Of the shot; None leaves the fields as they are.
-
-    Returns
-    -------
-    fields, relaxing
-        With the field "relaxation", an index a sample, and what it chooses from: `explicit.Model.relaxation`,
-        each once.
+    ``fields``: fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of
+    `relaxation`. ``relaxation``: of the shot; None leaves the fields as they are. Returns: with the field
+    "relaxation", an index a sample, and what it chooses from: `explicit.Model.relaxation`, each once.
     """
     if relaxation is None:
         return fields, ()

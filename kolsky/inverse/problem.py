@@ -335,19 +335,10 @@ class InverseProblem:
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
     """The record that is needed to repeat a result: hashes, settings, versions, machine class.
 
-    Parameters
-    ----------
-    shot, prepared
-        The shot as loaded, and made ready.
-    settings
-        The dataclass of settings the result was made with.
-    sliding : bool
-        Whether Coulomb's law replaced the declared interface, see `kolsky.inverse.forward.Forward.run`.
-
-    Returns
-    -------
-    dict
-        JSON types only. "interface" is what was simulated, "declared_interface" what the shot says.
+    ``shot``, ``prepared``: the shot as loaded, and made ready. ``settings``: the dataclass of settings the
+    result was made with. ``sliding``: whether Coulomb's law replaced the declared interface, see
+    `kolsky.inverse.forward.Forward.run`. Returns: JSON types only. "interface" is what was simulated,
+    "declared_interface" what the shot says.
     """
     packages = {}
     for name in ("kolsky", "warp-lang", "numpy", "scipy"):

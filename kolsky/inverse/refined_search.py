@@ -72,8 +72,6 @@ class RefinedOptimum:
     deviations: FloatArray | None = None
     """What a run deviates from the model, one row a run over the root of the degrees of freedom, so that
     squares of what a map makes of them add up to a variance, shape [n, k]; None if the response is smooth."""
-    element_shift: FloatArray | None = None
-    """Optimum with the other element minus the answer, shape [d]; None if it was not asked."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
     """Optimum on a coarser mesh less the answer, shape [d], of meshes that are run in step with it."""
 
@@ -178,7 +176,7 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
     inside = not at_inner_face(x, found.surrogate.box, runner.problem.box)
-    on_coarse = _moved_by(runner, found, runner.problem.numerics)
+    on_coarse = _moved_by_coarse_mesh(runner, found)
     return RefinedOptimum(
         x=x,
         front=runner.front,
@@ -195,16 +193,15 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
         deviations=found.surrogate.residuals / np.sqrt(found.surrogate.degrees_of_freedom),
-        element_shift=_moved_by(runner, found, runner.problem.refined.with_other_element()),
     )
 
 
-def _moved_by(runner: Runner, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
-    """Optimum with other numerics minus the optimum, shape [d]; None if their run is lost.
+def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
+    """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run is lost.
 
     By one run at the optimum: a search of its own would follow that mesh's roughness too.
     """
-    runs = runner.run("check", found.x[None], numerics, recorded=False)
+    runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
     if runs.prediction is None:
         return None
     change = found.objective.vectors(runs.prediction)[0] - found.model(found.x)[0]

@@ -193,13 +193,8 @@ def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, st
 def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     """The stiffness factor of one run with the others held, and a step from there; None if there is no run.
 
-    Parameters
-    ----------
-    found
-        The search; its runner have run the replicates.
-    estimate
-        The stiffness factor with all of them free: the mesh's correction and the share of the numerics are
-        taken from it.
+    ``found``: the search; its runner have run the replicates. ``estimate``: the stiffness factor with all of
+    them free: the mesh's correction and the share of the numerics are taken from it.
     """
     held, fine = found.held, found.fine
     if held is None or held.refined is None:

@@ -192,19 +192,8 @@ def follow_front(
 def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
     """Points to search from, the most likely first, [n, d], and the objective over what the first reaches.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem.
-    start
-        A first guess in parameter units, shape [d].
-    numerics
-        Of the scan.
-
-    Raises
-    ------
-    ValueError
-        If no run of the scan completes.
+    ``runner``: runs points of the identification's problem. ``start``: a first guess in parameter units,
+    shape [d]. ``numerics``: of the scan. Raises ValueError if no run of the scan completes.
     """
     box = runner.problem.box
     if VALLEY in box.names:

@@ -279,27 +279,12 @@ def header_clock(
 ) -> HeaderClock:
     """The clock of one channel.
 
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    metadata
-        Key as written -> the fields behind it.
-    channel, channels
-        Which of the channels, counted from 0, where a key has one value for each; their number.
-    decimal
-        Decimal sign of the file: a number with the other sign is read where it can mean one thing only.
-
-    Returns
-    -------
-    HeaderClock
-        What the keys state. Numbers or units that cannot be read, and keys that contradict each other, give
-        no interval and the reason, `HeaderClock.doubt`.
-
-    Raises
-    ------
-    InputError
-        If an interval is not positive, or a key has neither one value nor one for each channel.
+    ``path``: the file, for messages. ``metadata``: key as written -> the fields behind it. ``channel``,
+    ``channels``: which of the channels, counted from 0, where a key has one value for each; their number.
+    ``decimal``: decimal sign of the file: a number with the other sign is read where it can mean one thing
+    only. Returns: what the keys state. Numbers or units that cannot be read, and keys that contradict each
+    other, give no interval and the reason, `HeaderClock.doubt`. Raises InputError if an interval is not
+    positive, or a key has neither one value nor one for each channel.
     """
     written = time_unit(metadata)
     default = (None if written is None else si_unit(written)) or ("s", 1.0)

@@ -28,10 +28,7 @@ __all__ = ["html", "to_dataframe", "to_xarray"]
 def html(data: object) -> str:
     """Return a shot, a measured surface or an identification as an HTML table.
 
-    Raises
-    ------
-    TypeError
-        If it is something else.
+    Raises TypeError if it is something else.
     """
     raise TypeError(_no_view(data, "a notebook"))
 

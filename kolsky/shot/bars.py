@@ -30,7 +30,8 @@ from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
-from kolsky.shot.plausibility import Evidence, gate
+from kolsky.shot.evidence import Evidence
+from kolsky.shot.plausibility import gate
 
 
 def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:

@@ -14,7 +14,8 @@ from kolsky.base.units import in_us
 from kolsky.readers.recordings import read_recordings, read_scope
 from kolsky.schema.measured import ForceSection
 from kolsky.schema.shot_file import ShotToml
-from kolsky.shot.plausibility import Evidence, gate
+from kolsky.shot.evidence import Evidence
+from kolsky.shot.plausibility import gate
 from kolsky.shot.records import ForceChannel, IncidentForce
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}

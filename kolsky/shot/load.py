@@ -20,9 +20,10 @@ from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.apparatus import elastic_body
 from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.curve import shot_fields
+from kolsky.shot.evidence import Evidence
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.outline import check_outline, each_once, read_outline
-from kolsky.shot.plausibility import Evidence, gate, travel_of, with_warnings
+from kolsky.shot.plausibility import gate, travel_of, with_warnings
 from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
 
 if TYPE_CHECKING:

@@ -1,59 +1,41 @@
 """Inputs of a shot against each other and against what such tests can have, before any work starts.
 
-A rule is one function and one line of `RULES`. It compares what is known and yields findings: a warning names
+A rule is one function and one line of `RULES`; those of declared values by themselves are in
+`kolsky.shot.declared_values`. It compares what is known and yields findings: a warning names
 both keys and both values, a contradiction is refused with the unit or the factor that would fit. `gate` is
 called as soon as a record is read, so that the cause is named before a later check meets its effect.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError, refuse
-from kolsky.base.records import CentreLine, FlyerMotion, MaterialCurve
-from kolsky.base.toml import TomlFile
-from kolsky.base.units import UnitError, dimension_of, quantity, unit_factor
-from kolsky.readers.header import heading_unit, si_unit, split_unit
-from kolsky.readers.recordings import list_channels
+from kolsky.base.errors import refuse
+from kolsky.base.records import FlyerMotion, MaterialCurve
+from kolsky.shot.declared_values import (
+    SPECIMEN_SIZES,
+    check_bar_speeds,
+    check_densities,
+    check_specimen_size,
+    check_unit_of_heading,
+)
+from kolsky.shot.evidence import (
+    LENGTH_FACTORS,
+    Evidence,
+    Finding,
+    fitting_factor,
+    fitting_unit,
+    likely_causes,
+    power_of_1000,
+    unit_cure,
+    written_value,
+)
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
-SCALES = {
-    "m": ("um", "mm", "m", "in"),
-    "s": ("ns", "us", "ms", "s"),
-    "V": ("uV", "mV", "V", "kV"),
-    "Pa": ("Pa", "kPa", "MPa", "GPa"),
-    "kg/m^3": ("kg/m^3", "g/cm^3"),
-    "V/N": ("uV/N", "mV/N", "V/N"),
-    "1": ("1", "%"),
-}
-"""Units that are proposed in place of a wrong one, by their SI unit."""
-LARGEST_TABLE = 1_000_000
-"""Size of a file that is read once more for its units [bytes]: tables of points have tens of thousands."""
-UNIT_FACTORS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
-"""Errors of a prefix: ms for s, MPa for kPa, g/cm^3 for kg/m^3."""
-LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
-"""Errors of a length: radius for diameter, inches for millimetres, and prefixes."""
-
-DENSITIES = (10.0, 25_000.0)
-"""[kg/m^3] Below lie gases, and all solids up to 10 g/cm^3 whose number is written with kg/m^3; above the
-heaviest metal (osmium, 22 600)."""
-FOAM_DENSITY = 100.0
-"""A lighter solid is more than nine tenths gas [kg/m^3]: the lightest solid of polymer alone has 850."""
-FOAM_POISSON = 0.45
-"""Largest Poisson's ratio of such a foam [-]: it is measured near 0, at most 0.35."""
-BAR_DENSITY = 500.0
-"""Least density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
-BAR_SPEEDS = (300.0, 20_000.0)
-"""[m/s] Bars of polyethylene have 700, of PMMA 2 200, of beryllium 12 900. A modulus of a metal that is
-1000 times too small gives at most 170."""
-SPECIMEN_SIZES = (0.1e-3, 0.3)
-"""[m] No specimen of a bar test is shorter or thinner, longer or thicker."""
-SLENDERNESS = (0.02, 10.0)
-"""Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
 FRAME_INTERVALS = (1e-9, 5e-3)
 """[s] The fastest camera takes 1e9 pictures a second; at 200 a second an impact is over between two."""
 FORCE_STEPS = (1e-9, 1e-4)
@@ -98,285 +80,7 @@ LONGEST_STRETCH = 8.0
 """Stretch beyond which a curve is warned of: natural rubber breaks at 7 to 8."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What is known of a shot so far; a rule that needs more keeps silent."""
-
-    file: TomlFile
-    """The shot file, for keys, lines and values as written."""
-    declared: Any
-    """What it declares, in SI."""
-    frame_time: FloatArray | None = None
-    """Times of the frames [s], shape [n]."""
-    force_time: FloatArray | None = None
-    """Times of the force's samples [s], shape [k]."""
-    force: FloatArray | None = None
-    """Force, compression-positive [N], shape [k]."""
-    force_noise: float = 0.0
-    """Standard deviation of a sample [N]."""
-    rest: float | None = None
-    """Time of the last static frame, on the clock of all times here [s]."""
-    flyer_time: FloatArray | None = None
-    """Times of the flyer's displacements [s], shape [n]."""
-    travel: FloatArray | None = None
-    """The flyer's displacement from rest [m], shape [n]."""
-    outline: CentreLine | None = None
-    """The outline, at rest and after."""
-    curve: MaterialCurve | None = None
-    """The quasi-static curve."""
-    recorders: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Times of the samples of bars' recorders by the recorder's key [s], shape [k] each."""
-    bar_transit: float = 0.0
-    """Time that a wave takes through the shorter bar [s]."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What a rule found."""
-
-    error: InputError
-    """Key, value, and what contradicts them."""
-    contradiction: bool = True
-    """Whether it is refused; else it is a warning."""
-
-
 Rule = Callable[[Evidence], Iterator[Finding]]
-
-
-def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float) -> float | None:
-    """The factor that brings a ratio to 1 within a tolerance [-]; None if none does."""
-    found = min(factors, key=lambda factor: abs(ratio * factor - 1.0))
-    return found if abs(ratio * found - 1.0) <= tolerance else None
-
-
-def power_of_1000(ratio: float) -> float:
-    """The power of 1000 by which a ratio comes nearest to 1: 1e3 for 0.0005."""
-    return float(10.0 ** (-3 * round(math.log10(ratio) / 3.0)))
-
-
-def fitting_unit(written: str, si: str, factor: float) -> str | None:
-    """The unit `factor` times as large as a written one: "MPa" for "kPa" and 1000; None if there is none."""
-    try:
-        wanted = factor * unit_factor(written, si)
-    except UnitError:
-        return None
-    return next((name for name in SCALES[si] if abs(unit_factor(name, si) / wanted - 1.0) < 1e-6), None)
-
-
-def _value(file: TomlFile, key: str) -> Any:
-    """What the file has at a dotted key, as written; None if nothing."""
-    value: Any = file.content
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
-    return value
-
-
-def _unit_cure(
-    file: TomlFile, key: str, si: str, factor: float, span: tuple[float, float] = (0.0, math.inf)
-) -> str:
-    """The sentence that names the unit of a column, or the value of a key, that would fit.
-
-    It is empty if there is none, or the value [SI] would lie outside ``span``.
-    """
-    written = _value(file, f"{key}.unit")
-    if isinstance(written, str):
-        unit = fitting_unit(written, si, factor)
-        return "" if unit is None else f'{key}.unit = "{unit}" in place of "{written}" would fit'
-    text = _value(file, key)
-    if not isinstance(text, str):
-        return ""
-    if not span[0] <= quantity(text, si) * factor <= span[1]:
-        return ""
-    number, _, unit_text = text.strip().partition(" ")
-    unit = fitting_unit(unit_text, si, factor)
-    if unit is not None:
-        return f'{key} = "{number} {unit}" would fit'
-    return f'{key} = "{quantity(text, si) * factor:.6g} {si}" would fit'
-
-
-def _causes(*sentences: str) -> str:
-    """The likely causes in their order."""
-    return "; or ".join(sentence for sentence in sentences if sentence)
-
-
-def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
-    """Key, heading and declared unit of every column that a shot file declares."""
-    if not isinstance(content, dict):
-        return
-    heading, unit = content.get("column"), content.get("unit")
-    if isinstance(heading, str) and isinstance(unit, str):
-        yield key, heading, unit
-    for name, value in content.items():
-        yield from _columns(value, f"{key}.{name}" if key else name)
-
-
-def _unit_of_heading(e: Evidence) -> Iterator[Finding]:
-    """The unit in a column's heading, or in a line of units below it, is the declared one."""
-    for key, heading, declared in _columns(e.file.content):
-        stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
-        kind = dimension_of(declared)
-        if stated is None or not kind:
-            continue
-        size = _size(stated, kind)
-        if size is None and not dimension_of(stated) and si_unit(stated) is None:
-            continue  # no unit at all, a remark
-        if size is None:
-            yield Finding(
-                e.file.error(
-                    f"{key}.unit",
-                    f"is of another kind than the unit '{stated}' of the column '{heading}' in the file",
-                    cure=f"is {key}.column the right column?",
-                ),
-                contradiction=False,
-            )
-            continue
-        ratio = unit_factor(declared, kind) / size
-        if abs(ratio - 1.0) > 1e-6:  # factors of units are exact, up to rounding
-            yield Finding(
-                e.file.error(
-                    f"{key}.unit",
-                    f"contradicts the column '{heading}', whose unit in the file, '{stated}', differs by a"
-                    f" factor of {ratio:.6g}",
-                    cure=f'write {key}.unit = "{stated}", or correct the heading of the file',
-                )
-            )
-
-
-def _size(unit: str, kind: str) -> float | None:
-    """SI units in a unit as instruments write it, "Volts" and "-" too; None if it is of another kind."""
-    try:
-        return unit_factor("1" if unit == "-" else unit, kind)
-    except UnitError:
-        written = si_unit(unit)
-        return written[1] if written is not None and written[0] == kind else None
-
-
-def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
-    """The unit in a line of units, or a row of a workbook; None without one, or where the file is large."""
-    name = _value(e.file, f"{key.partition('.')[0]}.file")
-    path = e.file.path.parent / name if isinstance(name, str) else None
-    if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
-        return None
-    try:
-        return next((one.unit for one in list_channels(path) if one.name == heading), None)
-    except InputError:  # the file's own reader says what is wrong with it
-        return None
-
-
-def _densities(e: Evidence) -> Iterator[Finding]:
-    """Solids have densities of solids, bars those of bars."""
-    poisson = getattr(getattr(e.declared, "model", None), "poisson", None)
-    for key, value in _quantities(e.file.content, "density", "kg/m^3"):
-        low, high = DENSITIES if key.startswith("specimen.") else (BAR_DENSITY, DENSITIES[1])
-        if not low <= value <= high:
-            factor = 1e3 if value < low else 1e-3
-            fits = low <= value * factor <= high
-            yield Finding(
-                e.file.error(
-                    key,
-                    f"is {value:.6g} kg/m^3, which no solid of such a test has",
-                    allowed=f"in [{low:g}, {high:g}] kg/m^3",
-                    cure=f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the number in g/cm^3?'
-                    if fits and factor > 1.0
-                    else f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the unit g/cm^3 written for'
-                    " a number in kg/m^3?"
-                    if fits
-                    else "correct the number or its unit",
-                )
-            )
-        elif key.startswith("specimen.") and value < FOAM_DENSITY and poisson is not None:
-            foam = poisson <= FOAM_POISSON
-            yield Finding(
-                e.file.error(
-                    key,
-                    f"is that of a foam, and model.poisson = {poisson:g}"
-                    + ("" if foam else f" is above {FOAM_POISSON:g}, which no foam has"),
-                    allowed=None if foam else f"at least {FOAM_DENSITY:g} kg/m^3 with this Poisson's ratio",
-                    cure=f'is it a foam? if not, "{value * 10:.6g} kg/m^3" has one digit more'
-                    if foam
-                    else f'correct specimen.density ("{value * 10:.6g} kg/m^3"?); for a foam correct'
-                    " model.poisson",
-                ),
-                contradiction=not foam,
-            )
-
-
-def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
-    """Dotted keys that end in a name, with their values in SI; what is no quantity is left to the schema."""
-    if not isinstance(content, dict):
-        return
-    for name, value in content.items():
-        here = f"{key}.{name}" if key else name
-        if name == last and here != f"uncertainty.{last}":
-            try:
-                yield here, quantity(value, si)
-            except UnitError:
-                continue
-        yield from _quantities(value, last, si, here)
-
-
-def _bar_speeds(e: Evidence) -> Iterator[Finding]:
-    """Modulus and density of a bar give the wave speed of a solid bar."""
-    densities = dict(_quantities(e.file.content, "density", "kg/m^3"))
-    for key, modulus in _quantities(e.file.content, "youngs_modulus", "Pa"):
-        density = densities.get(beside := f"{key.removesuffix('youngs_modulus')}density")
-        if density is not None and density >= BAR_DENSITY:
-            words = f"with {beside} = {density:.6g} kg/m^3"
-            yield from _bar_speed(e, key, math.sqrt(modulus / density), words, "Pa")
-    for key, speed in _quantities(e.file.content, "wave_speed", "m/s"):
-        yield from _bar_speed(e, key, speed, "", "")
-
-
-def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Iterator[Finding]:
-    low, high = BAR_SPEEDS
-    if low <= speed <= high:
-        return
-    factor = power_of_1000(speed / 5000.0)  # of metals; the square of it belongs to a modulus
-    if si:
-        factor = power_of_1000((speed / 5000.0) ** 2)
-    scaled = speed * (math.sqrt(factor) if si else factor)
-    cure = _unit_cure(e.file, key, si, factor) if si and low <= scaled <= high else ""
-    yield Finding(
-        e.file.error(
-            key,
-            f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which no bar has",
-            allowed=f"such that they run at {low:g} to {high:g} m/s",
-            cure=cure or "correct the number or its unit",
-        )
-    )
-
-
-def _specimen_size(e: Evidence) -> Iterator[Finding]:
-    """Diameter and length are those of a specimen, and fit each other."""
-    if getattr(e.declared, "specimen", None) is None:  # bars alone
-        return
-    low, high = SPECIMEN_SIZES
-    sizes = {name: getattr(e.declared.specimen, name) for name in ("diameter", "length")}
-    wrong = False
-    for name, size in sizes.items():
-        key, other = f"specimen.{name}", sizes["length" if name == "diameter" else "diameter"]
-        if not low <= size <= high:
-            wrong = True
-            factor = power_of_1000(size / (other if low <= other <= high else 0.01))
-            yield Finding(
-                e.file.error(
-                    key,
-                    f"is {1e3 * size:.6g} mm, the size of no specimen",
-                    allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm",
-                    cure=_unit_cure(e.file, key, "m", factor) or "correct the number or its unit",
-                )
-            )
-    slender = sizes["length"] / sizes["diameter"]
-    if not wrong and not SLENDERNESS[0] <= slender <= SLENDERNESS[1]:
-        yield Finding(
-            e.file.error(
-                "specimen.length",
-                f"is {slender:.3g} times specimen.diameter = {1e3 * sizes['diameter']:.6g} mm; such specimens"
-                f" have {SLENDERNESS[0]:g} to {SLENDERNESS[1]:g}",
-                cure="check the unit of both",
-            ),
-            contradiction=False,
-        )
 
 
 def _frame_rate(e: Evidence) -> Iterator[Finding]:
@@ -390,14 +94,12 @@ def _frame_rate(e: Evidence) -> Iterator[Finding]:
     factor = power_of_1000(
         step / 1e-5
     )  # a camera of such a test takes 100 000 a second, 30 times less or more
-    yield Finding(
-        e.file.error(
-            "frames.time",
-            f"gives {count} frames at {1.0 / step:.4g} frames/s, {count * step:.4g} s in all: no camera of an"
-            " impact test",
-            allowed=f"times whose frames are {low:g} to {high:g} s apart",
-            cure=_unit_cure(e.file, "frames.time", "s", factor) or "check its column and unit",
-        )
+    yield e.finding(
+        "frames.time",
+        f"gives {count} frames at {1.0 / step:.4g} frames/s, {count * step:.4g} s in all: no camera of an"
+        " impact test",
+        allowed=f"times whose frames are {low:g} to {high:g} s apart",
+        cure=unit_cure(e.file, "frames.time", "s", factor) or "check its column and unit",
     )
 
 
@@ -418,17 +120,15 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
     if of_force:
         key, other, ratio = other, key, 1.0 / ratio
     factor = power_of_1000(ratio)
-    if _value(e.file, key) is None:  # a layout gives the clock
+    if written_value(e.file, key) is None:  # a layout gives the clock
         key = key.removesuffix(".time")
-    yield Finding(
-        e.file.error(
-            key,
-            f"contradicts {other}: {both}, with {samples:.3g} samples of force during all frames",
-            cure=_causes(
-                _unit_cure(e.file, key, "s", factor) if key.endswith(".time") else "check the clock's unit",
-                _unit_cure(e.file, other, "s", 1.0 / factor),
-            ),
-        )
+    yield e.finding(
+        key,
+        f"contradicts {other}: {both}, with {samples:.3g} samples of force during all frames",
+        cure=likely_causes(
+            unit_cure(e.file, key, "s", factor) if key.endswith(".time") else "check the clock's unit",
+            unit_cure(e.file, other, "s", 1.0 / factor),
+        ),
     )
 
 
@@ -440,21 +140,19 @@ def _bar_clocks(e: Evidence) -> Iterator[Finding]:
             continue
         # A recorder of such a test takes a sample every microsecond, and ten times less or more often.
         factor = power_of_1000(step / 1e-6)
-        written = _value(e.file, f"{key}.time_unit")
+        written = written_value(e.file, f"{key}.time_unit")
         unit = None if written is None else fitting_unit(written, "s", factor)
-        fits = _causes(
+        fits = likely_causes(
             "" if unit is None else f'{key}.time_unit = "{unit}" in place of "{written}" would fit',
-            _unit_cure(e.file, f"{key}.interval", "s", factor),
+            unit_cure(e.file, f"{key}.interval", "s", factor),
         )
-        yield Finding(
-            e.file.error(
-                key,
-                f"has a sample every {step:.3g} s, {span:.3g} s in all, and a wave takes"
-                f" {e.bar_transit:.3g} s through a bar (its length and wave speed in [bars])",
-                allowed=f"{FEWEST_FORCE_SAMPLES} samples or more in that time, and a tenth of it in all",
-                cure=fits
-                or f"times {factor:g} times as large would fit: declare {key}.time_unit or {key}.interval",
-            )
+        yield e.finding(
+            key,
+            f"has a sample every {step:.3g} s, {span:.3g} s in all, and a wave takes"
+            f" {e.bar_transit:.3g} s through a bar (its length and wave speed in [bars])",
+            allowed=f"{FEWEST_FORCE_SAMPLES} samples or more in that time, and a tenth of it in all",
+            cure=fits
+            or f"times {factor:g} times as large would fit: declare {key}.time_unit or {key}.interval",
         )
 
 
@@ -469,19 +167,17 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
         return
     # A unit's power of 1000 that leads into the middle of the range, by the time or by the displacement.
     factor = power_of_1000(speed / 5.0)
-    by_time = _unit_cure(e.file, "frames.time", "s", 1.0 / factor)
-    where = "flyer.displacement" if _value(e.file, "flyer") is not None else "surface.unit"
-    by_path = _unit_cure(e.file, where, "m", factor) if far * factor < length else ""
+    by_time = unit_cure(e.file, "frames.time", "s", 1.0 / factor)
+    where = "flyer.displacement" if written_value(e.file, "flyer") is not None else "surface.unit"
+    by_path = unit_cure(e.file, where, "m", factor) if far * factor < length else ""
     small = far < LEAST_TRAVEL * length
-    yield Finding(
-        e.file.error(
-            where if small else "frames.time",
-            f"gives a flyer of {speed:.3g} m/s (it moves {1e3 * far:.4g} mm by {where}, the frames last"
-            f" {float(np.ptp(e.flyer_time)):.4g} s by frames.time)",
-            allowed=f"such that it has {low:g} to {high:g} m/s",
-            cure=_causes(*((by_path, by_time) if small else (by_time, by_path)))
-            or "check the units of the displacement and of the times",
-        )
+    yield e.finding(
+        where if small else "frames.time",
+        f"gives a flyer of {speed:.3g} m/s (it moves {1e3 * far:.4g} mm by {where}, the frames last"
+        f" {float(np.ptp(e.flyer_time)):.4g} s by frames.time)",
+        allowed=f"such that it has {low:g} to {high:g} m/s",
+        cure=likely_causes(*((by_path, by_time) if small else (by_time, by_path)))
+        or "check the units of the displacement and of the times",
     )
 
 
@@ -499,23 +195,21 @@ def _travel(e: Evidence) -> Iterator[Finding]:
     if e.travel is None:
         return
     length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
-    if far < length or _value(e.file, "flyer") is None:  # what pictures or surfaces show has other causes
+    if (
+        far < length or written_value(e.file, "flyer") is None
+    ):  # what pictures or surfaces show has other causes
         return
     # A test compresses its specimen by a twentieth at least; a column of frame numbers has no factor.
     factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
-    yield Finding(
-        e.file.error(
-            "flyer.displacement",
-            f"reaches {1e3 * far:.6g} mm, which exceeds the specimen's length ({1e3 * length:.6g} mm,"
-            " specimen.length)",
-            cure=_causes(
-                "" if factor == 1.0 else _unit_cure(e.file, "flyer.displacement", "m", factor),
-                ""
-                if factor == 1.0
-                else _unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
-                "is flyer.displacement the right column?",
-            ),
-        )
+    yield e.finding(
+        "flyer.displacement",
+        f"reaches {1e3 * far:.6g} mm, which exceeds the specimen's length ({1e3 * length:.6g} mm,"
+        " specimen.length)",
+        cure=likely_causes(
+            "" if factor == 1.0 else unit_cure(e.file, "flyer.displacement", "m", factor),
+            "" if factor == 1.0 else unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
+            "is flyer.displacement the right column?",
+        ),
     )
 
 
@@ -529,37 +223,35 @@ def _outline_size(e: Evidence) -> Iterator[Finding]:
     radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
     y, z = e.outline.y[static], e.outline.Z[static]
     middle, top = float(np.median(z)), float(y.max())
-    here = "centre_line" if _value(e.file, "centre_line") is not None else "surface"
-    source = _value(e.file, f"{here}.file") or _value(e.file, f"{here}.pattern") or "the pictures"
+    table = "centre_line" if written_value(e.file, "centre_line") is not None else "surface"
+    source = (
+        written_value(e.file, f"{table}.file") or written_value(e.file, f"{table}.pattern") or "the pictures"
+    )
     if abs(middle - radius) > RADIUS_TOLERANCE * radius:
-        yield Finding(
-            e.file.error(
-                "specimen.diameter",
-                f"contradicts {here} ({source}): Z from the axis is {1e3 * middle:.4g} mm (median of the"
-                " static frames),"
-                f" and the radius {1e3 * radius:.4g} mm; they must agree within {100 * RADIUS_TOLERANCE:g} %",
-                cure=_radius_cure(e, here, middle, y),
-            )
+        yield e.finding(
+            "specimen.diameter",
+            f"contradicts {table} ({source}): Z from the axis is {1e3 * middle:.4g} mm (median of the"
+            " static frames),"
+            f" and the radius {1e3 * radius:.4g} mm; they must agree within {100 * RADIUS_TOLERANCE:g} %",
+            cure=_radius_cure(e, table, middle, y),
         )
     elif top <= 0.0 or (factor := fitting_factor(top / length, LENGTH_FACTORS, tolerance=0.3)) is None:
         return
     elif not 0.7 <= top / length <= 1.1:  # the outline may end below the flyer's face
         if factor in (2.0, 0.5):
             return  # an outline of half the height is one that was cut
-        yield Finding(
-            e.file.error(
-                "specimen.length",
-                f"contradicts {here} ({source}): the outline at rest reaches y = {1e3 * top:.4g} mm above the"
-                f" transmission platen, the length is {1e3 * length:.6g} mm",
-                cure=_causes(
-                    _unit_cure(e.file, f"{here}.y", "m", factor),
-                    _unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
-                ),
-            )
+        yield e.finding(
+            "specimen.length",
+            f"contradicts {table} ({source}): the outline at rest reaches y = {1e3 * top:.4g} mm above the"
+            f" transmission platen, the length is {1e3 * length:.6g} mm",
+            cure=likely_causes(
+                unit_cure(e.file, f"{table}.y", "m", factor),
+                unit_cure(e.file, "specimen.length", "m", 1.0 / factor, SPECIMEN_SIZES),
+            ),
         )
 
 
-def _radius_cure(e: Evidence, here: str, middle: float, y: FloatArray) -> str:
+def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
     """The likely causes of an outline that is not at the specimen's radius, the likeliest first."""
     radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
     factor = fitting_factor(middle / radius, LENGTH_FACTORS, tolerance=RADIUS_TOLERANCE)
@@ -567,7 +259,7 @@ def _radius_cure(e: Evidence, here: str, middle: float, y: FloatArray) -> str:
     by_offset = (
         f'centre_line.Z_offset = "{round(1e3 * offset, 3) + 0.0:g} mm" would fit if Z does not begin at the'
         " axis"
-        if here == "centre_line"
+        if table == "centre_line"
         else "check surface.origin and surface.unit"
     )
     assert e.outline is not None  # the caller saw to it
@@ -578,28 +270,30 @@ def _radius_cure(e: Evidence, here: str, middle: float, y: FloatArray) -> str:
         and heights.max() <= 1.1 * length
     )
     if swapped:
-        return _causes("are y and Z swapped?", by_offset)
+        return likely_causes("are y and Z swapped?", by_offset)
     if abs(middle + radius) <= RADIUS_TOLERANCE * radius:
-        return _causes(f"Z counts toward the cameras: reverse the sign of {here}.Z in the file", by_offset)
+        return likely_causes(
+            f"Z counts toward the cameras: reverse the sign of {table}.Z in the file", by_offset
+        )
     if factor == 0.5:
         wider = 4e3 * radius
-        return _causes(
+        return likely_causes(
             f'specimen.diameter = "{wider:.6g} mm" would fit: was the radius given?',
-            f"{here}.Z may hold the diameter",
+            f"{table}.Z may hold the diameter",
             by_offset,
         )
     if factor == 2.0:
-        return _causes(
+        return likely_causes(
             f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?',
             by_offset,
         )
     if factor is not None:
-        return _causes(
-            _unit_cure(e.file, f"{here}.Z", "m", factor),
-            _unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES),
+        return likely_causes(
+            unit_cure(e.file, f"{table}.Z", "m", factor),
+            unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES),
             by_offset,
         )
-    return _causes(by_offset, "is it the right column, and are y and Z swapped?")
+    return likely_causes(by_offset, "is it the right column, and are y and Z swapped?")
 
 
 def _curve_reach(e: Evidence) -> Iterator[Finding]:
@@ -608,12 +302,10 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
         return
     end = float(e.curve.stretch[-1])
     if end > LONGEST_STRETCH:
-        yield Finding(
-            e.file.error(
-                "curve.strain",
-                f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}",
-                cure=_unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit",
-            ),
+        yield e.finding(
+            "curve.strain",
+            f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}",
+            cure=unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit",
             contradiction=False,
         )
     if e.travel is None:
@@ -621,14 +313,11 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
     strain = float(np.abs(e.travel).max()) / e.declared.specimen.length
     share = abs(end - 1.0) / strain if strain > 0.0 else 1.0
     if share < SHORTEST_CURVE:
-        yield Finding(
-            e.file.error(
-                "curve.strain",
-                f"ends at {abs(end - 1.0):.3g}, and the flyer strains the specimen by {strain:.3g}"
-                " (flyer over specimen.length)",
-                cure=_unit_cure(e.file, "curve.strain", "1", 100.0)
-                or "check its unit; export the whole ramp",
-            ),
+        yield e.finding(
+            "curve.strain",
+            f"ends at {abs(end - 1.0):.3g}, and the flyer strains the specimen by {strain:.3g}"
+            " (flyer over specimen.length)",
+            cure=unit_cure(e.file, "curve.strain", "1", 100.0) or "check its unit; export the whole ramp",
             contradiction=False,
         )
 
@@ -678,28 +367,24 @@ def _force_over_area(e: Evidence) -> Iterator[Finding]:
     causes = []
     if factor != 1.0:
         causes = [
-            _unit_cure(e.file, "curve.stress", "Pa", factor)
-            if e.curve.law is None
-            else "check its constants",
-            _unit_cure(e.file, "force.sensitivity", "V/N", factor, SENSITIVITIES),
+            unit_cure(e.file, "curve.stress", "Pa", factor) if e.curve.law is None else "check its constants",
+            unit_cure(e.file, "force.sensitivity", "V/N", factor, SENSITIVITIES),
         ]
         if SOFT_STRESSES[0] <= most <= SOFT_STRESSES[1] and not (
             SOFT_STRESSES[0] <= measured <= SOFT_STRESSES[1]
         ):
             causes.reverse()  # the curve is that of a soft material, the force over area is not
     if e.curve.law is None and abs(float(e.curve.stretch[-1]) - 1.0) < SHORTEST_CURVE * strain:
-        causes.insert(0, _unit_cure(e.file, "curve.strain", "1", 100.0))
-    yield Finding(
-        e.file.error(
-            key,
-            f"gives {_kpa(most)} at the test's strain of {strain:.2g} (largest stress of the curve"
-            f" {_kpa(float(np.abs(e.curve.stress).max()))}), and the largest force of {peak:.4g} N"
-            f" (force.sensitivity) over the area by specimen.diameter is {_kpa(measured)},"
-            f" {measured / most:.3g} times as much",
-            allowed=f"within {SOFTENING:.2g} to {STIFFENING:g} times" if high or low else None,
-            cure=_causes(*causes)
-            or "check curve.stress, force.sensitivity and specimen.diameter; a true ratio needs no change",
-        ),
+        causes.insert(0, unit_cure(e.file, "curve.strain", "1", 100.0))
+    yield e.finding(
+        key,
+        f"gives {_kpa(most)} at the test's strain of {strain:.2g} (largest stress of the curve"
+        f" {_kpa(float(np.abs(e.curve.stress).max()))}), and the largest force of {peak:.4g} N"
+        f" (force.sensitivity) over the area by specimen.diameter is {_kpa(measured)},"
+        f" {measured / most:.3g} times as much",
+        allowed=f"within {SOFTENING:.2g} to {STIFFENING:g} times" if high or low else None,
+        cure=likely_causes(*causes)
+        or "check curve.stress, force.sensitivity and specimen.diameter; a true ratio needs no change",
         contradiction=high or low,
     )
 
@@ -709,10 +394,10 @@ def _kpa(stress: float) -> str:
 
 
 RULES: tuple[Rule, ...] = (
-    _unit_of_heading,
-    _densities,
-    _bar_speeds,
-    _specimen_size,
+    check_unit_of_heading,
+    check_densities,
+    check_bar_speeds,
+    check_specimen_size,
     _frame_rate,
     _clocks,
     _bar_clocks,
@@ -735,9 +420,9 @@ def gate(evidence: Evidence) -> tuple[str, ...]:
 
     Raises InputError for a contradiction; several come as one `InputErrors`.
     """
-    found = findings(evidence)
-    refuse([finding.error for finding in found if finding.contradiction])
-    return tuple(str(finding.error) for finding in found if not finding.contradiction)
+    all_findings = findings(evidence)
+    refuse([finding.error for finding in all_findings if finding.contradiction])
+    return tuple(str(finding.error) for finding in all_findings if not finding.contradiction)
 
 
 def evidence_of(shot: ShotBase) -> Evidence | None:
@@ -745,19 +430,19 @@ def evidence_of(shot: ShotBase) -> Evidence | None:
     if shot.file is None:
         return None
     declared = getattr(shot.file, "declared", shot)  # of bars the shot holds all that the rules ask for
-    found: dict[str, Any] = {"curve": shot.curve}
+    records: dict[str, Any] = {"curve": shot.curve}
     if isinstance(shot.force, ForceChannel):
         sensitivity = shot.force.transducer.sensitivity
-        found |= {
+        records |= {
             "force_time": shot.force.time,
             "force": shot.force.raw_force(),
             "force_noise": float(shot.force.baseline_volts().std(ddof=1)) / sensitivity,
         }
     if isinstance(shot, Shot):
-        found |= {"rest": shot.window[0], "outline": shot.centre_line}
+        records |= {"rest": shot.window[0], "outline": shot.centre_line}
         if isinstance(shot.flyer, FlyerMotion):
-            found |= travel_of(shot.flyer, shot.window[0]) | {"frame_time": shot.flyer.time}
-    return Evidence(file=shot.file, declared=declared, **found)
+            records |= travel_of(shot.flyer, shot.window[0]) | {"frame_time": shot.flyer.time}
+    return Evidence(file=shot.file, declared=declared, **records)
 
 
 def with_warnings(shot: Shot) -> Shot:

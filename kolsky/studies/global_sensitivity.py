@@ -5,7 +5,7 @@ Either the solver runs every point of the sample, or runs over the box make a su
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +108,7 @@ def _observed(
         cure = "; take a smaller box"
         response = completed_runs(prepared.forward, values, numerics or Numerics(), cure=cure)
         parts.append(predict(response, prepared.observations))
-    seen = Prediction(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Prediction)))
+    seen = Prediction.joined(parts)
     observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
     return observables, observables.vectors(seen)
 

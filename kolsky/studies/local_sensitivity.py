@@ -3,8 +3,8 @@
 Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
 batch: what a search sees that comes from there. The derivative at the point itself can be quite another
 number. Near incompressibility the specimen rings, and a per cent of stiffness moves the phase of that ringing
-so far that dF/dp grows ever larger as the reach is made smaller (`explicit.adjoint.perturbed_runs`); no mesh
-knows the phase so well. What the lines leave out is kept beside them.
+so far that dF/dp grows ever larger as the reach is made smaller; no mesh knows the phase so well. What the
+lines leave out is kept beside them.
 """
 
 from collections.abc import Mapping, Sequence

@@ -58,40 +58,40 @@ class Findings:
         self.values[key], self.notes[key] = value, note
 
 
-def evidence(found: Survey, picture: tuple[int, str] | None = None) -> Findings:
+def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings:
     """Everything that the numbers of a folder's files show.
 
-    ``found``: the files. ``picture``: index of the first picture that shows motion, and its series; of a shot
-    with pictures.
+    ``survey``: the files. ``picture``: index of the first picture that shows motion, and its series; of a
+    shot with pictures.
     """
     shown = Findings()
-    values, notes = surface_values(found.surface)
+    values, notes = surface_values(survey.surface)
     shown.values |= values
     shown.notes |= notes
-    last_static = _frames(found, picture, shown)
-    if "force" in found.parts:
-        _force(found.parts["force"], last_static, shown)
-    if "flyer" in found.parts:
-        _flyer(found.parts["flyer"], shown)
-    if "curve" in found.parts:
-        _curve(found.parts["curve"], shown)
+    last_static = _frames(survey, picture, shown)
+    if "force" in survey.parts:
+        _force(survey.parts["force"], last_static, shown)
+    if "flyer" in survey.parts:
+        _flyer(survey.parts["flyer"], shown)
+    if "curve" in survey.parts:
+        _curve(survey.parts["curve"], shown)
     return shown
 
 
-def _frames(found: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
+def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
     """The frames at rest; returns the time of the last of them on the frames' clock [s], if it is known."""
-    frames = found.parts.get("frames", found.parts.get("flyer"))
+    frames = survey.parts.get("frames", survey.parts.get("flyer"))
     if frames is None or frames.frame is None:
         return None
     numbers = frames.frame.values
-    series = found.surface.specimen
+    series = survey.surface.specimen
     if series is not None and (stray := np.setdiff1d(series.export.frame, numbers)).size:
         shown.notes["frames.file"] = (
             f"frame {stray[0]} of {series.pattern} is not in {frames.path.name}: number both alike"
         )
         return None
-    by_flyer = _flyer_motion(found.parts["flyer"]) if "flyer" in found.parts else None
-    motion = min(filter(None, (first_motion(found.surface), by_flyer)), default=None)
+    by_flyer = _flyer_motion(survey.parts["flyer"]) if "flyer" in survey.parts else None
+    motion = min(filter(None, (first_motion(survey.surface), by_flyer)), default=None)
     if picture is not None and picture[0] < numbers.size:
         motion = int(numbers[picture[0]]), picture[1]
     if motion is None:

@@ -44,11 +44,11 @@ def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
     """Each line of a shot file with its dotted key and its parts, if it has a key; also if it is a remark."""
     table = ""
     for line in text.split("\n"):
-        found = _LINE.fullmatch(line)
+        match = _LINE.fullmatch(line)
         header = _TABLE.match(line.lstrip("# "))
-        if header and not found:
+        if header and not match:
             table = header.group(1)
-        yield line, (f"{table}.{found['key']}" if found else "").removeprefix("."), found
+        yield line, (f"{table}.{match['key']}" if match else "").removeprefix("."), match
 
 
 def fill_in(text: str, values: Mapping[str, str | None]) -> str:
@@ -58,34 +58,34 @@ def fill_in(text: str, values: Mapping[str, str | None]) -> str:
     remark. A line that is a remark is taken out of it. Raises KeyError if a key has no line.
     """
     lines, left = [], dict(values)
-    for line, key, found in _keyed_lines(text):
-        if found and key in left and (found["off"] is None or left[key] is not None):
-            line = _written(found, left.pop(key))
+    for line, key, match in _keyed_lines(text):
+        if match and key in left and (match["off"] is None or left[key] is not None):
+            line = _written(match, left.pop(key))
         lines.append(line)
     if left:
         raise KeyError(f"no line for {', '.join(left)}")
     return "\n".join(lines)
 
 
-def _written(found: re.Match[str], value: str | None) -> str:
-    remark = found["rest"].strip()
-    head = f"{found['key']} = {value}" if value is not None else f"# {found['key']} = {found['value']}"
+def _written(match: re.Match[str], value: str | None) -> str:
+    remark = match["rest"].strip()
+    head = f"{match['key']} = {value}" if value is not None else f"# {match['key']} = {match['value']}"
     return f"{head:<{COLUMN - 1}} {remark}" if remark else head
 
 
 def with_notes(text: str, notes: Mapping[str, str]) -> str:
     """A shot file with remarks in lines of their own, each above the line of its dotted key."""
     lines = []
-    for line, key, found in _keyed_lines(text):
-        if found and found["off"] is None and key in notes:
+    for line, key, match in _keyed_lines(text):
+        if match and match["off"] is None and key in notes:
             lines.append(f"# {notes[key]}")
         lines.append(line)
     return "\n".join(lines)
 
 
-def values_of(found: Survey) -> dict[str, str | None]:
+def values_of(survey: Survey) -> dict[str, str | None]:
     """Dotted key -> value, for all that the files of a folder say beyond doubt."""
-    parts, values = found.parts, dict[str, str | None]()
+    parts, values = survey.parts, dict[str, str | None]()
     frames = parts.get("frames", parts.get("flyer"))
     for name, table in (("frames", frames), *parts.items()):
         if table is None or f"{name}.file" in values:
@@ -114,10 +114,10 @@ def values_of(found: Survey) -> dict[str, str | None]:
     return values | {key: column.toml() for key, column in chosen.items() if column is not None}
 
 
-def notes_of(found: Survey) -> dict[str, str]:
+def notes_of(survey: Survey) -> dict[str, str]:
     """Dotted key -> remark: what the files say that helps to fill in what they do not."""
     notes = {}
-    parts = found.parts
+    parts = survey.parts
     frames = parts.get("frames", parts.get("flyer"))
     for name, table in (("force", parts.get("force")), ("frames", frames)):
         if table is not None and (clock := clock_text(table)):
@@ -136,19 +136,19 @@ def notes_of(found: Survey) -> dict[str, str]:
     return notes
 
 
-def next_of_series(text: str, folder: Path, found: Survey) -> str:
+def next_of_series(text: str, folder: Path, survey: Survey) -> str:
     """The shot file of the last shot made into the next one's.
 
     The apparatus stays; what each shot has of its own is blank, and a file that is not in the folder is
     replaced by the one that was found for its part, with its columns, or is blank.
 
-    ``text``: the last shot's file. ``folder``: the next shot's folder. ``found``: what is in it.
+    ``text``: the last shot's file. ``folder``: the next shot's folder. ``survey``: what is in it.
     """
     declared = {key: m["value"] for _, key, m in _keyed_lines(text) if m and m["off"] is None}
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
     if "name" in declared:
         changed["name"] = None
-    new = values_of(found)
+    new = values_of(survey)
     for key, value in declared.items():
         part, _, name = key.partition(".")
         if name == "file" and not (folder / value.strip('"')).is_file():
@@ -170,14 +170,14 @@ Signal = tuple[str, Channel]
 """Name of the recorder, and a channel of its file."""
 
 
-def with_recordings(text: str, found: Survey) -> str:
+def with_recordings(text: str, survey: Survey) -> str:
     """The blank file with recorders, channels and, as remarks, what the recordings show.
 
     A channel is written where its name says its bar, else it stays blank and the channels are listed.
 
-    ``text``: the blank file. ``found``: what is in the folder.
+    ``text``: the blank file. ``survey``: what is in the folder.
     """
-    recorders = _recorders(found.recordings)
+    recorders = _recorders(survey.recordings)
     if not recorders:
         return text
     text = text.replace(_block(text), "".join(_recorder(n, c) for n, c in recorders.items()), 1)
@@ -186,15 +186,15 @@ def with_recordings(text: str, found: Survey) -> str:
     notes: dict[str, str] = {}
     for side, pattern in SIDES.items():
         table = f"gauges.{side}"
-        own = [s for s in signals if pattern.search(s[1].name)]
-        if not own:  # one file a bar, of which the files' names say which
-            own = [s for s in signals if pattern.search(s[0])]
-        if 1 <= len(own) <= 2:
-            values |= _chosen(table, own, text)
-            if (at := _leaves_rest(own[0][1])) is not None:
+        channels = [s for s in signals if pattern.search(s[1].name)]
+        if not channels:  # one file a bar, of which the files' names say which
+            channels = [s for s in signals if pattern.search(s[0])]
+        if 1 <= len(channels) <= 2:
+            values |= _chosen(table, channels, text)
+            if (at := _leaves_rest(channels[0][1])) is not None:
                 notes[f"{table}.baseline"] = (
-                    f"{own[0][1].name} leaves the level of its beginning at about {microseconds(at)} on the "
-                    "file's clock"
+                    f"{channels[0][1].name} leaves the level of its beginning at about {microseconds(at)} on "
+                    "the file's clock"
                 )
         else:
             notes[f"{table}.channels"] = "one of " + ", ".join(map(_described, signals[:9]))
@@ -207,13 +207,13 @@ def with_recordings(text: str, found: Survey) -> str:
 
 def _recorders(tables: tuple[TableEntry, ...]) -> dict[str, Contents]:
     """Name in the shot file -> contents of each recording."""
-    found: dict[str, Contents] = {}
+    contents: dict[str, Contents] = {}
     for table in tables:
         name = re.sub(r"\W+", "_", table.path.stem).strip("_") or "scope"
-        while name in found:
+        while name in contents:
             name += "_2"
-        found["scope" if len(tables) == 1 else name] = read_contents(table.path)
-    return found
+        contents["scope" if len(tables) == 1 else name] = read_contents(table.path)
+    return contents
 
 
 def _block(text: str) -> str:
@@ -256,15 +256,15 @@ def _described(signal: Signal) -> str:
     return f"{quoted(channel.name)} ({recorder}{when})"
 
 
-def _chosen(table: str, own: list[Signal], text: str) -> dict[str, str | None]:
+def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | None]:
     """Recorder, channels and, of a file of strains, the calibration of one gauge."""
-    recorders = [recorder for recorder, _ in own]
+    recorders = [recorder for recorder, _ in channels]
     one = quoted(recorders[0]) if len(set(recorders)) == 1 else f"[{', '.join(map(quoted, recorders))}]"
     values: dict[str, str | None] = {
         f"{table}.recorder": one,
-        f"{table}.channels": f"[{', '.join(quoted(channel.name) for _, channel in own)}]",
+        f"{table}.channels": f"[{', '.join(quoted(channel.name) for _, channel in channels)}]",
     }
-    known = si_unit(own[0][1].unit or "")
+    known = si_unit(channels[0][1].unit or "")
     if (
         known is not None
         and known[0] == "1"
@@ -280,8 +280,8 @@ def _leaves_rest(channel: Channel) -> float | None:
         values, clock = channel.values(), channel.clock()
     except InputError:
         return None
-    rest = values[: max(20, int(REST_SHARE * values.size))]
-    scatter = max(float(rest.std()), float(np.ptp(values)) * 1e-4)
-    away = np.abs(values - rest.mean()) > ONSET_SIGMAS * scatter
+    beginning = values[: max(20, int(REST_SHARE * values.size))]
+    scatter = max(float(beginning.std()), float(np.ptp(values)) * 1e-4)
+    away = np.abs(values - beginning.mean()) > ONSET_SIGMAS * scatter
     run = np.flatnonzero(np.convolve(away, np.ones(5), "valid") > 4.5)
     return clock.start + clock.interval * int(run[0]) if run.size else None

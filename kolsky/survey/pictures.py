@@ -61,14 +61,14 @@ class PictureSurvey:
     """Series that could not be assigned."""
 
 
-def survey_pictures(folder: Path, found: Survey) -> PictureSurvey:
+def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
     """Look at the pictures in a folder and one folder below; nothing is written.
 
-    ``folder``: the shot's folder. ``found``: its tables: the frames' file says how many pictures a camera
+    ``folder``: the shot's folder. ``tables``: its tables: the frames' file says how many pictures a camera
     took.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
-    frames = found.parts.get("frames")
+    frames = tables.parts.get("frames")
     count = frames.time.values.size if frames is not None and frames.time is not None else None
     test = _pair([one for one in series if one.count == count])
     left = [one for one in series if one not in test]
@@ -113,19 +113,19 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
         yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
 
 
-def first_change(folder: Path, found: PictureSurvey) -> tuple[int, str] | None:
+def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
     """Index of the first picture of camera 0 that clearly differs from those before, and their name, or None.
 
     The difference is the mean absolute one from the first picture, as the page of `kolsky check` draws it.
     Among `EARLY` pictures the first motion must be.
 
-    ``folder``: the shot's folder. ``found``: the series of the test.
+    ``folder``: the shot's folder. ``survey``: the series of the test.
     """
     from dic.images import PictureError, open_pictures
 
-    if not found.test:
+    if not survey.test:
         return None
-    series = found.test[0]
+    series = survey.test[0]
     path = folder / series.name
     try:
         pictures = (
@@ -143,30 +143,30 @@ def first_change(folder: Path, found: PictureSurvey) -> tuple[int, str] | None:
     return None if quiet is None else (quiet.count + 1, series.name)
 
 
-def picture_values(found: PictureSurvey) -> dict[str, str | None]:
+def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
     """Dotted key -> value of a shot file for what the pictures say beyond doubt."""
     values: dict[str, str | None] = {}
-    whole = {one.shape for one in found.target}
-    for camera, one in enumerate(found.test):
+    whole = {one.shape for one in pictures.target}
+    for camera, one in enumerate(pictures.test):
         crop = '["", ""]'
         if one.crop is not None:
             crop = f"[{one.crop[0]:g}, {one.crop[1]:g}]"
         elif {one.shape} == whole:
             crop = "[0, 0]"  # the test's pictures are as large as the target's: nothing was cut
         values[f"pictures.camera_{camera}"] = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
-    if found.target:
+    if pictures.target:
         values["calibration.file"] = None
-        values |= {f"calibration.camera_{camera}": quoted(s.name) for camera, s in enumerate(found.target)}
+        values |= {f"calibration.camera_{camera}": quoted(s.name) for camera, s in enumerate(pictures.target)}
         facts = ("distortion", "target.kind", "target.columns", "target.rows")
         values |= {f"calibration.{fact}": BLANK for fact in facts}
     return values
 
 
-def picture_notes(found: PictureSurvey) -> Mapping[str, str]:
+def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
     """Dotted key -> remark: how the cameras were told apart, and what was cut from what."""
     notes = {}
-    for camera, one in enumerate(found.test):
+    for camera, one in enumerate(pictures.test):
         notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"
-    for camera, one in enumerate(found.target):
+    for camera, one in enumerate(pictures.target):
         notes[f"calibration.camera_{camera}"] = f"{one.said}; crop_offset counts from their top left pixel"
     return notes

@@ -114,7 +114,7 @@ def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
     x, y = np.asarray(x, dtype=np.float64)[order], np.asarray(y, dtype=np.float64)[order]
     if x.size < 12 or (np.diff(x) <= 0.0).any():
         return None
-    found = []
+    deviations = []
     for i in range(2, x.size - 2, max(1, x.size // MOST_POINTS)):
         near = np.array([i - 2, i - 1, i + 1, i + 2])
         weights = [
@@ -122,10 +122,10 @@ def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
         ]  # of Lagrange's cubic
         if y[i] != 0.0:
             scale = abs(y[i]) * np.sqrt(1.0 + np.sum(np.square(weights)))
-            found.append(abs(y[i] - float(np.dot(weights, y[near]))) / scale)
-    if len(found) < 8:
+            deviations.append(abs(y[i] - float(np.dot(weights, y[near]))) / scale)
+    if len(deviations) < 8:
         return None
-    return float(np.median(found)) * 1.4826  # of a normal distribution: 1 / 0.6745
+    return float(np.median(deviations)) * 1.4826  # of a normal distribution: 1 / 0.6745
 
 
 def common_sign(values: FloatArray) -> int | None:

@@ -132,7 +132,7 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
             doubtful |= {
                 one.pattern: f"could be {words}, and so could each of {names}" for one in parts[part]
             }
-    chosen = {part: found[0] for part, found in parts.items() if len(found) == 1}
+    chosen = {part: series[0] for part, series in parts.items() if len(series) == 1}
     return SurfaceSurvey(chosen.get(False), chosen.get(True), frozenset(files), doubtful)
 
 
@@ -164,9 +164,9 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
         yield (name if place == "." else f"{place}/{name}"), paths
 
 
-def _read(pattern: str, paths: list[Path], found: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
+def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
     """The points of a series, with its unit: that of the headings, else mm if the size of the points fits."""
-    program, stated = found
+    program, stated = layout
     export = read(paths, program)
     if stated:
         return SeriesOfExports(
@@ -182,19 +182,19 @@ def _read(pattern: str, paths: list[Path], found: tuple[str, tuple[str, ...]]) -
     )
 
 
-def axis_toward_flyer(found: SurfaceSurvey) -> tuple[str, str] | None:
+def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
     """The program's axis toward the flyer and how it shows, or None if no motion shows it."""
-    if found.flyer is not None:
-        motion = found.flyer.motion
+    if survey.flyer is not None:
+        motion = survey.flyer.motion
         way = motion[int(np.argmax(np.linalg.norm(motion, axis=1)))]
         along = int(np.argmax(np.abs(way)))
         if np.abs(way[along]) < ALONG_AXIS * np.linalg.norm(way):
             return None
         toward = f"{'-' if way[along] > 0.0 else '+'}{_AXES[along]}"
         return toward, f"the flyer moves along {_opposite(toward)}"
-    if found.specimen is None:
+    if survey.specimen is None:
         return None
-    export, motion = found.specimen.export, found.specimen.motion
+    export, motion = survey.specimen.export, survey.specimen.motion
     frame = int(np.argmax(np.linalg.norm(motion, axis=1)))
     valid = export.state[frame] == PointState.VALID
     X, u = export.X[valid], export.u[frame, valid]
@@ -245,8 +245,8 @@ def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
     if steps.shape[0] < 2:
         return None
     with np.errstate(invalid="ignore"):
-        found = float(np.sqrt(np.nanmean(steps**2, axis=(0, 1)) / 2.0).max())
-    return found if np.isfinite(found) and found > 0.0 else None
+        sigma = float(np.sqrt(np.nanmean(steps**2, axis=(0, 1)) / 2.0).max())
+    return sigma if np.isfinite(sigma) and sigma > 0.0 else None
 
 
 def spacing(series: SeriesOfExports) -> float:
@@ -265,9 +265,9 @@ def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
     return bool(len(series.export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0)
 
 
-def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[str, str]]:
+def surface_values(survey: SurfaceSurvey) -> tuple[dict[str, str | None], dict[str, str]]:
     """Dotted key -> value of [surface], and dotted key -> remark: what the exports show, and how."""
-    series = found.specimen
+    series = survey.specimen
     if series is None:
         return {}, {}
     export = series.export
@@ -283,7 +283,7 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
         "surface.unit": f'"{series.unit}"',
     }
     notes["surface.unit"] = series.why_unit
-    y = axis_toward_flyer(found)
+    y = axis_toward_flyer(survey)
     Z = axis_toward_cameras(series, y[0]) if y else None
     for key, axis in (("y", y), ("Z", Z)):
         values[f"surface.{key}"] = f'"{axis[0] if axis else ""}"'
@@ -315,10 +315,10 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
     sigma = scatter_at_rest(series, quiet.count) if quiet else None
     values["surface.sigma"] = f'"{1e6 * two_figures(sigma):.4g} um"' if sigma else '""'
     notes["surface.sigma"] = "scatter of the frames at rest" if sigma else "no frames at rest show it"
-    if found.flyer is not None:
-        still = quiet_frames(found.flyer)
+    if survey.flyer is not None:
+        still = quiet_frames(survey.flyer)
         size = f"{1e6 * two_figures(still.scatter):.4g} um" if still else ""
-        values["surface.flyer"] = f'{{ pattern = "{found.flyer.pattern}", sigma = "{size}" }}'
+        values["surface.flyer"] = f'{{ pattern = "{survey.flyer.pattern}", sigma = "{size}" }}'
         notes["surface.flyer"] = (
             "it moves as one body; sigma is the scatter of its mean motion at rest"
             if still
@@ -327,17 +327,17 @@ def surface_values(found: SurfaceSurvey) -> tuple[dict[str, str | None], dict[st
     return values, notes
 
 
-def first_motion(found: SurfaceSurvey) -> tuple[int, str] | None:
+def first_motion(survey: SurfaceSurvey) -> tuple[int, str] | None:
     """Number of the first frame in which specimen or flyer moves, and the files that show it, or None.
 
     The specimen rests until the flyer moves, so that the earlier of both is safe. None without a clear rest
     of the specimen.
     """
-    if found.specimen is None or quiet_frames(found.specimen) is None:
+    if survey.specimen is None or quiet_frames(survey.specimen) is None:
         return None
     firsts = [
         (int(one.export.frame[quiet.count]), one.pattern)
-        for one in (found.specimen, found.flyer)
+        for one in (survey.specimen, survey.flyer)
         if one is not None and (quiet := quiet_frames(one)) is not None
     ]
     return min(firsts)

@@ -66,14 +66,14 @@ class TableEntry:
     def time(self) -> ColumnEntry | None:
         """Its time column."""
         named = [c for c in self.columns if _TIME.match(c.name) and c.dimension in ("s", "")]
-        found = [c for c in self.columns if c.dimension == "s"] or named
-        return found[0] if len(found) == 1 else None
+        return _single([c for c in self.columns if c.dimension == "s"] or named)
 
     @property
     def frame(self) -> ColumnEntry | None:
         """Its column of frame numbers."""
-        found = [c for c in self.columns if c.whole and _FRAME.search(c.name) and c.dimension in ("", "1")]
-        return found[0] if len(found) == 1 else None
+        return _single(
+            [c for c in self.columns if c.whole and _FRAME.search(c.name) and c.dimension in ("", "1")]
+        )
 
     def of(self, dimension: str) -> list[ColumnEntry]:
         """Its columns of one kind."""
@@ -81,8 +81,7 @@ class TableEntry:
 
     def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
         """The one column of a kind whose name begins so; None if there is not exactly one."""
-        found = [c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)]
-        return found[0] if len(found) == 1 else None
+        return _single([c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)])
 
     def toml_layout(self) -> str:
         """Its layout as a shot file declares it; empty if it needs none."""
@@ -99,6 +98,11 @@ class TableEntry:
             return np.full(3, np.nan)
         t = time.values * unit_factor(time.unit, "s")
         return np.array([t[0], t[-1], np.median(np.diff(np.unique(t)))])
+
+
+def _single(columns: list[ColumnEntry]) -> ColumnEntry | None:
+    """The only column; None if there are none or several."""
+    return columns[0] if len(columns) == 1 else None
 
 
 def quoted(text: str) -> str:
@@ -160,11 +164,11 @@ def survey(folder: Path) -> Survey:
         if len(tables) > 1:
             names = ", ".join(table.path.name for table in tables)
             doubtful |= {t.path.name: f"could be [{part}], and so could each of {names}" for t in tables}
-    found = {part: tables[0] for part, tables in parts.items() if len(tables) == 1}
+    chosen = {part: tables[0] for part, tables in parts.items() if len(tables) == 1}
     for part, series in (("centre_line", surface.specimen), ("flyer", surface.flyer)):
-        if series is not None and part in found:
-            doubtful[found.pop(part).path.name] = f"the exports {series.pattern} are taken instead"
-    return Survey(found, {**doubtful, **surface.doubtful}, tuple(recordings), surface)
+        if series is not None and part in chosen:
+            doubtful[chosen.pop(part).path.name] = f"the exports {series.pattern} are taken instead"
+    return Survey(chosen, {**doubtful, **surface.doubtful}, tuple(recordings), surface)
 
 
 def _is_recording(table: TableEntry) -> bool:
@@ -196,21 +200,27 @@ def _part_of(table: TableEntry) -> str | None:
 
 def strain_of(table: TableEntry) -> ColumnEntry | None:
     """The one column of strains."""
-    found = [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
-    return found[0] if len(found) == 1 else None
+    return _single(
+        [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
+    )
 
 
 def stress_of(table: TableEntry) -> ColumnEntry | None:
     """The one column of stresses."""
-    found = [c for c in table.columns if QUANTITIES["stress"][1].search(c.name) and not _SIGMA.match(c.name)]
-    found = [c for c in found if c.dimension in ("Pa", "")]
-    return found[0] if len(found) == 1 else None
+    return _single(
+        [
+            c
+            for c in table.columns
+            if QUANTITIES["stress"][1].search(c.name)
+            and not _SIGMA.match(c.name)
+            and c.dimension in ("Pa", "")
+        ]
+    )
 
 
 def sigma_of(table: TableEntry) -> ColumnEntry | None:
     """The one column of standard deviations of lengths."""
-    found = [c for c in table.of("m") if _SIGMA.search(c.name)]
-    return found[0] if len(found) == 1 else None
+    return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
 
 
 def voltage_of(table: TableEntry) -> ColumnEntry | None:

@@ -64,21 +64,10 @@ def variations(
 ) -> tuple[Variation, ...]:
     """Shifts of the answer by other choices of window and bins.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem.
-    answer
-        Where it ended.
-    found
-        The surrogate that its profiles rest on.
-    check
-        What the run on the refined mesh at the answer predicts, in its first row.
-
-    Returns
-    -------
-    tuple of Variation
-        Shifts from the optimum of the same surrogate with the choices as they were made.
+    ``runner``: runs points of the identification's problem. ``answer``: where it ended. ``found``: the
+    surrogate that its profiles rest on. ``check``: what the run on the refined mesh at the answer predicts,
+    in its first row. Returns: shifts from the optimum of the same surrogate with the choices as they were
+    made.
     """
     first, last = runner.problem.shot.window
     width = float(np.diff(found.objective.observations.bins.edges).mean())

@@ -487,23 +487,10 @@ def input_directions(
 ) -> InputDirections:
     """Move every input that has a part in the answer, and return what that does to the data vector.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem.
-    x
-        The optimum in SI, shape [d].
-    objective
-        With the discrepancies of the optimum.
-    steps
-        Key -> step, in place of the input's own; a declared uncertainty, for one.
-    only
-        Inputs to be moved; all of them if left out.
-
-    Raises
-    ------
-    ValueError
-        If the run at the optimum, or one for the Jacobian, does not complete.
+    ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
+    ``objective``: with the discrepancies of the optimum. ``steps``: key -> step, in place of the input's own;
+    a declared uncertainty, for one. ``only``: inputs to be moved; all of them if left out. Raises ValueError
+    if the run at the optimum, or one for the Jacobian, does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {

@@ -118,10 +118,7 @@ class MeshChange:
     def shift(self, gain: FloatArray) -> FloatArray:
         """Optimum on the refined mesh minus that on the surrogate's, shape [d].
 
-        Parameters
-        ----------
-        gain
-            Linear map from what the prediction is short of to the move of the optimum, shape [d, k].
+        ``gain``: linear map from what the prediction is short of to the move of the optimum, shape [d, k].
         """
         return np.asarray(gain @ self.coarser)
 
@@ -171,12 +168,8 @@ def numerical_parts(
 ) -> Mapping[str, FloatArray]:
     """Standard uncertainties from the numerics by source, shape [d] each.
 
-    Parameters
-    ----------
-    mesh, gain
-        As of `MeshChange`.
-    roughness
-        Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth.
+    ``mesh``, ``gain``: as of `MeshChange`. ``roughness``: standard deviation of the optimum from the
+    response's roughness, shape [d]; None if it is smooth.
     """
     found = {"mesh": mesh.sigma(gain)}
     return found if roughness is None else {**found, "roughness": roughness}
@@ -350,12 +343,7 @@ def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     Rows of one standard deviation: what is extrapolated may be missing altogether or be there twice; the two
     elements come together as q^-1.5 with the ratio q of the meshes.
 
-    Parameters
-    ----------
-    stack
-        Whose entries.
-    change
-        Changes of the data vector.
+    ``stack``: whose entries. ``change``: changes of the data vector.
     """
     rows = [change.error]
     if change.element is not None:

@@ -178,17 +178,9 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
     surrogate is tested by runs along the profiles and takes them in, until their rise agrees to a tenth of
     the level.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem, with all runs on the surrogate's mesh.
-    answer
-        Where it ended.
-
-    Raises
-    ------
-    ValueError, RuntimeError
-        If no surrogate or profile can be made from the runs; the message says why.
+    ``runner``: runs points of the identification's problem, with all runs on the surrogate's mesh.
+    ``answer``: where it ended. Raises ValueError, RuntimeError if no surrogate or profile can be made from
+    the runs; the message says why.
     """
     local, whole = _near(runner, answer), runner.problem.box
     found = _in_box(runner, answer, local)
@@ -352,17 +344,8 @@ def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     uncertainty where it has one. Correlation of the residuals in time is
     taken in by a power of the likelihood, one over the mean factor of the profiles.
 
-    Parameters
-    ----------
-    found
-        The profiles and what they rest on.
-    seed
-        Of the chains.
-
-    Raises
-    ------
-    ImportError
-        If emcee is not installed: `pip install 'kolsky[bayes]'`.
+    ``found``: the profiles and what they rest on. ``seed``: of the chains. Raises ImportError if emcee is not
+    installed: `pip install 'kolsky[bayes]'`.
     """
     likelihood = full_likelihood(found.model, found.objective, found.box)
     power = 1.0 / float(np.mean([profile.correlation for profile in found.profiles]))

@@ -96,12 +96,7 @@ def _outline_noise_warnings(result: Identification) -> Iterator[str]:
 def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
     """Say which runs of `kolsky.uncertainty.mesh_error.MeshChange` were lost, and what stands in for them.
 
-    Parameters
-    ----------
-    lost
-        The runs.
-    coarse
-        Elements of the search's mesh, across the radius and along the length.
+    ``lost``: the runs. ``coarse``: elements of the search's mesh, across the radius and along the length.
     """
     for run in lost:
         across, along = run.numerics.mesh

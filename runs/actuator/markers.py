@@ -13,12 +13,11 @@ import argparse
 import csv
 from pathlib import Path
 
+import camera as cam
 import cv2
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.bodies import actuator_camera as cam
-from kolsky.bodies.actuator_camera import find_markers
 from kolsky.bodies.actuator_markers import COUNT, marker_weights_of
 
 SIZE = (1280, 960)
@@ -71,7 +70,7 @@ def main() -> None:
         places = marker_weights_of(rest, COUNT) @ line
         picture = cam.draw_markers(TRUE, places, diameter=DIAMETER, size=SIZE, noise=given.noise, rng=rng)
         cv2.imwrite(str(given.out / f"{name}_{pressure:.0f}.png"), picture)
-        found = seen.in_plane(find_markers(picture, COUNT, TRUE.project(np.zeros((1, 2)))[0]).pixels)
+        found = seen.in_plane(cam.find_markers(picture, COUNT, TRUE.project(np.zeros((1, 2)))[0]).pixels)
         errors.append(found - places)
         for number, (x, z) in enumerate(found, start=1):
             row = {"gravity": name, "pressure (Pa)": pressure, "marker": number}

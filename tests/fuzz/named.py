@@ -57,7 +57,7 @@ SILENT = (
           (f"{_UNIT}/shot/test_stray_frames.py::test_a_stray_frame_of_a_shot_is_named_and_has_no_weight",
            f"{_INPUTS}::test_one_stray_frame_does_not_move_the_answer")),
     Named("one outline row 500 times", "named, counted once",
-          (f"{_UNIT}/shot/test_repeated_rows.py"
+          (f"{_UNIT}/shot/test_shots.py"
            "::test_an_outline_row_that_stands_five_hundred_times_is_counted_once",)),
     Named("one bit turned in a ledger's row", "named, run again",
           (f"{_LEDGER}::test_a_changed_row_counts_as_not_there_and_is_named",)),

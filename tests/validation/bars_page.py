@@ -187,7 +187,7 @@ Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): 
 mm by 4 mm, between steel bars of 20 mm, gauges 1018 mm and 741 mm from the specimen, 80 ns a sample,
 one count of {min(counts):.1f} to {max(counts):.1f} µε. The authors' sheet holds their aligned waves,
 and strain and stress by what they call "3w" and "2w". Read column by column, "3w" is the analysis by
-three waves of [the theory page](../theory/reduction.md), and "2w" takes the rate from the reflected and
+three waves of [the theory page](#theory-reduction), and "2w" takes the rate from the reflected and
 the stress from the transmitted wave: one wave, here. Their strain is the rectangular sum of the rate.
 Their waves are the raw ones less the mean of the first 500 samples, 328 µs long, aligned by 2 x/c0 and
 (x + x)/c0 and nothing else.

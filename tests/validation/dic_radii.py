@@ -1,4 +1,4 @@
-"""Radius of made cylinders with and without the correction for curvature: the table of docs/howto/dic.md."""
+"""Radius of made cylinders, curvature corrected or not: the table of docs/validation/curved_subsets.md."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

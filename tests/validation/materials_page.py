@@ -41,7 +41,7 @@ from kolsky.report.figures import MATERIALS  # noqa: E402
 DOCS = TESTS.parent / "docs" / "validation"
 PAGE = """# Laws fitted to silicones and rubbers
 
-Other laboratories' homogeneous tests, fitted by `kolsky.material` ({{doc}}`../theory/homogeneous`) and
+Other laboratories' homogeneous tests, fitted by `kolsky.material` ({{ref}}`theory-homogeneous`) and
 held against what was published of them. `python tests/validation/materials_page.py` writes this page;
 `pytest --slow tests/validation/test_soft_laws.py` asserts what it says. The data are not part of the
 project.
@@ -53,7 +53,7 @@ data CC BY 4.0): ten compression tests to 66.7 % of each of four silicones, and 
 mean at 1000 strains by least squares in engineering stress. Their Ogden terms are µ/α (…), their Yeoh of
 one term is the neo-Hookean law, their Mooney-Rivlin of second order has C10, C01 and C20
 (`mooney_rivlin_c20` here), and their Veronda-Westmann and Humphrey laws are those of
-{{doc}}`../theory/materials`. With *their* constants these laws give their sums of squares within
+{{ref}}`theory-materials`. With *their* constants these laws give their sums of squares within
 {own:.0e} of each, for all {count} fits: laws, curve and mean are the same, to the last strain, which they
 do not print.
 

@@ -55,7 +55,7 @@ def test_dispersion_explains_what_a_shift_does_not(together):
 
 
 def test_speed_and_gain_are_reported(together):
-    assert together.wave_speed == pytest.approx(5340.2, abs=0.2)  # theory/bar_waves.md quotes it
+    assert together.wave_speed == pytest.approx(5340.2, abs=0.2)  # docs/theory/bars.md quotes it
     assert 1.0 < together.wave_speed_sigma < 4.0
     assert together.gain == pytest.approx(0.990, abs=1e-3)
     assert 0.002 < together.gain_sigma < 0.006

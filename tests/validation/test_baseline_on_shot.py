@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from baseline_on_shot import TRUE_M, bonded_tests, stiffness
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_the_corrected_curve_is_the_shots_own():

@@ -174,7 +174,7 @@ def test_a_study_goes_on_where_it_stopped(tmp_path: Path) -> None:
         run(replace(COARSE, seed=8), folder, [0], workers=1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_interval_covers_the_truth(tmp_path: Path) -> None:
     n = 8
     found = run(COARSE, tmp_path / "study", list(range(n)), workers=1)

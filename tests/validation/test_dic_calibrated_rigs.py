@@ -55,7 +55,7 @@ def normalised(found: Calibration, true: StereoRig, names: tuple[str, ...]) -> t
 
 
 def say(found: Calibration, z: np.ndarray | None = None, total: float = float("nan"), **more: float) -> None:
-    """The numbers that docs/theory/calibration.md quotes; `pytest -s` shows them."""
+    """The numbers that docs/validation/cameras.md quotes; `pytest -s` shows them."""
     facts = {
         "rms": found.rms, "held out": found.checks.held_out_rms, "unit": found.unit,
         "clustering": found.clustering, "shape": found.checks.distance_rms, **more,

@@ -1,6 +1,6 @@
 """Cylinder, test frame and flyer's flight from the pictures of a shot whose answer is known.
 
-`python tests/validation/test_dic_flight.py` draws the figure of docs/theory/surfaces.md.
+`python tests/validation/test_dic_flight.py` draws the figure of docs/theory/pictures.md.
 """
 
 import json

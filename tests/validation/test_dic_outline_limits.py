@@ -1,6 +1,6 @@
 """The outline of open-02 with regions drawn by hand: where its largest error is, and what it comes from.
 
-`pytest -s --slow tests/validation/test_dic_outline_limits.py` prints the figures of docs/theory/surfaces.md.
+`pytest -s --slow tests/validation/test_dic_outline_limits.py` prints those of docs/validation/cameras.md.
 """
 
 import numpy as np

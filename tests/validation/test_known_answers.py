@@ -128,7 +128,7 @@ LATE = 20e-6
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hold", [("poisson", "damping"), ()])
+@pytest.mark.parametrize("hold", [("poisson", "damping"), pytest.param((), marks=pytest.mark.long)])
 def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
     wrong = late_flyer(load_shot(OPEN), LATE)
     coarse = Settings(hold=hold, numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), replicates=16)
@@ -157,7 +157,7 @@ def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
     assert not any(one.explains for one in others)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_of_three_free_parameters_on_default_meshes_too_the_flyer_is_first() -> None:
     """Both clocks that move the outline start in a valley of Poisson's ratio where its own explains more.
 

@@ -41,6 +41,7 @@ def test_the_stiffness_alone():
     assert 0.5 < expected / sigma < 2.0
 
 
+@pytest.mark.long
 def test_stiffness_and_damping_together():
     planned = foretold(*JOINT)
     expected = planned.expected["all"]
@@ -81,5 +82,5 @@ def test_slopes_of_a_ringing_force_depend_on_the_reach():
         ).force_slope[0]
         sizes.append(float(np.sqrt((slope**2).mean())))
         print(f"reach {100 * reach:g} %: dF/dm of {sizes[-1]:.0f} N rms")
-    # A smooth response would give one number; what docs/theory/planning.md says of the phase gives factors.
+    # A smooth response would give one number; what docs/theory/verdicts.md says of the phase gives factors.
     assert sizes[0] > 1.5 * sizes[1] > 2.0 * sizes[2]

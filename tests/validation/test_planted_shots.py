@@ -79,7 +79,7 @@ def identified(folder: Path, *, elastic: bool) -> dict[str, Any]:
     return dict(json.loads((folder / "joint" / "joint.json").read_text("utf-8")))
 
 
-@pytest.mark.slow  # 95 s of one core
+@pytest.mark.long  # 95 s of one core
 def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
     found = identified(tmp_path / "relaxing", elastic=False)
     assert found["model_choice"]["asked_for"]
@@ -97,7 +97,7 @@ def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
     assert np.isfinite(found["slow_tests"]["held"])
 
 
-@pytest.mark.slow  # 95 s of one core
+@pytest.mark.long  # 95 s of one core
 def test_an_elastic_material_stays_one(tmp_path: Path) -> None:
     found = identified(tmp_path / "elastic", elastic=True)
     assert not found["model_choice"]["asked_for"]

@@ -86,7 +86,7 @@ def compared(collected: Callable[[int, float], RatedShot], tilt: float) -> Group
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tilt", [0.0, TILT])
+@pytest.mark.parametrize("tilt", [TILT, pytest.param(0.0, marks=pytest.mark.long)])
 def test_the_slope_of_known_shots(collected, tilt):
     group = compared(collected, tilt)
     line, pooled, e = group.slope, group.pooled, group.equal_strain
@@ -114,7 +114,7 @@ def test_the_slope_of_known_shots(collected, tilt):
     assert (e.residual_scatter < 8e-6).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_five_together_by_the_command(made: Callable[[int, float], Path], tmp_path: Path) -> None:
     folders = [str(made(number, truth(speed, 0.0))) for number, speed in enumerate(SPEEDS)]
     meshes = ["--mesh", "16x22", "--refined-mesh", "24x32", "--free", "stiffness_factor=0.9:1.4"]
@@ -129,7 +129,7 @@ def test_the_five_together_by_the_command(made: Callable[[int, float], Path], tm
     assert scatter["value"] * estimate["value"] < 2.0 * estimate["sigma"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_span_like_the_papers_is_refused(maker, tmp_path):
     shots = []
     for number, speed in enumerate((2.2, 2.4, 2.5, 2.8)):

@@ -103,7 +103,7 @@ def test_the_estimate_is_right_through_arrest_and_second_impact(tmp_path: Path) 
         assert e["sigma"] < {"poisson": 1e-4}.get(name, 0.03) * true, name
 
 
-@pytest.mark.slow  # 17 s of one core
+@pytest.mark.long  # 17 s of one core
 def test_faces_that_open_and_meet_again_are_answered_rightly_or_not_at_all(tmp_path: Path) -> None:
     """Faces that carry no tension: the specimen is thrown off by the first wave and struck again and again.
 

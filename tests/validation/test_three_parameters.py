@@ -65,7 +65,7 @@ def apart(found: Identification, name: str) -> dict[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["open-03", "open-04"])
+@pytest.mark.parametrize("name", ["open-04", pytest.param("open-03", marks=pytest.mark.long)])
 def test_the_ringing_tells_poisson_and_damping(answer: Callable[[str], Answer], name: str) -> None:
     right, (shot, found) = truth(name), answer(name)
     assert list(found.estimates) == list(right)
@@ -107,7 +107,7 @@ def test_three_parameters_in_a_narrow_valley(answer: Callable[[str], Answer]) ->
     assert not [cause for cause in found.causes if cause.named]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_known_answers_together(answer: Callable[[str], Answer]) -> None:
     """Errors of all shots over the standard uncertainties of answer and truth, as one chi-square."""
     z = []
@@ -119,7 +119,7 @@ def test_all_known_answers_together(answer: Callable[[str], Answer]) -> None:
     assert np.square(z).sum() < chi2.ppf(0.9545, len(z)), z
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["open-01", "open-02"])
 def test_with_courses_that_have_converged_the_answers_alone_must_hold(tmp_path: Path, name: str) -> None:
     """What the other program's mesh did to the truth is taken out; all noise of the exports stays."""

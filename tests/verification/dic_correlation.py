@@ -330,7 +330,7 @@ All points are found. A shape function with more freedom costs what it costs in 
 
 *A template read between pixels*, as after a change of the reference picture, with the pair exchanged: mean
 error {1e3 * result.update_bias:+.2f} mpx. Where no noise is declared, so that its effect is not taken out
-({{doc}}`../theory/correlation`), it is {1e3 * result.update_bias_untold:+.2f} mpx.
+({{ref}}`theory-correlation`), it is {1e3 * result.update_bias_untold:+.2f} mpx.
 
 *Compression.* A pattern with speckles of {COARSE:g} px, from {STRETCHES[0]:g} to {STRETCHES[-1]:g} of its
 length and widened by the root of the inverse: the standard deviation of the errors over their own sigma is

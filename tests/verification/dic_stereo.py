@@ -291,7 +291,7 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on a
-surface that curves, says how far off they are, and accepts no false one ({{doc}}`../theory/stereo_matching`).
+surface that curves, says how far off they are, and accepts no false one ({{ref}}`theory-stereo-matching`).
 
 **Independent source.** `speckle_pictures.py` cuts every ray of both cameras with the cylinder and never
 warps a picture; where camera 1 sees a pixel of camera 0 follows from the same rays. Subsets of an affine

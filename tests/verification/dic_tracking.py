@@ -224,7 +224,7 @@ A speckle pattern is computed in closed form (`tests/helpers/speckle_pictures.py
 noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
         SUBSET
     } px, affine, are followed
-with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{doc}}`../theory/tracking`).
+with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{ref}}`theory-tracking`).
 
 | speckles, frames | changes of reference | kept, % | std x / y at λ = 0.5, mpx | at 0.25 | error / sigma |
 | --- | --- | --- | --- | --- | --- |

@@ -219,7 +219,7 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** {{doc}}`../theory/bar_waves`: the first longitudinal mode, and pulses that it carries.
+**What is checked.** {{ref}}`theory-bar-waves`: the first longitudinal mode, and pulses that it carries.
 
 ## The mode
 
@@ -246,10 +246,10 @@ Largest error over the pulse's peak [%]:
 
 ## A bar of finite elements
 
-**Independent source.** Three-dimensional elasticity: the axisymmetric mesh of {{doc}}`../theory/bars`, whose
-force through cross-sections knows nothing of modes. A pulse of {1e6 * LOAD.rise:g} µs rise presses evenly on
-the end of a rod of {LENGTH:g} m; what it is at {NEAR:g} m is carried to {FAR:g} m. The other modes stay near
-the end. Largest difference over the peak:
+**Independent source.** Three-dimensional elasticity: the axisymmetric mesh of {{ref}}`theory-bar-models`,
+whose force through cross-sections knows nothing of modes. A pulse of {1e6 * LOAD.rise:g} µs rise presses
+evenly on the end of a rod of {LENGTH:g} m; what it is at {NEAR:g} m is carried to {FAR:g} m. The other modes
+stay near the end. Largest difference over the peak:
 
 {table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
 

@@ -326,7 +326,7 @@ def page(result: Result) -> str:
     worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
     return f"""# {TITLE}
 
-**What is checked.** The linear elastic mesh of {{doc}}`../theory/bars`, first by itself, then as the
+**What is checked.** The linear elastic mesh of {{ref}}`theory-bar-models`, first by itself, then as the
 reference for the one-dimensional bars that usually stand for it.
 
 ## The mesh by itself

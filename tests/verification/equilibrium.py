@@ -261,7 +261,7 @@ def page(result: Result) -> str:
     )
     return f"""# {TITLE}
 
-**What is checked.** The elements of {{doc}}`../theory/equilibrium`, nearly incompressible ones above all.
+**What is checked.** The elements of {{ref}}`theory-equilibrium`, nearly incompressible ones above all.
 Patch tests of every element, tangents and derivatives against differences, follower pressure and contact
 against closed forms are quick tests in `tests/unit/equilibrium`.
 

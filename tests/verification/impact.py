@@ -374,7 +374,7 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** Striker, pulse shaper, incident bar, joint, flyer, specimen and transmission side in one
-model ({{doc}}`../theory/bars`): its parts against closed forms, the whole against what the paper's Fig. 5
+model ({{ref}}`theory-bar-models`): its parts against closed forms, the whole against what the paper's Fig. 5
 shows.
 
 ## Parts

@@ -58,8 +58,6 @@ TOPICS = [
     "equilibrium",
     "viscoelastic",
     "batch",
-    "derivatives",
-    "adjoint",
     "failure",
     "dic_correlation",
     "dic_tracking",

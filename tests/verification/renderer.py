@@ -263,7 +263,7 @@ def page(result: Result) -> str:
     surface = result.surface
     return f"""# {TITLE}
 
-What `kolsky virtual make` renders ({{doc}}`../theory/virtual_cameras`) is the reference that the
+What `kolsky virtual make` renders ({{ref}}`theory-virtual-cameras`) is the reference that the
 whole way from pictures to a stiffness is judged by, so its own error must be small beside what is
 measured with it: a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px) is promised. Four
 rays a pixel along each axis, as by default.

@@ -239,12 +239,12 @@ def page(result: Result) -> str:
     far, near = PLACES["two gauges"]
     return f"""# {TITLE}
 
-**What is checked.** {{doc}}`../theory/bar_waves`: two known waves that overlap at the gauges of one bar are
+**What is checked.** {{ref}}`theory-bar-waves`: two known waves that overlap at the gauges of one bar are
 told apart.
 
 **Independent source.** Fourier integrals of both waves at every gauge and at the face, with wavenumbers of
 the printed frequency equation (steel). For the polymer the wavenumbers are the package's own, which
-`tests/unit/bars/test_polymer_waves.py` checks: there the separation alone is tested.
+`tests/unit/bars/test_pochhammer.py` checks: there the separation alone is tested.
 
 **Set-up.** Bars of Ø 20 mm, 1.5 m long, gauges {far:g} and {near:g} m from the specimen. Steel,
 ν = 0.29, with a rise of 5 µs; a polymer, a standard linear solid of 5.0 + 0.5 GPa and 12 µs, ν = 0.35, with a

@@ -251,7 +251,7 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** What {{doc}}`../theory/soft_forces` says can be read from the signals of a flyer test, on
+**What is checked.** What {{ref}}`theory-soft-forces` says can be read from the signals of a flyer test, on
 a test whose truth is known: the one simulated from the striker on in {{doc}}`impact`.
 
 **Set-up.** The flyer's displacement at {1e-3 / FRAME:.0f} 000 frames a second with {1e6 * NOISE_FRAME:g} µm

@@ -46,7 +46,7 @@ def test_the_linearised_reference_flutters_with_friction_only() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["32 × 44", "32 × 44, F-bar"])
+@pytest.mark.parametrize("name", ["32 × 44", pytest.param("32 × 44, F-bar", marks=pytest.mark.long)])
 def test_fine_force_and_outline_with_friction_against_the_reference(name: str) -> None:
     mesh, element = topic.CASES[name]
     found = topic.compress(mesh, element=element, friction=FOLDS_SLIPS_STICKS)

@@ -46,7 +46,7 @@ def test_the_bound_of_the_step_holds(element: str, name: str, form: str) -> None
 def test_the_default_bound_is_no_looser_than_for_marlows_law(element: str) -> None:
     marlow = bound_quality(element, 0.495)
     found = bound_quality(element, 0.495, law=LAWS["neo_hookean"].of([25e3]))
-    assert found.least > 0.98  # as the trace of Marlow's, docs/theory/speed.md
+    assert found.least > 0.98  # as the trace of Marlow's, tests/verification/test_step_bound.py
     assert found.median < 1.02 * marlow.median
 
 

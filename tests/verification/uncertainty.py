@@ -341,7 +341,7 @@ def page(result: Result) -> str:
     factor = float(result.budget.coverage_factor("stress").reshape(-1)[result.budget.peak("stress")])
     return f"""# {TITLE}
 
-**What is checked.** The arithmetic of {{doc}}`../theory/uncertainty`: budgets by sensitivities, the same by
+**What is checked.** The arithmetic of {{ref}}`theory-budget`: budgets by sensitivities, the same by
 draws, and bands over repeated tests.
 
 ## Printed examples

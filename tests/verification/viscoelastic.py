@@ -424,7 +424,7 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** The branches of `explicit.relaxation` in the time loop, theory in
-[viscoelasticity](../theory/viscoelasticity.md): a Prony series and a Bergström–Boyce network beside a
+[viscoelasticity](#theory-viscoelasticity): a Prony series and a Bergström–Boyce network beside a
 neo-Hookean law of 20 kPa, with both elements.
 
 **Independent source.** Homogeneous twins in NumPy, which `tests/unit/explicit/test_relaxation.py`

@@ -2,7 +2,7 @@
 
 The recursive filter of the quintic B-spline (Unser 1999) is cut off where its response is below `LEAST` of
 its middle. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian before the spline
-is part of the same filter. The variance that a spline passes on is Eq. (C.6) of docs/theory/correlation.md.
+is part of the same filter. The variance that a spline passes on is Eq. (C.6) of docs/theory/pictures.md.
 """
 
 import os

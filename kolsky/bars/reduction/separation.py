@@ -4,7 +4,7 @@ With several gauges on one bar the waves in both directions are the solution of 
 frequency. With one gauge a bar, the echo from the free end is predicted and subtracted.
 
 After Zhao and Gary (1997) and Bacon (1999), with every gauge weighted by its noise (Bussac and others 2002).
-Numbers of equations are those of docs/theory/bar_waves.md.
+Numbers of equations are those of docs/theory/bars.md.
 """
 
 from collections.abc import Sequence

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import splu
 
 from explicit.materials.law import Stretches
 from kolsky.base.arrays import FloatArray
-from kolsky.material.end_friction.cylinder import Body, HalfCylinder
+from kolsky.material.end_friction.cylinder import Body, HalfCylinder, quadratic_functions
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ContactPoints:
     def of(cls, mesh: HalfCylinder, *, face: bool) -> "ContactPoints":
         """Points of the side, and those of the face if it can move."""
         points, weights = np.polynomial.legendre.leggauss(GAUSS)
-        N = np.column_stack([0.5 * points * (points - 1.0), 1.0 - points**2, 0.5 * points * (points + 1.0)])
+        N, _ = quadratic_functions(points)
         line = mesh.side
         three = np.stack([line[:-2:2], line[1:-1:2], line[2::2]], axis=1)
         length = mesh.nodes[three[:, 2], 1] - mesh.nodes[three[:, 0], 1]

@@ -88,8 +88,8 @@ class HalfCylinder:
         points, weights = np.polynomial.legendre.leggauss(GAUSS)
         eta, xi = (g.ravel() for g in np.meshgrid(points, points, indexing="ij"))
         weight = np.outer(weights, weights).ravel()
-        N1, D1 = _quadratic(xi)
-        N2, D2 = _quadratic(eta)
+        N1, D1 = quadratic_functions(xi)
+        N2, D2 = quadratic_functions(eta)
         shape = (N2[:, :, None] * N1[:, None, :]).reshape(-1, 9)
         along = np.stack(
             [
@@ -128,7 +128,7 @@ def _graded(length: float, n: int, ratio: float) -> FloatArray:
     return np.sort(np.concatenate([corner, 0.5 * (corner[1:] + corner[:-1])]))
 
 
-def _quadratic(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def quadratic_functions(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Quadratic functions of nodes at -1, 0, 1 and their derivatives, shape [n, 3]."""
     value = np.column_stack([0.5 * x * (x - 1.0), 1.0 - x**2, 0.5 * x * (x + 1.0)])
     return value, np.column_stack([x - 0.5, -2.0 * x, x + 0.5])

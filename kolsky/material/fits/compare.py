@@ -17,7 +17,7 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
-from explicit.materials.law import Stretches, tangent
+from explicit.materials.law import Stretches, logarithmic_hessian, tangent
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.fit import STARTS, Fit, FitOutcome, fit_law
@@ -91,9 +91,7 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
     """
     lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        w = np.stack(law.principal(lam[..., 0], lam[..., 1], lam[..., 2]), axis=-1) * lam
-        H = law.hessian(lam[..., 0], lam[..., 1], lam[..., 2]) * lam[..., :, None] * lam[..., None, :]
-        H = H + np.eye(3) * w[..., None]
+        H = logarithmic_hessian(law, lam)
         # Steps that leave the stiffest axis as it is must not be the small difference of large numbers.
         first = np.argmax(np.nan_to_num(np.diagonal(H, axis1=-2, axis2=-1), nan=0.0), axis=-1)
         axes = (first[..., None] + np.arange(3)) % 3

@@ -65,12 +65,6 @@ PLACES: dict[str, tuple[str, ...]] = {
     "PREDICTIONS": ("planning.signals",),
     "SCANS": ("planning.scan",),
     "RATES": ("rates.rate_slope", "rates.rate_forest", "rates.rate_stiffness", "rates.rate_equal_strain"),
-    "TRENDS": (
-        "studies.trend_poisson",
-        "studies.trend_damping",
-        "studies.trend_friction",
-        "studies.trend_stiffness",
-    ),
     "BASELINES": ("material.baseline",),
     "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
     "SENSITIVITY": ("studies.sensitivity",),
@@ -122,7 +116,6 @@ SHOWN_BY: dict[str, str] = {
     "kolsky.studies.planning.plan.Plan": "PLANS",
     "kolsky.studies.rates.records.GroupRates": "RATES",
     "kolsky.studies.sweep_analysis.SweepAnalysis": "SWEEPS",
-    "kolsky.studies.trends.Trends": "TRENDS",
 }
 """Registries by the class of what their figures show."""
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from kolsky.base.process import run_program
 from kolsky.report.scene.scene_data import (
-    AZIMUTH,
-    ELEVATION,
+    EYE,
     FIELDS,
     PLATEN,
+    RIGHT,
     SIDE_DISTANCE,
     Scene,
     Surface,
@@ -139,19 +139,14 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
 
 def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
     """Set a parallel projection, the same at all times, with room for the colour bar at the right."""
-    azimuth, elevation = np.radians(AZIMUTH), np.radians(ELEVATION)
-    right = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
-    way = np.array(
-        [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
-    )
-    left_end = -SIDE_DISTANCE * radius * right[0] - radius if beside else -PLATEN * radius
+    left_end = -SIDE_DISTANCE * radius * RIGHT[0] - radius if beside else -PLATEN * radius
     across = 0.5 * (PLATEN * radius - left_end)
     width, height = plotter.window_size
-    middle = (0.5 * (PLATEN * radius + left_end) + MARGIN * across) * right + [0.0, 0.5 * top, 0.0]
-    plotter.camera_position = [(middle + 20.0 * radius * way).tolist(), middle.tolist(), (0.0, 1.0, 0.0)]
+    middle = (0.5 * (PLATEN * radius + left_end) + MARGIN * across) * RIGHT + [0.0, 0.5 * top, 0.0]
+    plotter.camera_position = [(middle + 20.0 * radius * EYE).tolist(), middle.tolist(), (0.0, 1.0, 0.0)]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = max(
-        0.55 * top + PLATEN * radius * np.sin(elevation), (1.0 + 1.6 * MARGIN) * across * height / width
+        0.55 * top + PLATEN * radius * EYE[1], (1.0 + 1.6 * MARGIN) * across * height / width
     )
 
 

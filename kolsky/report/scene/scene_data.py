@@ -261,8 +261,14 @@ PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
 """Radius of a platen over the specimen's largest, and its thickness over that."""
 SIDE_DISTANCE = 2.9
 """Distance of the measured body from the simulated one over the largest radius."""
-AZIMUTH, ELEVATION = 40.0, 18.0
-"""Direction from the specimen to the eye: turned from Z toward x, and above the plane of both [degrees]."""
+_AZIMUTH, _ELEVATION = np.radians(40.0), np.radians(18.0)
+"""Direction from the specimen to the eye: turned from Z toward x, and above the plane of both."""
+EYE = np.array(
+    [np.sin(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_ELEVATION), np.cos(_AZIMUTH) * np.cos(_ELEVATION)]
+)
+"""Unit vector toward the eye."""
+RIGHT = np.array([np.cos(_AZIMUTH), 0.0, -np.sin(_AZIMUTH)])
+"""Unit vector of the picture to the right."""
 
 
 @dataclass(frozen=True)

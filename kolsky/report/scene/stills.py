@@ -18,9 +18,9 @@ from matplotlib.colors import Normalize, to_rgb
 from kolsky.base.arrays import FloatArray
 from kolsky.report.scene.film import evenly_spaced
 from kolsky.report.scene.scene_data import (
-    AZIMUTH,
-    ELEVATION,
+    EYE,
     FIELDS,
+    RIGHT,
     SIDE_DISTANCE,
     Scene,
     Surface,
@@ -42,11 +42,6 @@ THROUGH = 0.65
 AMBIENT = 0.45
 """Brightness of a face that is seen edge-on; one that faces the light has 1."""
 
-_a, _e = np.radians(AZIMUTH), np.radians(ELEVATION)
-EYE = np.array([np.sin(_a) * np.cos(_e), np.sin(_e), np.cos(_a) * np.cos(_e)])
-"""Unit vector toward the eye."""
-RIGHT = np.array([np.cos(_a), 0.0, -np.sin(_a)])
-"""Unit vector of the picture to the right."""
 UP = np.cross(EYE, RIGHT)
 """Unit vector of the picture upward."""
 LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35 * RIGHT)

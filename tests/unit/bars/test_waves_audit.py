@@ -102,7 +102,7 @@ def test_a_log_knows_its_keys():
 
 
 def test_the_documented_switches_are_those_there_are():
-    page = (Path(__file__).parents[3] / "docs" / "theory" / "uncertainty.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "theory" / "bars.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([^`]+)` \| (on|off) \| (.+) \|$", page, flags=re.MULTILINE)
     assert [(key, state == "on", words) for key, state, words in rows] == [
         (key, default, words) for key, (default, words) in CORRECTIONS.items()

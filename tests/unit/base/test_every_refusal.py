@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
-REFUSALS = ("InputError", "CameraFileError")  # a PictureError has a cure of its own
+REFUSALS = ("InputError", "refusal", "CameraFileError")  # a PictureError has a cure of its own
 
 
 def without_cure(source: str) -> list[str]:

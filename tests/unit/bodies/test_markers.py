@@ -7,17 +7,6 @@ import numpy as np
 import pytest
 from kolsky_command import run_kolsky
 
-from kolsky.bodies.actuator_camera import (
-    NoMarkersError,
-    PlaneCamera,
-    board_corners,
-    calibrate,
-    chain,
-    draw_board,
-    draw_markers,
-    find_corners,
-    find_markers,
-)
 from kolsky.bodies.actuator_markers import (
     MarkerComparison,
     fit_stiffness,
@@ -32,6 +21,17 @@ from kolsky.equilibrium.solid import CompressibleNeoHookean
 from kolsky.equilibrium.solve import solve
 from kolsky.report.films import largest_stretches
 from kolsky.report.scene import drawing
+from runs.actuator.camera import (
+    NoMarkersError,
+    PlaneCamera,
+    board_corners,
+    calibrate,
+    chain,
+    draw_board,
+    draw_markers,
+    find_corners,
+    find_markers,
+)
 from tests.unit.bodies.small import DOWN, actuator
 
 SIZE = (900, 700)

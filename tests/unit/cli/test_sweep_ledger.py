@@ -180,7 +180,7 @@ def test_a_ledger_that_is_none_is_refused(shot: Path) -> None:
     assert file.read_text() == "mine\n" * 100
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_killed_three_times_on_the_real_solver(shot: Path) -> None:
     results = shot / "results"
     options = ["--mesh", "8x11", "--design", "halton", "--runs", "1000", "--threads", "1", *VARY]

@@ -93,7 +93,7 @@ def test_the_noise_of_a_picture_is_found_under_its_dots():
     ("shape", "spread"), [("disc", 1 / 4), ("ring", (1 + 0.5**2) / 4), ("square", 1 / 3)]
 )
 def test_centroids_of_patches_against_their_outlines(shape, spread):
-    """Eq. (C.1) against the centroid of the projected outline, for a patch a tenth as wide as it is deep."""
+    """Eq. (CC.1) against the centroid of the projected outline, for a patch a tenth as wide as it is deep."""
     R, _ = cv2.Rodrigues(np.array([0.7, -0.5, 0.2]))
     X, r = np.array([0.02, -0.03, 0.2]), 0.01
     s = np.linspace(0.0, 1.0, 4001)[:-1]
@@ -231,7 +231,7 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
     sight = View(
         0, 0, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids], found.pixels, np.ones(n)
     )
-    # Eq. (C.2) keeps the first order in patch size over radius, 0.11 here; 10 % of shifts of 0.2 px remain
+    # Eq. (CC.2) keeps the first order in patch size over radius, 0.11 here; 10 % of shifts of 0.2 px remain
     np.testing.assert_allclose(project_points(camera, sight, R, t), expected, atol=0.02)
     with pytest.raises(TargetNotFound, match="no dot at the anchor"):
         detect(picture, DottedCylinder(**{**vars(body), "anchors": ((5, 3, 5.0, 5.0), *anchors[1:])}))

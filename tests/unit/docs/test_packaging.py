@@ -51,9 +51,9 @@ def built(tmp_path: Path, kind: str) -> Path:
     copy.mkdir()
     for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"):
         shutil.copy(ROOT / name, copy)
-    for name in (*PACKAGES, "conda"):
+    for name in (*PACKAGES, "conda", "contributed"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "runs" / "open-01", copy / "runs" / "open-01")
+    shutil.copytree(ROOT / "runs" / "open-05", copy / "runs" / "open-05")
     code = f"from setuptools import build_meta as b; b.build_{kind}({str(tmp_path)!r})"
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], cwd=copy, check=True, capture_output=True)
     return next(tmp_path.glob("kolsky-*"))
@@ -86,7 +86,8 @@ def test_the_wheel_holds_every_file_of_the_packages_and_runs_outside_the_tree(tm
 def test_the_source_distribution_holds_the_shots_and_pages(tmp_path: Path) -> None:
     with tarfile.open(built(tmp_path, "sdist")) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"runs/open-05/shot.toml", "conda/recipe.yaml", "CITATION.cff", "kolsky/py.typed"} <= held
+    wanted = {"runs/open-05/shot.toml", "conda/recipe.yaml", "CITATION.cff", "contributed/adjoint/plan.py"}
+    assert {*wanted, "kolsky/py.typed"} <= held
 
 
 def test_every_file_beside_the_modules_is_shipped() -> None:

@@ -148,7 +148,7 @@ def test_a_pressure_needs_faces():
         solve(model, {"p": [1.0]})
 
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "theory" / "equilibrium.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "theory" / "solver.md"
 
 
 @pytest.mark.slow

@@ -531,7 +531,7 @@ def test_what_fits_on_a_chip() -> None:
     usual, finer = (cylinder(1.0, 1.0, n_radial=r, n_axial=a) for r, a in ((16, 22), (24, 32)))
     assert fits_on_chip(usual, fp64)
     assert fits_on_chip(usual, fp32)
-    assert not fits_on_chip(finer, fp64)  # as docs/theory/speed.md says
+    assert not fits_on_chip(finer, fp64)  # as docs/speed.md says
     assert fits_on_chip(finer, fp32)
     assert usual.n_elements <= ON_CHIP_ELEMENTS < finer.n_elements
     thin = cylinder(1.0, 1.0, n_radial=2, n_axial=100)

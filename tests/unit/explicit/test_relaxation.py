@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from order import assert_order
 from scipy.integrate import solve_ivp
 
-from explicit import Model, PlatenMotion, Samples, Sampling, Stepping, cylinder, run
-from explicit.adjoint.plan import plan
+from explicit import Model, PlatenMotion, Samples, Sampling, cylinder, run
 from explicit.device import select_device
 from explicit.materials import neo_hookean
 from explicit.precision import PRECISIONS
@@ -58,8 +57,6 @@ def test_what_makes_no_sense_is_refused() -> None:
         replace(MODEL, relaxation=(SERIES, BergstromBoyce(1.0, 1e3)))
     with pytest.raises(ValueError, match="names relaxation 1, the model has 0 to 0"):
         run(replace(MODEL, relaxation=(SERIES,)), Samples.of(relaxation=1), SAMPLING)
-    with pytest.raises(ValueError, match="adjoint knows no branches"):
-        plan(replace(MODEL, relaxation=(SERIES,)), Samples.of(), Stepping(), 8)
 
 
 FloatArray = NDArray[np.float64]

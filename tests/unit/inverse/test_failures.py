@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,19 @@ from shot_folders import OPEN_01, shot_in
 from synthetic import failed, synthetic
 from typer.testing import CliRunner
 
+import explicit
+from doe import Box
 from explicit import Outcome, Response
 from kolsky.base.files import write_tables
 from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Forward
-from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.problem import Freed, InverseProblem, PreparedShot, prepare_shot
 from kolsky.inverse.result import Identification
+from kolsky.inverse.runner import RUNS_OF_A_DESIGN, compile_for
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.simulate import simulate, write_simulation
+from kolsky.inverse.work import Work
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import tables, to_json
@@ -293,3 +298,34 @@ def test_a_sample_that_is_not_there() -> None:
     with pytest.raises(ValueError, match=r"sample must be in \[0, 0\], got 1"):
         response.ending(1)
     assert [ending.outcome for ending in response.endings] == [Outcome.COMPLETED]
+
+
+def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+    stages_told: list[tuple[str, int, int]] = []
+
+    class Numerics(SimpleNamespace):
+        def with_other_element(self) -> "Numerics":
+            return Numerics(**{**vars(self), "element": "fbar"})
+
+    numerics = Numerics(device="cpu", threads=2, element="one_point")
+
+    def problem(points: dict[str, Any], numerics: Numerics) -> tuple[Any, ...]:
+        return numerics.element, {name: value.tolist() for name, value in points.items()}
+
+    def compiled(problems: Any, *, also: Any, device: str, threads: int, progress: Any) -> int:
+        asked.update(problems=problems, also=[make() for make in also], device=device, threads=threads)
+        progress(1, 3)
+        return 3
+
+    monkeypatch.setattr(explicit, "compile_time_loops", compiled)
+    prepared: Any = SimpleNamespace(forward=SimpleNamespace(problem=problem))
+    freed = Freed(Settings(numerics=numerics, held={"damping": 2e-5}), by_default=False, reasons={})
+    made = InverseProblem(prepared, freed, Box.of({"stiffness_factor": (0.5, 2.0)}), None)
+    compile_for(made, Work(lambda *at: stages_told.append(at)))
+    one = {"damping": [2e-5], "stiffness_factor": [0.5]}
+    many = {name: value * RUNS_OF_A_DESIGN for name, value in one.items()}
+    assert asked["problems"] == [("one_point", one), ("one_point", many)]
+    assert asked["also"] == [("fbar", one)]
+    assert (asked["device"], asked["threads"]) == ("cpu", 2)
+    assert stages_told == [("compile", 1, 3)]

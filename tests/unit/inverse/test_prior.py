@@ -1,6 +1,8 @@
 """Priors of the free parameters against the posterior of a linear model with Gaussian noise."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from test_objective import NOISE_FORCE, linear, objective
 from doe import Box
 from kolsky.inverse.coarse_search import CorrectedSurrogate, search
 from kolsky.inverse.gauss_newton import gauss_newton_step, linear_step
-from kolsky.inverse.objective import Prior
+from kolsky.inverse.objective import Objective, Prior
 from kolsky.uncertainty.profiles import full_likelihood
 
 MEAN, SIGMA = np.array([0.3, 5.0]), np.array([0.02, np.inf])
@@ -117,3 +119,12 @@ def test_a_prior_says_what_it_needs() -> None:
         Prior(np.zeros(1), np.zeros(1))
     with pytest.raises(ValueError, match="one shape"):
         Prior(np.zeros(2), np.ones(1))
+
+
+def test_prior_has_no_part_in_a_clocks_lag() -> None:
+    prior: Any = SimpleNamespace(precision=np.array([[4.0, 1.0], [1.0, 2.0]]))
+    objective: Any = SimpleNamespace(prior=prior)
+    wide = Objective.prior_precision(objective, 3)
+    assert wide.tolist() == [[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.0]]
+    assert Objective.prior_precision(objective, 2).tolist() == prior.precision.tolist()
+    assert not Objective.prior_precision(objective, 2, "force").any()

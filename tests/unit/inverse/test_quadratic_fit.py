@@ -24,7 +24,6 @@ NOISE = 0.05
 REFINED = (16, 22)
 MESH_ERROR = np.array([0.03, -0.02])
 """By how much the coarse mesh's optimum lies off the refined one's."""
-ELEMENT_ERROR = np.array([-0.01, 0.005])
 """By how much the other element's does."""
 
 
@@ -75,9 +74,8 @@ class MadeUp:
         return force(*x) + self.ringing * np.sin(60.0 * (x[0] - TRUTH[0]) + 40.0 * TIME / TIME[-1])
 
     def predicted(self, points: np.ndarray, numerics: Numerics) -> Prediction:
-        """Bin means of the forces, those of other meshes and elements off by their errors."""
+        """Bin means of the forces, those of other meshes off by their error."""
         off = np.zeros(2) if numerics.mesh == REFINED else MESH_ERROR
-        off = off + (ELEMENT_ERROR if numerics.element == "fbar" else 0.0)
         curves = np.array([self.clean(x - off) for x in points])
         bins = np.array([self.binned(curve) for curve in curves])
         bins = bins + self.jumps * self.rng.standard_normal(bins.shape)
@@ -133,18 +131,16 @@ def test_a_rough_response_is_averaged_and_its_roughness_told() -> None:
     np.testing.assert_allclose(edges, EDGE, rtol=1e-9)  # a sliding surface keeps the wide box
 
 
-def test_the_other_mesh_and_the_other_element_move_it_as_they_should() -> None:
+def test_the_other_mesh_moves_it_as_it_should() -> None:
     found = run(MadeUp(jumps=0.0), TRUTH + MESH_ERROR)
     # One linear step back over a response that is bilinear: its curvature over the step is 3 %.
     np.testing.assert_allclose(found.mesh_shift, -MESH_ERROR, rtol=0.05)
-    np.testing.assert_allclose(found.element_shift, ELEMENT_ERROR, rtol=0.05)
     assert found.moved < 0.01
 
 
 def test_runs_that_are_lost_beside_it_leave_the_search() -> None:
     start = TRUTH + MESH_ERROR
     found = run(MadeUp(jumps=0.0, lost=True), start)
-    assert found.element_shift is None
     np.testing.assert_allclose(found.mesh_shift, found.x - start)
 
 

@@ -1,10 +1,16 @@
 """The table of runs: each point once for the paper's cost, and NaN where a run did not complete."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from doe import Box
 from explicit import Ending, Outcome
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import RunTable, Terms
+from kolsky.inverse.settings import Numerics
+from kolsky.shot.load import load_shot
 
 
 def terms(phi: float) -> Terms:
@@ -51,3 +57,22 @@ def test_a_lost_run_keeps_its_place_with_nan_misfits() -> None:
     assert built.ending(0).outcome.ok
     np.testing.assert_array_equal(built.phi_force[[0, 2, 6]], [50.0, 30.0, 5.0])
     assert (built.lower[0], built.upper[0]) == (0.5, 1.5)
+
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+
+
+def test_a_mesh_is_kept_for_its_specimen_and_its_numerics() -> None:
+    forward = prepare_shot(load_shot(OPEN_01)).forward
+    numerics = Numerics(mesh=(6, 8))
+    mesh = forward.mesh(numerics)
+    specimen = forward.shot.specimen
+    assert replace(forward, paths=forward.paths[:1]).mesh(replace(numerics, safety=0.5)) is mesh
+    assert (mesh.nodes[:, 0].max(), mesh.length) == (specimen.radius, specimen.length)
+    assert forward.mesh(replace(numerics, mesh=(8, 6))).n_elements == 48
+    graded = forward.mesh(replace(numerics, grading=1.0 + numerics.grading))
+    assert not np.array_equal(graded.nodes, mesh.nodes)
+    longer = replace(forward.shot, specimen=replace(specimen, length=1.01 * specimen.length))
+    assert replace(forward, shot=longer).mesh(numerics).length == 1.01 * specimen.length
+    wider = replace(forward.shot, specimen=replace(specimen, diameter=1.01 * specimen.diameter))
+    assert replace(forward, shot=wider).mesh(numerics).nodes[:, 0].max() == 0.5 * 1.01 * specimen.diameter

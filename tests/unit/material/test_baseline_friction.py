@@ -67,7 +67,7 @@ def test_two_materials_in_one_batch_are_their_own():
     assert made.stress[1] == pytest.approx(2.0 * made.stress[0], rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bonded_reference_leads_back_to_its_material():
     strain, force = table("A_force_radius.csv")[:, :2].T
     found = correct_friction(
@@ -98,7 +98,7 @@ def test_declared_friction_leads_back_to_the_material():
     assert 0.003 < float(np.max(found.band.parts()["friction"] / found.band.stress)) < 0.04
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_free_friction_is_found_from_the_bulge():
     strain, force, bulge = rubbing()[4::5].T
     found = correct_friction(

@@ -1,5 +1,7 @@
 """Moduli, ratios, fracture, recovery; agreeing starts, the cost of bounds, compressible paths."""
 
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +14,7 @@ from kolsky.material.fits.compare import Stability, drucker, least_compressible_
 from kolsky.material.fits.fit import FitOutcome, fit_law
 from kolsky.material.fits.homogeneous import Mode, compressible_stress, free_stretch
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.properties import fracture, poissons_ratio, recovery, youngs_modulus
+from kolsky.material.fits.properties import fracture, healing, poissons_ratio, recovery, youngs_modulus
 from kolsky.material.fits.search import search
 from kolsky.material.fits.tables import remarks
 
@@ -148,3 +150,29 @@ def test_free_searches_are_never_worse_than_bounded_ones():
     problem = residuals_of(LAWS["gent"], [test])
     bounded, free = (search(problem, bounded=b, starts=2, seed=5) for b in (True, False))
     assert free.chi2 <= bounded.chi2 * (1.0 + 1e-9)
+
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tests" / "validation"))
+
+import healing_page as page  # noqa: E402
+
+
+def test_the_page_is_what_its_numbers_make():
+    assert (ROOT / "docs" / "validation" / "healing.md").read_text(encoding="utf-8") == page.page()
+
+
+def test_numbers_of_the_page_by_hand():
+    # 0.2555 / 0.0195 squared and 0.2565 / 0.0185 squared.
+    assert page.points(0.256, 0.019) == pytest.approx((171.68, 192.23), abs=0.01)
+    # mu = 0.218, K = 2 / 1.15 = 1.7391: (5.2174 - 0.436) / (10.4348 + 0.436).
+    assert page.ratio_at_rest(0.109, 1.15) == pytest.approx(0.43984, abs=1e-5)
+    # Small strains: E = 2 mu (1 + nu) = 0.62777 MPa.
+    assert page.nominal(0.109, 1.15, 1e-5) == pytest.approx(0.62777e-5, rel=1e-4)
+    side = page.narrowing(0.109, 1.15, 1e-4)
+    assert (1.0 - side) / 1e-4 == pytest.approx(0.43984, rel=1e-3)
+
+
+def test_no_specimen_no_efficiency():
+    with pytest.raises(ValueError, match="needs undamaged and healed specimens"):
+        healing([], [])

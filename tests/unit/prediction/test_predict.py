@@ -219,7 +219,7 @@ def test_the_command(tmp_path: Path) -> None:
     run_kolsky("predict", tmp_path / "t.toml", "--out", tmp_path / "q", "--want", "flyer_speed=2", code=2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_elements_and_bars_agree_on_the_papers_test(paper: PlannedTest, tmp_path: Path) -> None:
     """The order of the paper's Fig. 5, its rate and its compression, with a film."""
     from kolsky.report.result_folder import write_prediction_results

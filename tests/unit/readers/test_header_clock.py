@@ -183,7 +183,9 @@ def test_tabs_divide_names_that_hold_blanks(tmp_path: Path) -> None:
     samples = [f"{i}e-3\t{(7 * i) % 11}\t{(5 * i) % 13}" for i in range(12)]
     names = "Time [ms]\tStrain gauge 1 [kN]\tKraft A [mV]"
     path = tmp_path / "scope.txt"
-    path.write_text("\n".join(["Sampling Frequency: 1000000 S/s", "", *settings, "", names, *samples]), "utf-8")
+    path.write_text(
+        "\n".join(["Sampling Frequency: 1000000 S/s", "", *settings, "", names, *samples]), "utf-8"
+    )
     assert [(c.name, c.unit) for c in list_channels(path)] == [
         ("Strain gauge 1 [kN]", "kN"),
         ("Kraft A [mV]", "mV"),

@@ -17,6 +17,7 @@ from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables,
 from kolsky.report.pages.waves import answers, quantity
 from kolsky.results import numbers
 from kolsky.results.display import in_display_units
+from kolsky.results.nomenclature import in_words, short
 from kolsky.results.printed import answer as printed_answer
 
 MADE = synthetic()
@@ -242,3 +243,44 @@ def test_runs_are_weighted_by_noise_and_discrepancy_in_quadrature() -> None:
 def test_a_time_on_a_clock_that_runs_for_long_keeps_its_digits() -> None:
     assert quantity(58.300004196, "s") == "58.300004196 s"
     assert quantity(0.0999, "s") == "9.99e+04 µs"
+
+
+def test_changes_are_the_parts_of_the_interval() -> None:
+    made = in_display_units(synthetic())
+    e = made.estimates["stiffness_factor"]
+    named = parts(made, e)
+    assert np.hypot.reduce(list(named.values())) == pytest.approx(e.sigma)  # nothing twice, nothing left out
+    first, *_ = changes(made)
+    words, sigma = next(iter(named.items()))
+    assert sigma == max(named.values())
+    half = 2.0 * np.sqrt(
+        e.sigma**2 - sigma**2 + (0.5 * sigma) ** 2
+    )  # the part itself halved, the others kept
+    assert first.startswith(f"Halving {words} would bring U of m from {2.0 * e.sigma:.4f} to {half:.4f} ")
+
+
+def test_nothing_is_advised_from_parts_that_do_not_add_up() -> None:
+    made = synthetic()
+    e = replace(made.estimates["stiffness_factor"], noise_parts={"force and shape": 0.5})
+    assert not [x for x in changes(replace(made, estimates={"stiffness_factor": e})) if "Halving" in x]
+
+
+def test_what_was_not_varied_is_said() -> None:
+    rows = {row["words"]: row for row in choices(in_display_units(synthetic()))}
+    assert rows["end of the window"]["shifts"] == [numbers.NOTHING]
+    assert "not varied" in rows["end of the window"]["done"]
+    assert rows["Poisson’s ratio ν"]["done"] == "not varied"
+    # 0.9 and -1.6 standard uncertainties of 0.0019 from the joint optimum, as the made-up routes are
+    assert rows["misfit: force χ² only"]["shifts"] == ["0.00171"]
+    assert rows["misfit: outline χ² only"]["shifts"] == ["−0.00304"]
+
+
+def test_parameters_in_sentences_have_their_words() -> None:
+    text = "stiffness_factor is identified, friction is not seen"
+    assert in_words(text, ["stiffness_factor", "friction"]) == (
+        "stiffness factor m is identified, Coulomb friction f is not seen"
+    )
+    assert in_words("with friction as a parameter; mass_damping") == (
+        "with friction as a parameter; mass-proportional damping α"
+    )
+    assert short("poisson") == "Poisson’s ratio ν"

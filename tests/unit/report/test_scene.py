@@ -25,7 +25,6 @@ from kolsky.report.scene import drawing, stills
 from kolsky.report.scene.drawing import CannotRender, picture
 from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
 from kolsky.report.scene.scene_data import (
-    ELEVATION,
     FIELDS,
     SceneDataMissing,
     Solid,
@@ -246,7 +245,7 @@ def test_brightness_is_lamberts_law_and_distance_is_toward_the_eye() -> None:
     # The picture is a parallel projection: lengths across the eye's direction are kept, y goes upward.
     np.testing.assert_allclose(
         stills.in_picture(np.array([stills.EYE, stills.RIGHT, stills.UP, [0.0, 1.0, 0.0]])),
-        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, np.cos(np.radians(ELEVATION))]],
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, np.hypot(stills.EYE[0], stills.EYE[2])]],
         atol=1e-12,
     )
 

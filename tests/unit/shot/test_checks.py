@@ -18,6 +18,7 @@ from kolsky.shot.force import check_baseline, check_range, check_sign, check_sig
 from kolsky.shot.load import window
 from kolsky.shot.outline import check_outline
 from kolsky.shot.records import ForceChannel
+from kolsky.shot.summary import Entry
 
 FILE = Path("file.csv")
 LENGTH, DIAMETER = 5e-3, 8e-3
@@ -424,3 +425,25 @@ def test_strains_beyond_twenty_are_none() -> None:
     strain = np.linspace(0.0, 20.0, 6)
     curve(strain, 1e3 * strain, TENSED)
     assert "is no strain of an elastomer" in refused(curve, 1.001 * strain, 1e3 * strain, TENSED)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "written"),
+    [
+        (9.5e-3, "m", "9.5 mm"),
+        (4e-6, "m", "4 um"),
+        (-9.99e-5, "m", "-99.9 um"),
+        (1e-4, "m", "0.1 mm"),
+        (0.0, "m", "0 mm"),
+        (25e-6, "s", "25 us"),
+        (0.0999, "s", "99900 us"),
+        (58.300025, "s", "58.300025000 s"),
+        (870.0, "kg/m^3", "870 kg/m^3"),
+        (3341, "", "3341"),
+        ("bonded", "", "bonded"),
+    ],
+)
+def test_a_length_below_a_tenth_of_a_millimetre_is_in_micrometres(
+    value: float | str, unit: str, written: str
+) -> None:
+    assert Entry("a", "b", value, unit).written() == written

@@ -16,16 +16,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, MaterialCurve
 from kolsky.base.toml import TomlFile
 from kolsky.shot.bars import load_waves
+from kolsky.shot.evidence import Evidence, fitting_factor, fitting_unit, power_of_1000
 from kolsky.shot.load import check_shot, load_shot
-from kolsky.shot.plausibility import (
-    Evidence,
-    findings,
-    fitting_factor,
-    fitting_unit,
-    gate,
-    power_of_1000,
-    quasi_static_stress,
-)
+from kolsky.shot.plausibility import findings, gate, quasi_static_stress
 
 TEXT = """
 [specimen]

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import MaterialCurve
+from kolsky.schema.apparatus import UncertaintySection
 from kolsky.shot.load import load_shot
-from kolsky.virtual.shot_file import declared_sizes, specification_of, yeoh_of
+from kolsky.virtual.shot_file import _uncertainty, declared_sizes, specification_of, yeoh_of
 from kolsky.virtual.specification import read_specification
 
 
@@ -41,3 +42,18 @@ def test_specification_of_open_01(tmp_path: Path) -> None:
     assert q.transmitted.noise == pytest.approx(1.64e-3, rel=0.05)
     assert q.frames.static == 12
     assert q.motion.kind == "sampled"
+
+
+def test_lengths_have_metres_and_shares_none() -> None:
+    given = {"length_in_pictures": 2e-6, "y_offset": 1e-6, "specimen_length": 1e-3, "poisson": 3e-4}
+    written = _uncertainty(given)
+    assert written == {
+        "length_in_pictures": "2e-06 m",
+        "y_offset": "1e-06 m",
+        "specimen_length": "0.001",
+        "poisson": 3e-4,
+    }
+    read = UncertaintySection.model_validate(written)
+    assert read.length_in_pictures == 2e-6
+    assert "length_in_pictures" not in read.for_identify()
+    assert "length_in_pictures" not in read.for_waves()

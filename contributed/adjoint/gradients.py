@@ -1,0 +1,240 @@
+"""The gradient of one objective by everything a simulation reads: parameters, and the law's constants or
+curve.
+
+The kernels read the cubic of every interval of Marlow's law, which follows from the quotient 2 U' and its
+slope at both ends: two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic,
+so the derivative by a point sums its effect on the quotients and slopes around it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contributed.adjoint.passes import StepSequence, reverse, run_forward
+from contributed.adjoint.perturbed_runs import Histories
+from contributed.adjoint.plan import plan
+from explicit.arrays import FloatArray
+from explicit.materials import MarlowLaw, marlow_from_curve
+from explicit.model import Model, Samples, Sampling, Stepping
+
+Objective = Callable[[Histories], tuple[float, Histories]]
+"""From the histories of a simulation to a number and its derivative by every entry of them."""
+
+CHECKPOINT_EVERY = 50
+"""Steps of a segment: what is kept grows with their number, checkpoints fall with it."""
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Derivatives of an objective at one sample, with the sequence of time steps held fixed."""
+
+    objective: float
+    """The objective [its unit]."""
+    histories: Histories
+    """The forward run, without leading axes."""
+    stiffness_factor: float
+    """Derivative by m [1]."""
+    poisson: float
+    """Derivative by Poisson's ratio [1]."""
+    damping: float
+    """Derivative by beta [1/s]."""
+    friction: float
+    """Derivative by Coulomb's coefficient [1]; 0 where no contact law reads it."""
+    mass_damping: float
+    """Derivative by alpha [s]."""
+    law: FloatArray
+    """Partial derivatives by the law's constants as the kernels read them, in the order of
+    `MaterialLaw.parameters` and per their units, the initial shear modulus held fixed."""
+    shear_modulus: float
+    """Partial derivative by the law's initial shear modulus [1/Pa], through the bulk modulus, the damping
+    and the hourglass control, the stress of the law held fixed."""
+    steps: StepSequence
+    memory: int
+    """Memory of checkpoints, rows of a segment and their gradients [B]."""
+
+
+def gradient(
+    model: Model,
+    samples: Samples,
+    sampling: Sampling,
+    objective: Objective,
+    *,
+    stepping: Stepping | None = None,
+    steps: StepSequence | None = None,
+    checkpoint_every: int = CHECKPOINT_EVERY,
+) -> Gradient:
+    """Differentiate any function of the histories by all parameters and the whole material table at once.
+
+    One forward run in phases measures its steps and leaves a checkpoint every `checkpoint_every` of them;
+    then, from the end, every segment is run again onto a `warp.Tape` and carried backward. The cost does not
+    depend on the number of unknowns. It is the derivative of the discrete response: of the steps that were
+    taken, and of the decisions of contact that were made (README.md).
+
+    Parameters
+    ----------
+    model : Model
+        What to simulate.
+    samples : Samples
+        One sample: where to differentiate.
+    sampling : Sampling
+        What is recorded.
+    objective : callable
+        ``objective(histories) -> (value, cotangent)``: a number and, in a bundle of the same shapes, its
+        derivative by every entry. `Histories.zeros` is where a cotangent begins.
+    stepping : Stepping, optional
+        Numerical choices; fp64 only.
+    steps : StepSequence, optional
+        The time steps to take; default: measured as by `explicit.run`.
+    checkpoint_every : int
+        Steps of a segment.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one sample, a requested time is before the start, the wave in a bar returns
+        within a segment, the cotangent has other shapes than the histories, or the run does not reach its
+        end.
+    """
+    if checkpoint_every < 1:
+        raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")
+    ready = plan(model, samples, stepping or Stepping(), checkpoint_every)
+    forward = run_forward(ready, sampling, steps)
+    value, cotangent = objective(forward.histories)
+    for name, values in cotangent.items():
+        shape = getattr(forward.histories, name).shape
+        if np.shape(values) != shape:
+            raise ValueError(f"the cotangent's {name} must have shape {shape}, got {np.shape(values)}")
+    raw = reverse(ready, sampling, forward, cotangent)
+    return Gradient(
+        objective=float(value),
+        histories=forward.histories,
+        friction=float(raw["friction"][0]),
+        law=raw["row"],
+        steps=forward.steps,
+        memory=forward.memory + ready.window.memory,
+        **_by_parameter(model, samples, raw["solids"][0]),
+    )
+
+
+def forward_run(
+    model: Model,
+    samples: Samples,
+    sampling: Sampling,
+    *,
+    stepping: Stepping | None = None,
+    steps: StepSequence | None = None,
+) -> tuple[Histories, StepSequence]:
+    """The forward run of `gradient` alone, with the same steps if they are given: for differences.
+
+    Raises
+    ------
+    ValueError
+        As `gradient`.
+    """
+    forward = run_forward(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
+    return forward.histories, forward.steps
+
+
+def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> dict[str, float]:
+    """Chain the derivatives by moduli and viscosities, as `explicit.arguments.batch_of` makes them."""
+    m, nu, beta = (float(getattr(samples, f.name)[0]) for f in fields(samples)[:3])
+    at_rest = model.materials[int(samples.material[0])].initial_shear_modulus
+    mu, chi, full = at_rest * m, model.hourglass, float(model.damping_kind == "full")
+    ratio = 2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))  # K / mu
+    by_ratio = mu * (solid["bulk"] + full * beta * solid["bulk_viscosity"])
+    by_beta = (
+        solid["shear_viscosity"] + full * ratio * solid["bulk_viscosity"] + chi * solid["hourglass_viscosity"]
+    )
+    by_mu = ratio * solid["bulk"] + chi * solid["hourglass"] + beta * by_beta
+    return {
+        "stiffness_factor": float(solid["scale"] + at_rest * by_mu),
+        "poisson": float(by_ratio * 2.0 / (1.0 - 2.0 * nu) ** 2),
+        "damping": float(mu * by_beta),
+        "mass_damping": float(solid["mass_damping"]),
+        "shear_modulus": float(m * by_mu),
+    }
+
+
+RELATIVE_STEP = 1e-7
+"""Step of the differences that carry a table back to its curve: measured error 1e-9 of a derivative."""
+
+
+def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the objective by the nodes of the law's table, quotients and slopes as independent.
+
+    Parameters
+    ----------
+    gradient : Gradient
+        Of a model whose sample has this law.
+    law : MarlowLaw
+        The law.
+
+    Returns
+    -------
+    by_quotient : array, shape [n_knots]
+        Derivative by 2 U' at each knot [1/Pa]. The first one is also the initial shear modulus, on which the
+        bulk modulus, the damping and the hourglass control depend; that is included.
+    by_slope : array, shape [n_knots]
+        Derivative by the slope of 2 U' in s at each knot [1/Pa].
+
+    Raises
+    ------
+    ValueError
+        If the gradient has another number of constants than the law.
+    """
+    n = len(law.parameters())
+    if len(gradient.law) != n:
+        raise ValueError(f"the gradient has {len(gradient.law)} constants of a law, this law has {n}")
+    count = len(law.quotient)
+    by_value, by_rise, by_square, by_cube = gradient.law[n - 5 * count : n - count].reshape(-1, 4).T.copy()
+    # An interval's square and cube follow from both its ends (`MarlowLaw.cubics`); past the data are none.
+    square, cube = by_square[:-1], by_cube[:-1]
+    by_value[:-1] -= 3.0 * square - 2.0 * cube
+    by_value[1:] += 3.0 * square - 2.0 * cube
+    by_rise[:-1] -= 2.0 * square - cube
+    by_rise[1:] -= square - cube
+    by_value[0] += gradient.shear_modulus
+    return by_value, by_rise * law.step  # the row holds slopes times the step
+
+
+def by_curve_stress(
+    gradient: Gradient, stretch: FloatArray, stress: FloatArray, *, n_knots: int = 129
+) -> FloatArray:
+    """Derivative of the objective by the stress of each point of the uniaxial curve.
+
+    The table is linear in the curve's stresses but for the slopes of the monotone cubic; it is carried back
+    by central differences of `marlow_from_curve` itself, which costs no simulation.
+
+    Parameters
+    ----------
+    gradient : Gradient
+        Of a model whose sample has the law ``marlow_from_curve(stretch, stress, n_knots=n_knots)``.
+    stretch, stress, n_knots
+        The curve, as there; shape [n].
+
+    Returns
+    -------
+    array, shape [n]
+        Derivatives [1/Pa], 0 for a point at rest.
+
+    Raises
+    ------
+    ValueError
+        As `marlow_from_curve`, or if the gradient is of another law.
+    """
+    law = marlow_from_curve(stretch, stress, n_knots=n_knots)
+    by_quotient, by_slope = by_table(gradient, law)
+    by_stress = np.zeros(len(stress))
+    for i in np.flatnonzero(np.asarray(stress) != 0.0):
+        h = RELATIVE_STEP * abs(stress[i])
+        ends = []
+        for side in (h, -h):
+            shifted = np.array(stress, dtype=float)
+            shifted[i] += side
+            ends.append(marlow_from_curve(stretch, shifted, n_knots=n_knots))
+        quotient = (ends[0].quotient - ends[1].quotient) / (2.0 * h)
+        slope = (ends[0].slope - ends[1].slope) / (2.0 * h)
+        by_stress[i] = by_quotient @ quotient + by_slope @ slope
+    return by_stress

@@ -1,0 +1,8 @@
+"""The repository's root on the path: `contributed` is not installed, and tests share helpers."""
+
+import sys
+from pathlib import Path
+
+ROOT = str(Path(__file__).resolve().parents[1])
+if ROOT not in sys.path:
+    sys.path.append(ROOT)  # last, so that the packages tested are the installed ones

@@ -1,0 +1,196 @@
+"""Rules of a shot's declared values by themselves: units of columns, densities, bars, the specimen's size."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from kolsky.base.errors import InputError
+from kolsky.base.units import UnitError, dimension_of, quantity, unit_factor
+from kolsky.readers.header import heading_unit, si_unit, split_unit
+from kolsky.readers.recordings import list_channels
+from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure, written_value
+
+LARGEST_TABLE = 1_000_000
+"""Size of a file that is read once more for its units [bytes]: tables of points have tens of thousands."""
+DENSITIES = (10.0, 25_000.0)
+"""[kg/m^3] Below lie gases, and all solids up to 10 g/cm^3 whose number is written with kg/m^3; above the
+heaviest metal (osmium, 22 600)."""
+FOAM_DENSITY = 100.0
+"""A lighter solid is more than nine tenths gas [kg/m^3]: the lightest solid of polymer alone has 850."""
+FOAM_POISSON = 0.45
+"""Largest Poisson's ratio of such a foam [-]: it is measured near 0, at most 0.35."""
+BAR_DENSITY = 500.0
+"""Least density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
+BAR_SPEEDS = (300.0, 20_000.0)
+"""[m/s] Bars of polyethylene have 700, of PMMA 2 200, of beryllium 12 900. A modulus of a metal that is
+1000 times too small gives at most 170."""
+SPECIMEN_SIZES = (0.1e-3, 0.3)
+"""[m] No specimen of a bar test is shorter or thinner, longer or thicker."""
+SLENDERNESS = (0.02, 10.0)
+"""Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
+
+
+def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+    """Key, heading and declared unit of every column that a shot file declares."""
+    if not isinstance(content, dict):
+        return
+    heading, unit = content.get("column"), content.get("unit")
+    if isinstance(heading, str) and isinstance(unit, str):
+        yield key, heading, unit
+    for name, value in content.items():
+        yield from _columns(value, f"{key}.{name}" if key else name)
+
+
+def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
+    """The unit in a column's heading, or in a line of units below it, is the declared one."""
+    for key, heading, declared in _columns(e.file.content):
+        stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
+        kind = dimension_of(declared)
+        if stated is None or not kind:
+            continue
+        size = _size(stated, kind)
+        if size is None and not dimension_of(stated) and si_unit(stated) is None:
+            continue  # no unit at all, a remark
+        if size is None:
+            yield e.finding(
+                f"{key}.unit",
+                f"is of another kind than the unit '{stated}' of the column '{heading}' in the file",
+                cure=f"is {key}.column the right column?",
+                contradiction=False,
+            )
+            continue
+        ratio = unit_factor(declared, kind) / size
+        if abs(ratio - 1.0) > 1e-6:  # factors of units are exact, up to rounding
+            yield e.finding(
+                f"{key}.unit",
+                f"contradicts the column '{heading}', whose unit in the file, '{stated}', differs by a"
+                f" factor of {ratio:.6g}",
+                cure=f'write {key}.unit = "{stated}", or correct the heading of the file',
+            )
+
+
+def _size(unit: str, kind: str) -> float | None:
+    """SI units in a unit as instruments write it, "Volts" and "-" too; None if it is of another kind."""
+    try:
+        return unit_factor("1" if unit == "-" else unit, kind)
+    except UnitError:
+        written = si_unit(unit)
+        return written[1] if written is not None and written[0] == kind else None
+
+
+def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
+    """The unit in a line of units, or a row of a workbook; None without one, or where the file is large."""
+    name = written_value(e.file, f"{key.partition('.')[0]}.file")
+    path = e.file.path.parent / name if isinstance(name, str) else None
+    if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
+        return None
+    try:
+        return next((one.unit for one in list_channels(path) if one.name == heading), None)
+    except InputError:  # the file's own reader says what is wrong with it
+        return None
+
+
+def check_densities(e: Evidence) -> Iterator[Finding]:
+    """Solids have densities of solids, bars those of bars."""
+    poisson = getattr(getattr(e.declared, "model", None), "poisson", None)
+    for key, value in _quantities(e.file.content, "density", "kg/m^3"):
+        low, high = DENSITIES if key.startswith("specimen.") else (BAR_DENSITY, DENSITIES[1])
+        if not low <= value <= high:
+            factor = 1e3 if value < low else 1e-3
+            fits = low <= value * factor <= high
+            yield e.finding(
+                key,
+                f"is {value:.6g} kg/m^3, which no solid of such a test has",
+                allowed=f"in [{low:g}, {high:g}] kg/m^3",
+                cure=f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the number in g/cm^3?'
+                if fits and factor > 1.0
+                else f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the unit g/cm^3 written for'
+                " a number in kg/m^3?"
+                if fits
+                else "correct the number or its unit",
+            )
+        elif key.startswith("specimen.") and value < FOAM_DENSITY and poisson is not None:
+            foam = poisson <= FOAM_POISSON
+            yield e.finding(
+                key,
+                f"is that of a foam, and model.poisson = {poisson:g}"
+                + ("" if foam else f" is above {FOAM_POISSON:g}, which no foam has"),
+                allowed=None if foam else f"at least {FOAM_DENSITY:g} kg/m^3 with this Poisson's ratio",
+                cure=f'is it a foam? if not, "{value * 10:.6g} kg/m^3" has one digit more'
+                if foam
+                else f'correct specimen.density ("{value * 10:.6g} kg/m^3"?); for a foam correct'
+                " model.poisson",
+                contradiction=not foam,
+            )
+
+
+def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
+    """Dotted keys that end in a name, with their values in SI; what is no quantity is left to the schema."""
+    if not isinstance(content, dict):
+        return
+    for name, value in content.items():
+        dotted = f"{key}.{name}" if key else name
+        if name == last and dotted != f"uncertainty.{last}":
+            try:
+                yield dotted, quantity(value, si)
+            except UnitError:
+                continue
+        yield from _quantities(value, last, si, dotted)
+
+
+def check_bar_speeds(e: Evidence) -> Iterator[Finding]:
+    """Modulus and density of a bar give the wave speed of a solid bar."""
+    densities = dict(_quantities(e.file.content, "density", "kg/m^3"))
+    for key, modulus in _quantities(e.file.content, "youngs_modulus", "Pa"):
+        density = densities.get(beside := f"{key.removesuffix('youngs_modulus')}density")
+        if density is not None and density >= BAR_DENSITY:
+            words = f"with {beside} = {density:.6g} kg/m^3"
+            yield from _bar_speed(e, key, math.sqrt(modulus / density), words, "Pa")
+    for key, speed in _quantities(e.file.content, "wave_speed", "m/s"):
+        yield from _bar_speed(e, key, speed, "", "")
+
+
+def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Iterator[Finding]:
+    low, high = BAR_SPEEDS
+    if low <= speed <= high:
+        return
+    factor = power_of_1000(speed / 5000.0)  # of metals; the square of it belongs to a modulus
+    if si:
+        factor = power_of_1000((speed / 5000.0) ** 2)
+    scaled = speed * (math.sqrt(factor) if si else factor)
+    cure = unit_cure(e.file, key, si, factor) if si and low <= scaled <= high else ""
+    yield e.finding(
+        key,
+        f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which no bar has",
+        allowed=f"such that they run at {low:g} to {high:g} m/s",
+        cure=cure or "correct the number or its unit",
+    )
+
+
+def check_specimen_size(e: Evidence) -> Iterator[Finding]:
+    """Diameter and length are those of a specimen, and fit each other."""
+    if getattr(e.declared, "specimen", None) is None:  # bars alone
+        return
+    low, high = SPECIMEN_SIZES
+    sizes = {name: getattr(e.declared.specimen, name) for name in ("diameter", "length")}
+    wrong = False
+    for name, size in sizes.items():
+        key, other = f"specimen.{name}", sizes["length" if name == "diameter" else "diameter"]
+        if not low <= size <= high:
+            wrong = True
+            factor = power_of_1000(size / (other if low <= other <= high else 0.01))
+            yield e.finding(
+                key,
+                f"is {1e3 * size:.6g} mm, the size of no specimen",
+                allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm",
+                cure=unit_cure(e.file, key, "m", factor) or "correct the number or its unit",
+            )
+    slender = sizes["length"] / sizes["diameter"]
+    if not wrong and not SLENDERNESS[0] <= slender <= SLENDERNESS[1]:
+        yield e.finding(
+            "specimen.length",
+            f"is {slender:.3g} times specimen.diameter = {1e3 * sizes['diameter']:.6g} mm; such specimens"
+            f" have {SLENDERNESS[0]:g} to {SLENDERNESS[1]:g}",
+            cure="check the unit of both",
+            contradiction=False,
+        )
