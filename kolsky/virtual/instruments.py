@@ -285,7 +285,7 @@ def _tdms(path: Path, scope: Scope) -> None:
         from nptdms import ChannelObject, TdmsWriter
     except ImportError:
         raise InputError(
-            path, 'scope.format = "tdms" needs npTDMS', cure="pip install 'kolsky[tdms]'"
+            path, 'scope.format = "tdms" needs npTDMS', cure="pip install npTDMS"
         ) from None
     clock = {
         "wf_start_offset": float(scope.time[0]),
