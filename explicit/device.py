@@ -22,6 +22,11 @@ GENERATING = RLock()
 """Held while kernels are generated and loaded: Warp keeps them in tables of the process."""
 
 
+def cores() -> int:
+    """Cores that this process may use: a batch system or a container may grant fewer than there are."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
 def select_device(name: str) -> Any:
     """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 

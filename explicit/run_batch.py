@@ -3,7 +3,6 @@
 `compile_time_loops` compiles for a CPU in advance what batches will need, several time loops at once.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ import warp as wp
 from explicit.aot import load_module
 from explicit.arguments import batch_of, fits_on_chip, fits_on_several, output_of
 from explicit.arrays import FloatArray
-from explicit.device import GENERATING, select_device
+from explicit.device import GENERATING, cores, select_device
 from explicit.drivers import (
     HISTORIES,
     PreparedBatch,
@@ -101,7 +100,7 @@ def run(
     if prepared.where.is_cuda:
         histories = run_on_gpu(prepared, progress)
     else:
-        histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
+        histories = run_in_lanes(prepared, threads or cores(), progress)
     return _response(model, sampling, histories, nodes)
 
 
@@ -133,7 +132,7 @@ def run_side_by_side(
     where = select_device(device)
     prepared = [_prepared(problem, where, modules) for problem in problems]
     if not where.is_cuda:
-        histories = run_all_in_lanes([one for one, _ in prepared], threads or os.cpu_count() or 1)
+        histories = run_all_in_lanes([one for one, _ in prepared], threads or cores())
         return [
             _response(problem.model, problem.sampling, histories_of_problem, nodes)
             for problem, (_, nodes), histories_of_problem in zip(problems, prepared, histories, strict=True)
@@ -260,7 +259,7 @@ def compile_time_loops(
     ValueError
         As `explicit.run`.
     """
-    where, threads = select_device(device), threads or os.cpu_count() or 1
+    where, threads = select_device(device), threads or cores()
     if where.is_cuda:
         return 0
     with GENERATING:

@@ -1,6 +1,5 @@
 """`kolsky doctor`: what this installation can work with: versions, devices, cache, writable folders."""
 
-import os
 import platform
 import shutil
 import tempfile
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from dic.processes import cores
 
 
 def doctor(
@@ -140,7 +141,7 @@ def examine(folder: Path) -> Installation:
         versions=versions,
         extras={name: _version(name) for name in OPTIONAL},
         devices=devices,
-        cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        cores=cores(),
         cache=cache,
         folder=folder,
         free=free,

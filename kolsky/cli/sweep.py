@@ -6,7 +6,6 @@ workers serve `kolsky budget` and `kolsky identify --each` too.
 
 import asyncio
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from dic.processes import cores
 from kolsky.base.errors import InputError
 from kolsky.base.options import Option
 from kolsky.base.process import process_pool
@@ -316,7 +316,7 @@ class Workers:
         """Threads of each worker: what was given, or the cores shared out among the processes."""
         if given is not None or self.processes is None:
             return given
-        return max(1, (os.cpu_count() or 1) // self.processes)
+        return max(1, cores() // self.processes)
 
 
 SCHEDULER_FILE = 1_000_000

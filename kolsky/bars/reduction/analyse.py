@@ -106,7 +106,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         facts=quoted.facts(best, arrival, checks, windows, reduction, summary),
         remarks=(
             *given.notes,
-            *quoted.remarks(reduction, budget, checks, given, summary.plateau),
+            *quoted.remarks(reduction, budget, checks, given, summary),
             *_soft(acts, valid),
         ),
         analysis=given.analysis,

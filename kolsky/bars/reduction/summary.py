@@ -439,7 +439,7 @@ def remarks(
     budget: Budget,
     checks: tuple[PulseCheck, PulseCheck],
     given: WavesInput,
-    plateau: Plateau,
+    summary: Summary,
 ) -> list[str]:
     """Remarks on conditions that limit the use of the values, each with its cure."""
     found = []
@@ -451,12 +451,14 @@ def remarks(
         )
     else:
         cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
-        quoted = (("stress", plateau.stress_fault), ("rate", plateau.rate_fault))
+        quoted = (("stress", summary.plateau.stress_fault), ("rate", summary.plateau.rate_fault))
         missing = [(name, fault) for name, fault in quoted if fault is not None]
         if len(missing) == 2 and missing[0][1] == missing[1][1]:
             found.append(f"no mean stress and no mean rate are quoted: {missing[0][1]}{cure}")
         else:
             found += [f"no mean {name} is quoted: {fault}{cure}" for name, fault in missing]
+        if summary.modulus is None:
+            found.append(f"{summary.modulus_reason}; cure: a slower rise of the pulse (a pulse shaper)")
     found += arrival_remarks(reduction, checks, given)
     found += _drift_remarks(budget, UNITS)
     bent = [name for name in UNITS if name in budget.value and _bent(budget, name)]

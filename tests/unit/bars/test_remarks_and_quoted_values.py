@@ -59,6 +59,7 @@ def remarks(
     uncertainty=None,
     toe=0.0,
     faults=(None, None),
+    modulus="",
     **budget,
 ):
     strain = {"three waves": SimpleNamespace(value=toe * np.arange(5) / 4)}
@@ -69,7 +70,11 @@ def remarks(
         SimpleNamespace(
             **GIVEN, uncertainty={"specimen_length": 0.01} if uncertainty is None else uncertainty
         ),
-        SimpleNamespace(stress_fault=faults[0], rate_fault=faults[1]),
+        SimpleNamespace(
+            plateau=SimpleNamespace(stress_fault=faults[0], rate_fault=faults[1]),
+            modulus=None if modulus else 1.0,
+            modulus_reason=modulus,
+        ),
     )
 
 
@@ -81,6 +86,12 @@ def test_no_equilibrium_is_remarked():
     (said,) = remarks(balanced=None)
     assert "nowhere in equilibrium within 5 %" in said
     assert "kolsky identify" in said
+
+
+def test_a_missing_modulus_is_remarked_where_there_is_equilibrium():
+    why = "no modulus: 2 samples rise in equilibrium; it takes 10 or more"
+    assert remarks(modulus=why) == [f"{why}; cure: a slower rise of the pulse (a pulse shaper)"]
+    assert len(remarks(modulus=why, balanced=None)) == 1  # that of the equilibrium
 
 
 def test_a_missing_reflected_pulse_is_remarked():

@@ -69,7 +69,7 @@ def test_parts_of_a_design_are_all_of_it_once() -> None:
 
 
 def test_cores_are_shared_out_among_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.cpu_count", lambda: 12)
+    monkeypatch.setattr("kolsky.cli.sweep.cores", lambda: 12)
     assert Workers(4).threads(None) == 3
     assert Workers(5).threads(None) == 2  # none shares a core with another
     assert Workers(20).threads(None) == 1
