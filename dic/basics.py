@@ -1,8 +1,7 @@
 """Array types, robust statistics, and OpenCV loaded at its first use.
 
-OpenCV (160 MB) is needed for pictures only and is the extra `pictures` of the package. Results of pictures
-are read, compared and shown without it: use `from dic.basics import cv2`, which imports it when a name of
-it is used.
+OpenCV (160 MB) is needed for pictures only. Results of pictures are read, compared and shown without it: use
+`from dic.basics import cv2`, which imports it when a name of it is used.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -53,7 +52,7 @@ class _OpenCV:
             import cv2 as module
         except ImportError as error:
             raise OpenCVMissing(
-                "pictures need OpenCV: pip install 'kolsky[pictures]'", name=error.name
+                "pictures need OpenCV: pip install opencv-contrib-python-headless", name=error.name
             ) from None
         return getattr(module, name)
 

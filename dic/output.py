@@ -346,15 +346,12 @@ COMPONENTS = ("x", "y", "Z")
 """Names of the last axis of positions."""
 
 
-CURE = "pip install 'kolsky[notebook]'"
-
-
 def pandas() -> Any:
     """The package pandas; an ImportError says how to get it."""
     try:
         import pandas as package
     except ImportError:
-        raise ImportError(f"this needs pandas: {CURE}") from None
+        raise ImportError("this needs pandas: pip install pandas") from None
     return package
 
 
@@ -363,7 +360,7 @@ def xarray() -> Any:
     try:
         import xarray as package
     except ImportError:
-        raise ImportError(f"this needs xarray: {CURE}") from None
+        raise ImportError("this needs xarray: pip install xarray") from None
     return package
 
 

@@ -68,7 +68,7 @@ def identify(
     InputError
         If the folder holds no shot, or a wrong one.
     """
-    loaded = shot if isinstance(shot, Shot) else load_shot(shot)
+    loaded = load_shot(shot) if isinstance(shot, str | Path) else shot
     search = search_shot(InverseProblem.of(loaded, settings or Settings()), Work(progress))
     runner, optimum = search.runner, search.fine
     objective, slopes, response = optimum.objective, optimum.jacobian, optimum.check.response

@@ -41,7 +41,7 @@ HDF5 = (
     "dic.images",
 )
 """Who may use h5py: the codec of our own files, and the readers of the files of others."""
-HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
+HEAVY = sorted({"warp", "scipy", "cv2", "skimage", "pandas", "xarray", *PLOTTING})
 
 ALLOWED: dict[tuple[str, str], str] = {
     ("kolsky", "a name computed at run time"): "public names, loaded when first used",

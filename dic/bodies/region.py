@@ -55,19 +55,12 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
         )
     if not np.all(np.isfinite(vertices)):
         raise ValueError(f"the corners of a region must be finite, got {vertices.tolist()}")
-    rows, columns = shape
-    y, x = np.mgrid[0.0:rows, 0.0:columns]
-    inside = np.zeros(shape, dtype=bool)
-    rim = np.zeros(shape, dtype=bool)
-    for (xa, ya), (xb, yb) in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
-        cross = (xb - xa) * (y - ya) - (yb - ya) * (x - xa)
-        along = (x - xa) * (xb - xa) + (y - ya) * (yb - ya)
-        length = np.hypot(xb - xa, yb - ya)
-        rim |= (np.abs(cross) <= 1e-9 * max(length, 1.0)) & (along >= 0.0) & (along <= length**2)
-        spans = (ya > y) != (yb > y)
-        inside ^= spans & ((cross > 0.0) == (yb > ya))
-    mask = inside | rim
+    from skimage.measure import grid_points_in_poly  # 0.2 s
+
+    place = grid_points_in_poly(shape, vertices[:, ::-1], binarize=False)
+    mask = np.asarray(place > 0)  # inside, on a corner, on a side
     if not mask.any():
+        rows, columns = shape
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         raise ValueError(
             f"the region from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) px holds no pixel of "

@@ -62,15 +62,13 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
     The picture over its illumination `level` is cut at Otsu's threshold. An edge counts where the grey value
     goes from two standard deviations of the noise on one side to as far on the other.
     """
-    from dic.basics import cv2
+    from skimage.filters import threshold_otsu  # 0.4 s
 
     even = np.divide(f, level, out=np.zeros(f.shape), where=used & (level > 0.0))
     low, high = np.percentile(even[used], (0.1, 99.9))
     if high <= low:
         return float("nan"), float("nan")
-    scaled = np.clip(np.rint((even[used] - low) / (high - low) * 255.0), 0, 255).astype(np.uint8)
-    cut, _ = cv2.threshold(scaled.reshape(-1, 1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    threshold = (low + (cut + 0.5) / 255.0 * (high - low)) * level
+    threshold = threshold_otsu(np.clip(even[used], low, high)) * level
     dark = float(np.mean((f < threshold)[used]))
 
     side = np.where(f < threshold - 2.0 * sigma, -1, np.where(f > threshold + 2.0 * sigma, 1, 0))

@@ -30,6 +30,8 @@ class Option:
     """Largest number."""
     show_default: str | None = None
     """Default as shown; the field's if None, none if empty."""
+    panel: str | None = None
+    """Panel of `--help` that holds it; the first one if None."""
     unit: str = ""
     """SI unit of a quantity; the text may use another one."""
     positive: bool = False
@@ -39,6 +41,10 @@ class Option:
     on: Callable[[], Any] | None = None
     """Value of a switch that is given; True if None."""
 
+
+NUMERICAL = "Mesh and solver"
+ADVANCED = "Advanced"
+"""Panels below the options of every day."""
 
 HeaderLine = Annotated[
     int | None, Option("Line of the column names; 0: none.", min=0, show_default="found in the file")

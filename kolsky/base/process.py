@@ -113,7 +113,7 @@ def single_threaded_libraries() -> Iterator[None]:
     """One thread for each call of OpenCV and of BLAS: their own ones wait for work by spinning, on cores that
     have some."""
     with one_blas_thread():
-        if find_spec("cv2") is None:  # an extra, see `dic.basics`
+        if find_spec("cv2") is None:  # see `dic.basics`
             yield
             return
         import cv2

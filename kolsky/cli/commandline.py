@@ -81,21 +81,22 @@ GROUPS = {
 }
 """Groups of commands and their line of `--help`."""
 
-EXTRAS = {
-    "cv2": "pictures",
-    "pyvista": "scene",
-    "imageio": "film",
-    "imageio_ffmpeg": "film",
-    "pandas": "notebook",
-    "xarray": "notebook",
-    "emcee": "bayes",
-    "distributed": "cluster",
-    "nptdms": "tdms",
-    "RigolWFM": "scopes",
-    "pyamg": "amg",
-    "pypardiso": "pardiso",
+BROUGHT_BY = {
+    "cv2": "opencv-contrib-python-headless",
+    "skimage": "scikit-image",
+    "pyvista": "pyvista",
+    "pandas": "pandas",
+    "xarray": "xarray",
+    "nptdms": "npTDMS",
+    "RigolWFM": "RigolWFM",
+    "imageio": "kolsky[film]",
+    "imageio_ffmpeg": "kolsky[film]",
+    "emcee": "kolsky[bayes]",
+    "distributed": "kolsky[cluster]",
+    "pyamg": "kolsky[amg]",
+    "pypardiso": "kolsky[pardiso]",
 }
-"""Extra of this package by the module that it brings."""
+"""What pip installs for a module: a distribution, or an extra of this package."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Earlier names of commands, which work and are not in `--help`."""
 
@@ -216,17 +217,17 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn bad input, an error of the system or a missing extra into lines on stderr and exit code 2."""
+    """Turn bad input, an error of the system or a missing package into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(2) from None
     except ModuleNotFoundError as error:
-        extra = EXTRAS.get((error.name or "").partition(".")[0])
-        if extra is None:
+        source = BROUGHT_BY.get((error.name or "").partition(".")[0])
+        if source is None:
             raise
-        typer.echo(f"this needs the package {error.name}: pip install 'kolsky[{extra}]'", err=True)
+        typer.echo(f"this needs the package {error.name}: pip install '{source}'", err=True)
         raise typer.Exit(2) from None
     except OSError as error:
         if error.errno is None or isinstance(error, BrokenPipeError):

@@ -19,9 +19,9 @@ def doctor(
         Path, typer.Argument(metavar="FOLDER", help="Folder of shots, checked for space and write access.")
     ] = Path(),
 ) -> None:
-    """Check the installation: versions, devices, cache of compiled kernels, extras, writable folders.
+    """Check the installation: versions, devices, cache of compiled kernels, packages, writable folders.
 
-    The exit code is 1 if something that every command needs is missing.
+    The exit code is 1 if something that is installed with this package is missing.
     """
     from kolsky.base.files import jsonable
     from kolsky.cli.terminal import print_result
@@ -42,22 +42,24 @@ REQUIRED = (
     "matplotlib",
     "pydantic",
     "pint",
+    "opencv-contrib-python-headless",
+    "scikit-image",
+    "pyvista",
+    "npTDMS",
+    "pandas",
+    "xarray",
 )
-"""Distributions that commands need."""
-EXTRAS = {
-    "opencv-python-headless": ("pictures", "shots measured from their pictures"),
-    "RigolWFM": ("scopes", "binary files of oscilloscopes"),
-    "npTDMS": ("tdms", "files of National Instruments"),
-    "distributed": ("cluster", "sweeps over many hosts"),
-    "emcee": ("bayes", "posterior by Markov chains"),
-    "pandas": ("notebook", "tables of results"),
-    "pyvista": ("scene", "pictures of the deforming specimen"),
-    "imageio-ffmpeg": ("film", "films of the deforming specimen"),
+"""Distributions that are installed with this package, by pip and by conda."""
+OPTIONAL = {
+    "RigolWFM": ("RigolWFM", "binary files of oscilloscopes"),
+    "distributed": ("kolsky[cluster]", "sweeps over many hosts"),
+    "emcee": ("kolsky[bayes]", "posterior by Markov chains"),
+    "imageio-ffmpeg": ("kolsky[film]", "films of the deforming specimen"),
 }
-"""Distributions that some commands need: extra of this package, and what for."""
+"""Distributions that may be missing: what pip installs, and what for. Conda does not bring RigolWFM."""
 _TWINS = {
-    "opencv-python-headless": (
-        "opencv-contrib-python-headless",
+    "opencv-contrib-python-headless": (
+        "opencv-python-headless",
         "opencv-python",
         "opencv-contrib-python",
     )
@@ -86,7 +88,7 @@ class Installation:
     free: float | None
     """Free space there [bytes]; None if the folder is not there."""
     problems: tuple[str, ...]
-    """What every command needs and is missing, a sentence each with its cure."""
+    """What is missing or does not work, a sentence each with its cure."""
 
     def rows(self) -> dict[str, str]:
         """The findings as names and texts."""
@@ -95,8 +97,8 @@ class Installation:
         rows["cores"] = str(self.cores)
         rows["compiled kernels"] = str(self.cache or "nowhere")
         rows |= {
-            f"extra {extra}": self.extras[name] or f"not installed ({what}): pip install 'kolsky[{extra}]'"
-            for name, (extra, what) in EXTRAS.items()
+            name: self.extras[name] or f"not installed ({what}): pip install '{source}'"
+            for name, (source, what) in OPTIONAL.items()
         }
         free = "not there" if self.free is None else f"{self.free / 1e9:.0f} GB free"
         rows["results"] = f"{self.folder.resolve()}, {free}"
@@ -137,7 +139,7 @@ def examine(folder: Path) -> Installation:
         problems.append(f"{folder.resolve()} has {free / 1e6:.0f} MB left: make room, or give --out FOLDER")
     return Installation(
         versions=versions,
-        extras={name: _version(name, *_TWINS.get(name, ())) for name in EXTRAS},
+        extras={name: _version(name) for name in OPTIONAL},
         devices=devices,
         cores=cores(),
         cache=cache,

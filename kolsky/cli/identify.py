@@ -16,7 +16,7 @@ import typer
 
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.options import Option
+from kolsky.base.options import ADVANCED, Option
 from kolsky.cli import texts
 from kolsky.cli.identify_shots import JointOptions, identify_shots
 from kolsky.cli.options import Figures, Out, changed
@@ -264,10 +264,12 @@ def identify(
             "least-squares, or paper: also the method of Mates et al. (factorial over friction and m, "
             "response surface of Phi, simplex); bounds by --free.",
             metavar="WHICH",
+            panel=ADVANCED,
         ),
     ] = "least-squares",
     diagnose: Annotated[
-        bool, Option("Repeat the identification with each of the two likeliest causes corrected.")
+        bool,
+        Option("Repeat the identification with each of the two likeliest causes corrected.", panel=ADVANCED),
     ] = False,
     relaxation: Annotated[
         tuple[RelaxationKind, int] | None,
@@ -276,6 +278,7 @@ def identify(
             metavar="KIND",
             show_default="[relaxation] of shot.toml",
             read=texts.relaxation,
+            panel=ADVANCED,
         ),
     ] = None,
     each: Annotated[bool, Option("Identify several shots one by one, with a results folder each.")] = False,

@@ -15,24 +15,31 @@ if TYPE_CHECKING:
     from kolsky.inverse.settings import Settings
 
 
+TOGETHER = "Several shots together"
+"""Panel of `--help`."""
+
+
 @dataclass(frozen=True)
 class JointOptions:
     """Options of shots that are identified together; see `kolsky.inverse.joint_result.JointSettings`."""
 
     slow_tests: Annotated[
-        Path | None, Option("Relaxation, ramps, oscillation of the same material.", metavar="TOML")
+        Path | None,
+        Option("Relaxation, ramps, oscillation of the same material.", metavar="TOML", panel=TOGETHER),
     ] = None
     curve_nodes: Annotated[
-        int, Option("Estimate the curve too, at this number of strains: 4 to 24.", min=0)
+        int, Option("Estimate the curve too, at this number of strains: 4 to 24.", min=0, panel=TOGETHER)
     ] = 0
     curve_roughness: Annotated[
-        float, Option("Standard deviation of the second difference of the nodes' logarithms.")
+        float, Option("Standard deviation of the second difference of the nodes' logarithms.", panel=TOGETHER)
     ] = 0.1
     gain_each: Annotated[
         float,
-        Option('Standard uncertainty of each shot\'s gain, "0.5 %".', metavar="PERCENT", unit="1"),
+        Option(
+            'Standard uncertainty of each shot\'s gain, "0.5 %".', metavar="PERCENT", unit="1", panel=TOGETHER
+        ),
     ] = 0.0
-    scatter: Annotated[bool, Option("Assume no specimen-to-specimen scatter.")] = True
+    scatter: Annotated[bool, Option("Assume no specimen-to-specimen scatter.", panel=TOGETHER)] = True
 
     @property
     def is_needed(self) -> bool:

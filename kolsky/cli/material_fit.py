@@ -103,8 +103,8 @@ def _fit_cylinder_with_friction(
         mean = reference_curve(compressed, Treatment(points=max(FEWEST_POINTS, points)))
         band = mean.band
         if len(tests) == 1:
-            noise = noise_about_curve(compressed[0].strain, compressed[0].stress)
-            band = replace(band, noise=np.full(band.strain.size, noise))
+            noise = noise_about_curve(compressed[0].strain, compressed[0].stress, band.strain)
+            band = replace(band, noise=noise)
         fits = fit_specimen(
             band,
             size,

@@ -74,13 +74,13 @@ def _argument(name: str, hint: Any, default: Any) -> _Argument:
         next((part for part in get_args(kind) if part is not type(None)), kind) if _optional(kind) else kind
     )
     flag = f"--{_word(name, option, default)}"
-    shown: dict[str, Any] = {"help": option.help, "metavar": option.metavar}
+    shown: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "rich_help_panel": option.panel}
     if option.show_default is not None:
         shown["show_default"] = option.show_default or False
     if bare is bool or option.on is not None:
         on = option.on or (lambda: not default)
         return _Argument(
-            Annotated[bool, typer.Option(flag, help=option.help)],
+            Annotated[bool, typer.Option(flag, help=option.help, rich_help_panel=option.panel)],
             False,
             lambda given: on() if given else default,
         )

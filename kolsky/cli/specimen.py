@@ -50,7 +50,7 @@ def specimen_fit(
         Option("For a sheet: also map its stiffness by NX x NY blocks.", name="map", metavar="NXxNY"),
     ] = None,
     vtu: Vtu = False,
-    stills: Annotated[bool, Option("Also draw the last sample in 3-D by PyVista (extra: scene).")] = False,
+    stills: Annotated[bool, Option("Also draw the last sample in 3-D by PyVista.")] = False,
     device: Device = "cpu",
     figures: Figures = (),
 ) -> None:

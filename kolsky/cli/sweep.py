@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from dic.processes import cores
 from kolsky.base.errors import InputError
-from kolsky.base.options import Option
+from kolsky.base.options import ADVANCED, Option
 from kolsky.base.process import process_pool
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, ShotPath, Values
@@ -288,11 +288,12 @@ class Records:
 class Workers:
     """Processes that work in parallel; see `kolsky.cli.options.with_settings`."""
 
-    processes: Annotated[int | None, Option("Number of parallel processes.", min=1, show_default="none")] = (
-        None
-    )
+    processes: Annotated[
+        int | None, Option("Number of parallel processes.", min=1, show_default="none", panel=ADVANCED)
+    ] = None
     dask: Annotated[
-        str, Option("Dask scheduler to use: its address or scheduler file.", metavar="ADDRESS")
+        str,
+        Option("Dask scheduler to use: its address or scheduler file.", metavar="ADDRESS", panel=ADVANCED),
     ] = ""
 
     @contextmanager

@@ -33,7 +33,7 @@ class _Printing:
 _OUTSIDE = _Printing()
 _PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
 _EVERY = 60.0
-"""Least time between two lines of a sweep that writes to no terminal [s]."""
+"""Least time between two lines of progress where the output is no terminal [s]."""
 
 
 def is_quiet() -> bool:
@@ -91,24 +91,46 @@ def print_result(
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """A progress bar a stage on stderr; nothing if that is no terminal.
+    """One line on stderr, gone at the end: the stage, its runs, the time of the stage that is left, and the
+    time since the start. A line a minute if that is no terminal.
 
     Yields: called with the stage's name, the runs done and the runs there are to do.
     """
-    if is_quiet() or not sys.stderr.isatty():
+    if is_quiet():
         yield lambda stage, done, total: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    started = time.monotonic()
+    if not sys.stderr.isatty():
+        last = started
 
-    columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        tasks: dict[str, Any] = {}
+        def print_stage(stage: str, done: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _EVERY:
+                last = time.monotonic()
+                said = (
+                    f"{STAGES.get(stage, stage)}: {done} of {total}, {_clock(last - started)} since the start"
+                )
+                print(said, file=sys.stderr, flush=True)
+
+        yield print_stage
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        TextColumn("left of this stage, {task.fields[since]} since the start"),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task, shown = progress.add_task("", total=None, since="0:00:00"), ""
 
         def report(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = progress.add_task(STAGES.get(stage, stage), total=total)
-            progress.update(tasks[stage], completed=done, total=total)
+            nonlocal shown
+            since = _clock(time.monotonic() - started)
+            if stage != shown:
+                shown = stage
+                progress.reset(task, description=STAGES.get(stage, stage), total=total, since=since)
+            progress.update(task, completed=done, total=total, since=since)
 
         yield report
 
@@ -158,5 +180,10 @@ def _pace(pace: "Pace") -> str:
     """Runs a second and the time left, in words."""
     if pace.rate <= 0.0:
         return ""
-    minutes, seconds = divmod(round(pace.seconds_left), 60)
-    return f"{pace.rate:.3g} runs/s, {minutes // 60}:{minutes % 60:02d}:{seconds:02d} left"
+    return f"{pace.rate:.3g} runs/s, {_clock(pace.seconds_left)} left"
+
+
+def _clock(seconds: float) -> str:
+    """A time as hours, minutes and seconds."""
+    minutes, whole = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{whole:02d}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from kolsky.base.errors import InputError
-from kolsky.base.options import COMMAND_LINE, Option
+from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, Option
 from kolsky.inverse.parameters import PARAMETERS
 
 LEAST_ACROSS = 10
@@ -39,10 +39,15 @@ def _compressible() -> float:
     return COMPRESSIBLE
 
 
-Mesh = Annotated[tuple[int, int], Option("Elements across the radius x along the length.", metavar="NRxNY")]
-Device = Annotated[str, Option('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device)]
-Threads = Annotated[int | None, Option("CPU threads.", min=1, show_default="all cores")]
-Seed = Annotated[int, Option("Seed of every random draw.", min=0)]
+Mesh = Annotated[
+    tuple[int, int],
+    Option("Elements across the radius x along the length.", metavar="NRxNY", panel=NUMERICAL),
+]
+Device = Annotated[
+    str, Option('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device, panel=NUMERICAL)
+]
+Threads = Annotated[int | None, Option("CPU threads.", min=1, show_default="all cores", panel=NUMERICAL)]
+Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED)]
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,9 @@ class Numerics:
     """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
     safety: float = 0.9
     """Share of the stability bound a step uses."""
-    precision: Annotated[Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.")] = "fp64"
+    precision: Annotated[
+        Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.", panel=NUMERICAL)
+    ] = "fp64"
     device: Device = "cpu"
     threads: Threads = None
     past_data: Annotated[
@@ -62,15 +69,16 @@ class Numerics:
         Option(
             "Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
             metavar="CHOICE",
+            panel=NUMERICAL,
         ),
     ] = "continue"
     element: Annotated[
         Literal["one_point", "fbar"],
-        Option("one_point, or fbar: fully integrated, three times as expensive."),
+        Option("one_point, or fbar: fully integrated, three times as expensive.", panel=NUMERICAL),
     ] = "one_point"
     hourglass_form: Annotated[
         Literal["stiffness", "viscous"],
-        Option("Hourglass control of one_point: stiffness or viscous.", name="hourglass"),
+        Option("Hourglass control of one_point: stiffness or viscous.", name="hourglass", panel=NUMERICAL),
     ] = "stiffness"
     compressible: Annotated[
         float | None,
@@ -78,6 +86,7 @@ class Numerics:
             "Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
             name="nearly-incompressible",
             on=_compressible,
+            panel=NUMERICAL,
         ),
     ] = None
     """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
@@ -129,17 +138,18 @@ class Settings:
     numerics: Numerics = field(default_factory=Numerics)
     """The surrogate's mesh and the arithmetic."""
     refined_mesh: Annotated[
-        tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY")
+        tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY", panel=NUMERICAL)
     ] = (64, 86)
     replicates: Annotated[
-        int, Option("Random draws of the flyer's and the curve's noise, each; 0: none.", min=0)
+        int,
+        Option("Random draws of the flyer's and the curve's noise, each; 0: none.", min=0, panel=ADVANCED),
     ] = 64
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""
-    bayes: Annotated[bool, Option("Sample the posterior too; needs emcee.")] = False
+    bayes: Annotated[bool, Option("Sample the posterior too; needs emcee.", panel=ADVANCED)] = False
     pull: Annotated[
         Literal["first", "conditioned"],
-        Option("Loading of the quasi-static curve that m refers to: first or conditioned."),
+        Option("Loading of the quasi-static curve that m refers to: first or conditioned.", panel=ADVANCED),
     ] = "first"
     seed: Seed = 1
 

@@ -391,18 +391,21 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
     return float(np.median(np.abs(gap)) / norm.ppf(0.75))
 
 
-def noise_about_curve(strain: FloatArray, value: FloatArray) -> float:
-    """Standard deviation of a reading of a test with few of them, about a smooth curve.
+def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:
+    """Standard deviation of a reading of a test with few of them, about a smooth curve, shape of `axis`.
 
     Between few readings a smooth curve bends by more than their noise, and second differences hold the bend:
-    they are taken of what a polynomial leaves, of the fifth order with twenty readings or more.
+    they are taken of what a polynomial leaves, of the fifth order with twenty readings or more. Whether noise
+    grows with the reading few of them do not show: the larger of an equal and of a proportional one is taken.
 
-    ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four.
+    ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four. ``axis``: places [-].
     """
     order = np.argsort(strain, kind="stable")
     x, y = strain[order], value[order]
     smooth = np.polynomial.Polynomial.fit(x, y, min(5, x.size // 4))
-    return _noise(x, y - smooth(x))
+    left, curve = y - smooth(x), smooth(axis)
+    share = _noise(x, left / np.maximum(np.abs(smooth(x)), 1e-3 * np.abs(y).max()))
+    return np.asarray(np.maximum(_noise(x, left), share * np.abs(curve)))
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def _parsed(path: Path) -> tuple[Any, str]:
     try:
         from RigolWFM.wfm import Wfm
     except ImportError:
-        raise InputError(path, "needs RigolWFM", cure="pip install 'kolsky[scopes]'") from None
+        raise InputError(path, "needs RigolWFM", cure="pip install RigolWFM") from None
     said = io.StringIO()
     waveform, problem = None, ""
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():

@@ -45,7 +45,7 @@ def read(path: Path, layout: Layout) -> Contents:
     try:
         from nptdms import TdmsFile
     except ImportError:
-        raise InputError(path, "needs npTDMS", cure="pip install 'kolsky[tdms]'") from None
+        raise InputError(path, "needs npTDMS", cure="pip install npTDMS") from None
     sha256 = file_hash(path)
     try:
         with _strict(), path.open("rb") as stream, TdmsFile.open(stream, raw_timestamps=True) as file:

@@ -284,9 +284,7 @@ def _tdms(path: Path, scope: Scope) -> None:
     try:
         from nptdms import ChannelObject, TdmsWriter
     except ImportError:
-        raise InputError(
-            path, 'scope.format = "tdms" needs npTDMS', cure="pip install 'kolsky[tdms]'"
-        ) from None
+        raise InputError(path, 'scope.format = "tdms" needs npTDMS', cure="pip install npTDMS") from None
     clock = {
         "wf_start_offset": float(scope.time[0]),
         "wf_increment": float(scope.time[1] - scope.time[0]),

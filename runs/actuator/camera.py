@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from skimage.measure import label, regionprops
+from skimage.segmentation import expand_labels
 
 from dic.basics import cv2
 from kolsky.base.arrays import FloatArray
@@ -195,20 +197,20 @@ def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
     ``picture``: grey values, shape [height, width, 3]. ``count``: number of markers. ``start``: pixel at
     which the row of markers begins, shape [2].
     """
-    mask = _blue_mask(picture)
-    n, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    kept = [k for k in range(1, n) if stats[k, cv2.CC_STAT_AREA] >= SMALLEST]
+    labels = label(_blue_mask(picture), connectivity=2)
+    kept = [part.label for part in regionprops(labels) if part.area >= SMALLEST]
     if not kept:
         raise NoMarkersError(
             "no blue part is large enough for a marker; check the light and the range of hue"
         )
     if len(kept) > count:
         raise NoMarkersError(f"{len(kept)} blue parts are seen, {count} markers are wanted; cover other blue")
-    weight = blueness(picture)
+    labels = np.where(np.isin(labels, kept), labels, 0)
     if len(kept) == count:
-        found = np.array([_centroid(weight, labels == k) for k in kept])
+        wide = regionprops(expand_labels(labels, RIM), intensity_image=blueness(picture))
+        found = np.array([part.centroid_weighted[::-1] for part in wide])
         return Markers(chain(found, start), False)
-    places = np.argwhere(np.isin(labels, kept))[:, ::-1].astype(np.float32)
+    places = np.argwhere(labels > 0)[:, ::-1].astype(np.float32)
     if len(places) < SMALLEST * count:
         raise NoMarkersError(f"{len(kept)} blue parts are seen, too small for {count} markers")
     cv2.setRNGSeed(1)
@@ -229,13 +231,6 @@ def blueness(picture: np.ndarray) -> FloatArray:
     """Blue less red, not below the picture's median, shape [height, width]."""
     difference = picture[..., 0].astype(np.float64) - picture[..., 2]
     return np.maximum(difference - np.median(difference), 0.0)
-
-
-def _centroid(weight: FloatArray, part: np.ndarray) -> FloatArray:
-    near = cv2.dilate(part.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
-    rows, columns = np.nonzero(near)
-    w = weight[rows, columns]
-    return np.array([w @ columns, w @ rows]) / w.sum()
 
 
 def chain(places: FloatArray, start: FloatArray) -> FloatArray:

@@ -121,7 +121,7 @@ def test_cases_at_random(case: Case, tmp_path_factory: pytest.TempPathFactory) -
 
 FEWEST = 1500
 """Cases that the corpus must have."""
-EVERY = 3
+EVERY = 6
 """Of so many cases one is read here; `python -m tests.fuzz` reads all of them."""
 
 

@@ -109,7 +109,7 @@ def test_an_elastic_material_stays_one(tmp_path: Path) -> None:
     assert found["model_choice"]["elastic"]["stiffness_factor"] == pytest.approx(1.1, rel=0.01)
 
 
-@pytest.mark.slow  # 50 s of one core
+@pytest.mark.long  # 50 s of one core
 def test_one_relaxing_shot_identified_as_an_elastic_one_recommends_to_try_it(tmp_path: Path) -> None:
     """The same shot with and without a branch; the first one's file is made to say nothing of it."""
     said = []

@@ -85,8 +85,8 @@ def compared(collected: Callable[[int, float], RatedShot], tilt: float) -> Group
     return group
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tilt", [TILT, pytest.param(0.0, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("tilt", [0.0, TILT])
 def test_the_slope_of_known_shots(collected, tilt):
     group = compared(collected, tilt)
     line, pooled, e = group.slope, group.pooled, group.equal_strain
@@ -129,7 +129,7 @@ def test_the_five_together_by_the_command(made: Callable[[int, float], Path], tm
     assert scatter["value"] * estimate["value"] < 2.0 * estimate["sigma"]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_span_like_the_papers_is_refused(maker, tmp_path):
     shots = []
     for number, speed in enumerate((2.2, 2.4, 2.5, 2.8)):

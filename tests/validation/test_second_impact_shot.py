@@ -78,7 +78,7 @@ def identified(shot: Path, *meshes: str) -> dict[str, Any]:
     return dict(json.loads(done.stdout))
 
 
-@pytest.mark.slow  # 25 s of one core
+@pytest.mark.long  # 25 s of one core
 def test_the_estimate_is_right_through_arrest_and_second_impact(tmp_path: Path) -> None:
     """Faces that hold: they push, pull after the arrest and are pushed again."""
     folder = made(tmp_path, "bonded", (64, 86))

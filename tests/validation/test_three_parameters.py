@@ -64,8 +64,8 @@ def apart(found: Identification, name: str) -> dict[str, float]:
     }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["open-04", pytest.param("open-03", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["open-03", "open-04"])
 def test_the_ringing_tells_poisson_and_damping(answer: Callable[[str], Answer], name: str) -> None:
     right, (shot, found) = truth(name), answer(name)
     assert list(found.estimates) == list(right)

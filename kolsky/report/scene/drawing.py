@@ -82,7 +82,7 @@ def require_pyvista() -> None:
     try:
         import pyvista  # noqa: F401
     except ImportError:
-        raise CannotRender("pictures of the scene need PyVista: pip install 'kolsky[scene]'") from None
+        raise CannotRender("pictures of the scene need PyVista: pip install pyvista") from None
 
 
 def _silent_pyvista() -> Any:

@@ -1,5 +1,6 @@
 """Options of every command: `--quiet`, `--json`, and what they print."""
 
+import io
 import json
 from pathlib import Path
 
@@ -52,6 +53,38 @@ def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
         progress("design", 1, 2)
         pace(None)  # type: ignore[arg-type]
     assert capsys.readouterr().err == ""
+
+
+def test_progress_is_a_line_a_minute_without_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = iter([0.0, 59.0, 61.0, 61.0, 62.0, 3725.0, 3725.0])
+    monkeypatch.setattr("kolsky.cli.terminal.time.monotonic", lambda: next(now))
+    with progress_bars() as progress:
+        for done in range(4):
+            progress("design", done, 7)
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith(": 1 of 7, 0:01:01 since the start")
+    assert second.endswith(": 3 of 7, 1:02:05 since the start")
+
+
+def test_progress_on_a_terminal_is_one_line_that_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "110")
+    with progress_bars() as progress:
+        progress("design", 1, 2)
+        progress("refinement", 1, 3)
+    said = screen.getvalue()
+    assert "1/3" in said
+    assert "left of this stage, 0:00:00 since the start" in said
+    assert said.count("\n") <= 1  # a stage takes the line of the one before
+    assert said.endswith("\x1b[2K")  # the line is erased
 
 
 def test_a_new_shot_says_what_it_found_as_one_object(tmp_path: Path) -> None:

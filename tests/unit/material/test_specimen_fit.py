@@ -38,10 +38,13 @@ def test_noise_of_few_readings_holds_no_bend():
     of 2 a over the root of 1.5, whose median stands for 0.6745 standard deviations."""
     strain = np.linspace(0.01, 0.3, 30)
     curve = 1e4 * (strain + 3.0 * strain**2 + 20.0 * strain**5)
-    assert noise_about_curve(strain, curve) == pytest.approx(0.0, abs=1e-9)
-    a = np.where(np.arange(30) % 2, 5.0, -5.0)
-    expected = 10.0 / np.sqrt(1.5) / 0.674490
-    assert noise_about_curve(strain[::-1], (curve + a)[::-1]) == pytest.approx(expected, rel=0.02)
+    np.testing.assert_allclose(noise_about_curve(strain, curve, strain), 0.0, atol=1e-9)
+    turn = np.where(np.arange(30) % 2, 1.0, -1.0)
+    one = 2.0 / np.sqrt(1.5) / 0.674490
+    equal = noise_about_curve(strain[::-1], (curve + 5.0 * turn)[::-1], strain)
+    assert equal[0] == pytest.approx(5.0 * one, rel=0.02)
+    proportional = noise_about_curve(strain, curve * (1.0 + 2e-3 * turn), strain)
+    assert proportional[-1] == pytest.approx(2e-3 * one * curve[-1], rel=0.05)
 
 
 def test_few_readings_are_compared_where_they_are_and_what_they_leave_open_is_named(tmp_path, monkeypatch):

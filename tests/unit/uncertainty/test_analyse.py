@@ -157,7 +157,8 @@ def test_what_the_data_cannot_see_is_said() -> None:
 @pytest.mark.slow
 def test_posterior_agrees_with_the_profile() -> None:
     pytest.importorskip("emcee")
-    found = identify(load_shot(OPEN_01), Settings(free={"stiffness_factor": None}, replicates=0, bayes=True))
+    finer = replace(COARSE, numerics=Numerics(mesh=(18, 24)), refined_mesh=(32, 44))
+    found = identify(load_shot(OPEN_01), replace(finer, bayes=True))
     assert found.posterior is not None
     assert found.posterior.converged
     assert found.profiles[0].error <= 0.1 * found.profiles[0].level  # confirmed by runs along it
