@@ -34,7 +34,7 @@ def by_commands(folder: Path) -> None:
     """Run the tests whose commands write pages, and take the pages; a failing test ends it."""
     tests = sorted({str(ROOT / "tests" / "unit" / test) for test, _ in COMMANDS.values() if test})
     with tempfile.TemporaryDirectory() as scratch:
-        words = ["-q", "--slow", "-p", "no:cacheprovider", f"--basetemp={scratch}/t", *tests]
+        words = ["-q", "--long", "-p", "no:cacheprovider", f"--basetemp={scratch}/t", *tests]
         subprocess.run([sys.executable, "-m", "pytest", *words], cwd=ROOT, check=True)
         for name, (test, end) in COMMANDS.items():
             case = test.partition("::")[2][:30]
