@@ -137,7 +137,8 @@ def caution(parts: Sequence[Declaration], answer: Mapping[str, float]) -> Iterat
         return
     worst = max(open_, key=lambda part: abs(shares[part.key]))
     one = INPUTS[worst.key]
-    others = f", and so are {len(open_) - 1} other inputs" if len(open_) > 1 else ""
+    beside = len(open_) - 1
+    others = "" if not beside else ", and so is one more" if beside == 1 else f", and so are {beside} more"
     yield (
         f"{one.words} ({one.place}) is taken as exact{others}: {amount_text(worst)} of it would move {name} "
         f"by {100.0 * shares[worst.key]:+.2g} %; declare {worst.key} in [uncertainty]"
