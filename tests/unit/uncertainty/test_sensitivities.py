@@ -60,7 +60,7 @@ def test_the_caution_names_the_largest_that_is_undeclared() -> None:
     (said,) = caution((LENGTH, CLOCK), ANSWER)
     assert "[force] clock_offset" in said
     assert "1 us of it would move stiffness_factor by -3 %" in said
-    assert "so are 1 other inputs" in said
+    assert "and so is one more" in said
     declared = replace(CLOCK, status="varied", sigma=1e-6)
     (said,) = caution((LENGTH, declared), ANSWER)
     assert "1 % of it would move stiffness_factor by +2 %; declare specimen_length" in said
