@@ -105,6 +105,8 @@ def test_growth_is_from_the_second_tenth_on() -> None:
     assert found["handles"] == [5, 6]
     assert found["done"] == {"sweep": 10_000}
     assert found["seconds"] == 9
+    # Of three rounds medians are single values: that of the first would show.
+    assert judged(rounds([10.0, 100.0, 103.0], [5, 5, 6]))["memory [MB]"] == [100.0, 103.0]
 
 
 def test_what_grew_and_what_differed_is_named() -> None:
