@@ -404,6 +404,7 @@ def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -
     x, y = strain[order], value[order]
     smooth = np.polynomial.Polynomial.fit(x, y, min(5, x.size // 4))
     left, curve = y - smooth(x), smooth(axis)
+    # Near zero stress a ratio says nothing: below a thousandth of the largest, that thousandth stands for it.
     share = _noise(x, left / np.maximum(np.abs(smooth(x)), 1e-3 * np.abs(y).max()))
     return np.asarray(np.maximum(_noise(x, left), share * np.abs(curve)))
 
