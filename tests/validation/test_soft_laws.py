@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS, AnyLaw
-from explicit.materials.laws.neo_hookean import NeoHookean
 from explicit.materials.laws.ogden import Ogden1
+from explicit.materials.laws.polynomial import NeoHookean
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.compare import Candidate, Stability, candidates, drucker
 from kolsky.material.fits.fit import Fit, FitOutcome, fit_law
