@@ -1,10 +1,10 @@
 """Polynomials in the invariants, with x = I1_bar - 3 and y = I2_bar - 3.
 
 The neo-Hookean law W = mu/2 x (Treloar 1943); W = C10 x + C20 x^2 + C30 x^3 (Yeoh 1993), that of order 2
-without C30; Mooney-Rivlin with its mixed term, W = C10 x + C01 y + C11 x y (Mooney 1940; Rivlin 1948; with C11
-as in Schumacher and others 2020, Table I); and the complete polynomial of second order, W = C10 x + C01 y +
-C20 x^2 + C11 x y + C02 y^2 (Rivlin and Saunders 1951). With C11 = C02 = 0 the last is the Mooney-Rivlin law of
-three terms that some programs call of second order.
+without C30; Mooney-Rivlin with its mixed term, W = C10 x + C01 y + C11 x y (Mooney 1940; Rivlin 1948; with
+C11 as in Schumacher and others 2020, Table I); and the complete polynomial of second order, W = C10 x + C01
+y + C20 x^2 + C11 x y + C02 y^2 (Rivlin and Saunders 1951). With C11 = C02 = 0 the last is the Mooney-Rivlin
+law of three terms that some programs call of second order.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Laws that stiffen: chains of finite length, and exponentials of soft tissue.
 
-Arruda and Boyce's (1993) eight chains, in a series of five terms: W = mu sum_i c_i / lam_m^(2i-2)
-(I1_bar^i - 3^i) with c = 1/2, 1/20, 11/1050, 19/7000, 519/673750, the inverse Langevin function's series. Near
-the locking stretch lam_m the series is softer than the function. Gent's (1996) W = -mu Jm / 2 ln(1 - (I1_bar -
+Arruda and Boyce's (1993) eight chains, in a series of five terms: W = mu sum_i c_i / lam_m^(2i-2) (I1_bar^i
+- 3^i) with c = 1/2, 1/20, 11/1050, 19/7000, 519/673750, the inverse Langevin function's series. Near the
+locking stretch lam_m the series is softer than the function. Gent's (1996) W = -mu Jm / 2 ln(1 - (I1_bar -
 3) / Jm) locks at I1_bar = 3 + Jm. Humphrey and Yin (1987) have C1 (exp(k (I1_bar - 3)) - 1); Veronda and
 Westmann (1970) take C1 k / 2 (I2_bar - 3) off it.
 """
