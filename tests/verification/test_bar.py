@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import (
@@ -14,7 +13,6 @@ from scene import (
     RADIUS,
     YOUNG,
     gentle_stroke,
-    label_sizes,
     ninth_slope,
     shear_modulus,
     speed_after_rise,
@@ -69,8 +67,7 @@ class Result:
     """How much the force differs from that on a rigid support [-]: what the bar does at all."""
     work: dict[str, float]
     """Error of the energy that went into the bar, finest mesh, over the flyer's work [-]."""
-    traces: dict[str, tuple[FloatArray, FloatArray]]
-    """Force of the finest mesh and closed form [N], shape [n_times]."""
+
     steel: float
     """The same error of the path for a large impact on the steel bar [-]."""
     steel_travel: float
@@ -143,7 +140,7 @@ def _steel() -> tuple[float, float]:
 @cache
 def case() -> Result:
     """Three bars on three meshes, and the steel bar in an impact."""
-    force, platen, rigid, work, traces = {}, {}, {}, {}, {}
+    force, platen, rigid, work = {}, {}, {}, {}
     for name, bar in BARS.items():
         exact = closed_force(bar, TIMES)
         of_force, of_platen = [], []
@@ -160,7 +157,7 @@ def case() -> Result:
         speed = exact / bar.impedance + 2.0 * outgoing_wave(bar, TIMES - bar.round_trip)
         expected = np.cumsum(exact * speed) * (TIMES[1] - TIMES[0])
         work[name] = float(np.abs(into_bar - expected).max() / flyer_work.max())
-        traces[name] = (response.force_transmission[0], exact)
+
     steel, travel = _steel()
     sizes = [1.0 / n for n in MESHES]
     return Result(
@@ -169,7 +166,6 @@ def case() -> Result:
         platen_order={name: fitted_order(sizes, values) for name, values in platen.items()},
         rigid=rigid,
         work=work,
-        traces=traces,
         steel=steel,
         steel_travel=travel,
     )
@@ -183,21 +179,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{100 * max(e[-1] for e in result.platen.values()):.2f} %",
         f"{100 * FORCE_TOLERANCE:g} %; {100 * PLATEN_TOLERANCE:g} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: force of the rod on three bars, points beside the closed form (lines). Right: error of the
-    platen's path in the same colours; dotted: first order."""
-    left, right = figure.subplots(1, 2)
-    for name, (found, exact) in result.traces.items():
-        (line,) = left.plot(TIMES / PASSAGE, 1e3 * exact, linewidth=0.8, label=name)
-        left.plot(TIMES[::15] / PASSAGE, 1e3 * found[::15], "o", markersize=3, color=line.get_color())
-        right.loglog(MESHES, result.platen[name], "o-", color=line.get_color(), label=name)
-    left.set(xlabel="time / passage of the rod [-]", ylabel="force [mN]", xlim=(0.9, 3))
-    right.loglog(MESHES, 0.015 * MESHES[0] / np.array(MESHES), "k:")
-    label_sizes(right, np.array(MESHES))
-    left.legend()
-    right.set(xlabel="elements along the rod [-]", ylabel="error of the platen's path [-]")
 
 
 def page(result: Result) -> str:

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
 
@@ -44,8 +43,7 @@ class Result:
     """Largest position difference of the side surface [m]."""
     largest_force: float
     """Largest force [N]."""
-    traces: tuple[FloatArray, FloatArray]
-    """Transmission force in double precision and the difference of single precision [N], shape [n_times]."""
+
     steps: dict[str, FloatArray]
     """Step at rest undamped, with deviatoric and with full damping [s], shape [n_dampings]."""
     predicted: FloatArray
@@ -134,10 +132,6 @@ def case() -> Result:
         force_difference=max(float(np.abs(getattr(single, n) - getattr(double, n)).max()) for n in forces),
         place_difference=max(float(np.abs(getattr(single, n) - getattr(double, n)).max()) for n in places),
         largest_force=float(double.force_flyer.max()),
-        traces=(
-            double.force_transmission[0],
-            single.force_transmission[0] - double.force_transmission[0],
-        ),
         steps={
             "undamped": np.full(len(DAMPING), undamped),
             "deviatoric": np.array([first_step(beta, "deviatoric") for beta in DAMPING]),
@@ -156,15 +150,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{1e6 * result.place_difference:.4f} µm",
         f"same bits; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Transmission force in double precision, and what single precision changes in it."""
-    left, right = figure.subplots(1, 2)
-    left.plot(1e3 * TIMES, result.traces[0])
-    left.set(xlabel="time [ms]", ylabel="force [N]")
-    right.plot(1e3 * TIMES, 1e3 * result.traces[1])
-    right.set(xlabel="time [ms]", ylabel="fp32 minus fp64 [mN]")
 
 
 def page(result: Result) -> str:

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import table
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
@@ -191,7 +190,6 @@ def case() -> Result:
 
 
 TITLE = "Stereo match of a cylinder"
-FIGURE_SIZE = (6.7, 3.0)
 BIAS = 0.5e-6
 """Allowed mean distance from the cylinder with quadratic shape functions, subsets of 21 px and more [m]."""
 SAGITTA = 0.05
@@ -228,37 +226,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{1e6 * np.abs(large).max():.2f} µm; {min(scaled):.2f} to {max(scaled):.2f}; {passed} of {number}",
         f"{1e6 * BIAS:g} µm; {SCALED[0]:g} to {SCALED[1]:g}; 0",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: mean distance of the matched points from the cylinder by the square of the subset's side on the
-    surface; dashed: minus the mean sagitta, closed form. Right: share of the false matches that each gate
-    stops by itself."""
-    left, right = figure.subplots(1, 2)
-    colours = dict(zip(ANGLES, ("C0", "C1"), strict=True))
-    for angle in ANGLES:
-        for shape, marker in ((Shape.AFFINE, "o"), (Shape.QUADRATIC, "s")):
-            found = [result.errors[angle, shape, n] for n in SUBSETS]
-            left.plot(
-                [1e6 * e.width**2 for e in found],
-                [1e6 * e.bias for e in found],
-                marker,
-                color=colours[angle],
-                mfc=colours[angle] if shape is Shape.AFFINE else "white",
-                label=f"{shape.name.lower()}, {angle:g}°",
-            )
-    w = np.linspace(0.0, result.errors[ANGLES[0], Shape.AFFINE, SUBSETS[-1]].width, 50)
-    left.plot(1e6 * w**2, [-1e6 * sagitta(x) for x in w], "k--", label=r"$-w^2/24R$")
-    left.set(xlabel="square of the subset's side $w^2$ [mm²]", ylabel="distance from the cylinder [µm]")
-    left.legend(loc="lower left")
-    x = np.arange(len(JUDGED))
-    for angle, shift in zip(ANGLES, (-0.2, 0.2), strict=True):
-        false = result.false[angle]
-        share = [100 * false.caught[gate] / false.number for gate in JUDGED]
-        right.bar(x + shift, share, width=0.38, color=colours[angle], label=f"{angle:g}°")
-    right.set_xticks(x, [gate.name.lower().replace("_", "\n") for gate in JUDGED], rotation=30)
-    right.set(ylabel="false matches stopped [%]", ylim=(0.0, 118.0), yticks=np.arange(0.0, 101.0, 20.0))
-    right.legend(loc="upper left", ncols=2)
 
 
 def page(result: Result) -> str:

@@ -5,7 +5,6 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from speckle_pictures import render, speckle_pattern
 
@@ -17,8 +16,6 @@ from dic.tracking import Tracking, track
 FloatArray = NDArray[np.float64]
 
 TITLE = "Tracking in time"
-FIGURE_SIZE = (6.7, 2.7)
-
 SHAPE = (200, 220)
 """Rows and columns of a picture [px]."""
 CENTRE, BASE = 110.0, 190.0
@@ -161,11 +158,6 @@ def ratio(course: Course, other: Course) -> float:
     return float(np.linalg.norm(course.spread[-1]) / np.linalg.norm(other.spread[-1]))
 
 
-def both(spread: FloatArray) -> FloatArray:
-    """Root mean square of the components, shape [n]."""
-    return np.asarray(np.sqrt(np.mean(spread**2, axis=1)))
-
-
 def added(result: Result) -> FloatArray:
     """What the errors of a match in every frame add up to if they are independent, shape [n, 2] [px].
 
@@ -174,31 +166,6 @@ def added(result: Result) -> FloatArray:
     one = result.series["every frame"]
     stretches = np.array([motion(value) for value in one.lam])
     return np.asarray(stretches * np.sqrt(np.cumsum((one.spread / stretches) ** 2, axis=0)))
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: standard deviation of the error, root mean square of both components, while a pattern of 8 px
-    speckles is flattened: with frames left out, with a new reference in every frame, and what independent
-    errors of those matches would add up to. Right: standard deviation of the error over its own sigma, every
-    frame used.
-    """
-    left, right = figure.subplots(1, 2)
-    marks = ("-", "--", ":")
-    for k, (name, course) in enumerate(result.series.items()):
-        left.plot(course.lam, 1e3 * both(course.spread), marks[k], color="C0", label=name)
-    left.plot(result.always.lam, 1e3 * both(result.always.spread), color="C1", label="update in every frame")
-    left.plot(
-        result.always.lam, 1e3 * both(added(result)), ":", color="0.5", label="independent errors added"
-    )
-    left.set(xlabel="stretch λ [-]", ylabel="std of the error [mpx]", xlim=(1.0, 0.25), ylim=(0.0, None))
-    left.legend()
-    coarse = result.series["every frame"]
-    for course, color, size in ((coarse, "C0", SPECKLES[0]), (result.fine, "C2", SPECKLES[1])):
-        right.plot(course.lam, course.normalised[:, 1], color=color, label=f"{size:g} px speckles, y")
-        right.plot(course.lam, course.normalised[:, 0], "--", color=color, label=f"{size:g} px speckles, x")
-    right.axhline(1.0, color="0.5", linewidth=0.8)
-    right.set(xlabel="stretch λ [-]", ylabel="std of error / sigma [-]", xlim=(1.0, 0.25), ylim=(0.0, 2.0))
-    right.legend()
 
 
 def page(result: Result) -> str:

@@ -86,8 +86,7 @@ class Reference:
 
     time: FloatArray
     """Times of the forces [s], shape [n]."""
-    flyer: FloatArray
-    """Force on the flyer [N], shape [n]."""
+
     transmission: FloatArray
     """Force on the fixed platen [N], shape [n]."""
     outline_time: FloatArray
@@ -121,7 +120,6 @@ def reference(side: str) -> Reference:
     with np.load(REFERENCE / name, allow_pickle=False) as data:
         return Reference(
             time=data["t"],
-            flyer=data["Ftop_raw"].astype(float),
             transmission=data["Fbot_raw"].astype(float),
             outline_time=data["profile_t"],
             outline=np.stack([data["profile_r"], data["profile_z"]], axis=-1),

@@ -5,10 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, label_sizes, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
 
 from explicit import (
     CharacteristicBar,
@@ -126,23 +125,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{100 * worst:.3f} % of external work",
         f"{100 * TOLERANCE:.1f} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: where the work went, f = 0.3, deviatoric damping. Right: largest residual against the step;
-    dashed: allowed."""
-    left, right = figure.subplots(1, 2)
-    ledger = result.ledgers["deviatoric"]
-    sample = FRICTION.index(0.3)
-    left.plot(1e3 * TIMES, 1e3 * ledger.external[sample], "--", color="0.4", label="external")
-    for name in TERMS:
-        left.plot(1e3 * TIMES, 1e3 * getattr(ledger, name)[sample], label=name.replace("_", " "))
-    left.set(xlabel="time [ms]", ylabel="energy [mJ]")
-    left.legend()
-    right.loglog(1e6 * np.array(STEPS), 100 * result.refined, "o-")
-    right.axhline(100 * TOLERANCE, color="0.5", linestyle="--")
-    right.set(xlabel="step [µs]", ylabel="largest |residual| [% of work]")
-    label_sizes(right, 1e6 * np.array(STEPS))
 
 
 def page(result: Result) -> str:

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 
@@ -129,8 +127,6 @@ def strip_forces() -> FloatArray:
 
 
 TITLE = "Equilibrium elements"
-FIGURE_SIZE = (6.7, 2.6)
-
 ACROSS = (2, 4, 8)
 """Elements across the wall, and along an edge of the membrane and the square."""
 ORDERS = {"quad4": 2.0, "quad8": 2.0, "quad9": 4.0, "tri6": 2.0}
@@ -150,7 +146,6 @@ FINE = 16
 TIP_HELD = 0.005
 """Largest relative distance from its limit of the 9-node quadrilateral and the 6-node triangle, `FINE`: their
 own steps from 8 to 16 elements are 0.2 and 0.4 %."""
-COLOURS = {"quad4": "C0", "quad8": "C1", "quad9": "C2", "tri6": "C3"}
 SQUARES = ("quad4", "quad8", "quad9", "tri6")
 STABLE = ("quad8", "quad9", "tri6")
 FALL = 0.2
@@ -212,31 +207,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{orders}; {100 * tip:.1f} %; {result.peer:.0e}",
         f"2, 2, 4, 2 within {ORDER_HELD}; {100 * TIP_HELD:.1f} %; {PEER_HELD:.0e}",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: error of the thick cylinder's inner radius against the elements across its wall. Middle: rise of
-    the corner of Cook's membrane; dashed: displacements alone, which lock. Right: inf-sup constants."""
-    left, middle, right = figure.subplots(1, 3)
-    for kind, errors in result.cylinder.items():
-        left.loglog(
-            ACROSS, errors, "o-", color=COLOURS[kind], label=f"{kind}, {result.orders[kind].order:.1f}"
-        )
-    left.set(xlabel="elements across the wall", ylabel="relative error of the radius", xticks=ACROSS)
-    left.xaxis.set_minor_locator(NullLocator())
-    left.xaxis.set_major_formatter(ScalarFormatter())
-    left.legend()
-    for (kind, how), rises in result.membrane.items():
-        line = "--" if how == "displacement" else "-"
-        middle.plot(ACROSS, rises, "o" + line, color=COLOURS[kind], label=kind if how == "mixed" else None)
-    middle.set(
-        xlabel="elements along an edge", ylabel="rise of the corner [mm]", xticks=ACROSS, ylim=(0, None)
-    )
-    middle.legend()
-    for kind, values in result.constants.items():
-        right.plot(ACROSS, values, "o-", color=COLOURS[kind], label=kind)
-    right.set(xlabel="elements along an edge", ylabel="inf-sup constant", xticks=ACROSS, ylim=(-0.03, None))
-    right.legend()
 
 
 def page(result: Result) -> str:

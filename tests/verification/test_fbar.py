@@ -13,7 +13,6 @@ import test_frictionless as frictionless
 import test_patch as patch
 import test_static_bonded as static
 from elements import Evaluated, evaluate
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 from scene import (
@@ -645,7 +644,6 @@ each other.
 
 
 TITLE = "F-bar element"
-FIGURE_SIZE = (6.7, 5.4)
 
 
 def row(result: Result) -> tuple[str, str, str]:
@@ -660,43 +658,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{result.single['fbar'].gradient.min():.0e}; {forces:.1f} %, {common:.2f} %; {apart:.2f} %",
         f"1e-8; {100 * STATIC_TOLERANCE['fine']:g} %, {100 * LIMIT_TOLERANCE:g} %; {100 * AGREEMENT:g} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Top left: force against the central difference of the energy. Top right: static force error at 10 and
-    30 % against the mesh; dashed: order of a bonded edge in linear theory. Bottom left: 5 kHz force of the
-    impact, difference from the reference. Bottom right: flat disc, 16 × 4, force at 40 % against hourglass
-    stiffness."""
-    (slope, still), (fast, flat) = figure.subplots(2, 2)
-    known = static.reference().force
-    colors = dict(zip(ELEMENTS, ("C0", "C1"), strict=True))
-    for element, color in colors.items():
-        slope.loglog(DIFFERENCES, result.single[element].gradient, "o-", color=color, label=element)
-        forces = static_forces(element)
-        for k, mark in ((0, "o"), (2, "s")):
-            label = f"{element}, {10 * (k + 1)} %"
-            error = 100 * np.abs(forces[:, k] / known[k] - 1.0)
-            still.loglog([n for n, _ in MESHES], error, mark + "-", color=color, label=label)
-        errors = 100 * impact_errors(element, 5e3)
-        fast.loglog([n for n, _ in MESHES], errors, "o-", color=color, label=element)
-    guide = np.array([16.0, 48.0])
-    still.loglog(guide, 2.6 * (guide / 16.0) ** -STATIC_ORDER, "--", color="0.5")
-    slope.set(xlabel="difference / element size [-]", ylabel="force error [-]")
-    still.set(xlabel="elements across the radius [-]", ylabel="static force error [%]", ylim=(0.08, 8.0))
-    fast.set(xlabel="elements across the radius [-]", ylabel="rms difference / peak [%]")
-    for axes in (still, fast):
-        axes.set_xticks([n for n, _ in MESHES], [f"{n}" for n, _ in MESHES])
-        axes.set_xticks([], minor=True)
-    coarse = DISC_MESHES[0]
-    forces = [disc(coarse, "one_point", chi).force[-1] for chi in CHI]
-    flat.semilogx(CHI, forces, "o-", color="C0", label="one_point")
-    flat.axhline(disc(coarse, "fbar").force[-1], color="C1", label="fbar")
-    finest = disc(DISC_MESHES[-1], "fbar").force[-1]
-    flat.axhline(finest, color="0.5", linestyle="--", label="fbar, 48 × 12")
-    flat.set(xlabel="hourglass stiffness χ [-]", ylabel="force [N]")
-    still.legend(ncols=2)
-    for axes in (slope, fast, flat):
-        axes.legend()
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))

@@ -7,10 +7,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, invert, label_sizes, quintic, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, invert, quintic, shear_modulus, smooth_stroke, table
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.materials import MarlowLaw, MaterialLaw, marlow_from_curve, neo_hookean
@@ -49,8 +48,6 @@ class Result:
     """Error of the mean side radius [m], shape [n_laws, n_poisson, 6]."""
     spread: FloatArray
     """Largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]."""
-    nominal: FloatArray
-    """Force of the closed form [N], shape [n_laws, n_poisson, 6]."""
     slow: FloatArray
     """|force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]."""
     order: FittedOrder
@@ -121,7 +118,6 @@ def case() -> Result:
         force=force / exact[..., 0] - 1.0,
         radius=radius - exact[..., 1],
         spread=spread,
-        nominal=exact[..., 0],
         slow=np.array(slow),
         order=fitted_order(1.0 / np.array(DURATIONS), slow),
     )
@@ -134,24 +130,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{100 * np.abs(result.force).max():.2f} %",
         f"{100 * FORCE_TOLERANCE:.1f} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: force error of the loading that is compared, by law and ν. Right: largest force error up to 50 %
-    against the duration of loading; dotted: power -2."""
-    left, right = figure.subplots(1, 2)
-    names = {"nh": "neo-Hookean", "yeoh": "Yeoh"}
-    for law, errors, style in zip(LAWS, result.force, ("o-", "s--"), strict=True):
-        for i, (nu, error) in enumerate(zip(POISSON, errors, strict=True)):
-            label = f"{names[law]}, ν = {nu}"
-            left.plot(100 * COMPRESSION, 100 * error, style, color=f"C{i}", fillstyle="none", label=label)
-    left.set(xlabel="compression [%]", ylabel="force error [%]")
-    left.legend()
-    duration = 1e3 * np.array(DURATIONS)
-    right.loglog(duration, 100 * result.slow, "o-")
-    right.loglog(duration, 60 * result.slow[0] * (duration[0] / duration) ** 2, "k:")
-    right.set(xlabel="duration of loading [ms]", ylabel="largest force error to 50 % [%]")
-    label_sizes(right, 1e3 * np.array(DURATIONS))
 
 
 def page(result: Result) -> str:

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 import test_which_element as runs
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import rms, table
@@ -230,28 +229,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{least:.1f} to {most:.1f}; {100 * force:.2f} %; {1e3 * radius:.3f} mm",
         f"{COST:g}; {100 * FORCE_TOLERANCE:g} %; {1e3 * RADIUS_TOLERANCE:g} mm",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Shot open-01, ν = 0.4999. Left: 5 kHz force minus that of the direct run, 32 × 44 elements. Right: rms
-    error of the 5 kHz force of 32 × 44 against the coarse mesh of the correction; dotted: third order;
-    dashed: uncorrected."""
-    left, right = figure.subplots(1, 2)
-    nu, times = TARGETS[0], 1e3 * runs.shot().forward.sampling.force_times
-    estimate = smooth(corrected(FINE, CASES[FINE], nu).force_change[0])
-    for coarse, label in ((None, f"ν = {COMPRESSIBLE:g}"), (CASES[FINE], "corrected on 16 × 22")):
-        left.plot(times, smooth(force_difference(FINE, nu, coarse)), label=label)
-    left.plot(times, estimate, ":", label="estimate of its error")
-    left.set(xlabel="time [ms]", ylabel="5 kHz force, difference [N]")
-    left.legend()
-    sizes, errors = np.array([size(mesh) for mesh in LADDER]), ladder_errors(nu)
-    right.loglog(1e2 * sizes, errors, "C1o-", label="corrected")
-    right.loglog(1e2 * sizes, 0.7 * errors[-1] * (sizes / sizes[-1]) ** 3, ":", color="0.5")
-    right.axhline(result.corrections[FINE, nu].force[0], color="C0", linestyle="--", label="uncorrected")
-    right.set_xticks(1e2 * sizes, [f"{a} × {b}" for a, b in LADDER])
-    right.set_xticks([], minor=True)
-    right.set(xlabel="mesh of the correction", ylabel="5 kHz force error [N]")
-    right.legend()
 
 
 def correction_table(result: Result) -> str:

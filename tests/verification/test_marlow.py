@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import table
@@ -213,18 +212,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{result.yeoh_error[2]:.0e} with {POINTS[2]} points, order {result.yeoh_order.order:.2f}",
         "1e-5; order >= 2.8",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: error of the law built from a sampled Yeoh curve. Right: central difference of the energy against
-    the stress power; truncation falls as the square of the step, round-off rises as its inverse."""
-    left, right = figure.subplots(1, 2)
-    left.loglog(POINTS, result.yeoh_error, "o-", label=f"s > 0.4, order {result.yeoh_order.order:.2f}")
-    left.loglog(POINTS, result.origin_error, "s--", label="limit at rest")
-    left.set(xlabel="points of the curve [-]", ylabel="error of 2U′/μ₀ [-]")
-    left.legend()
-    right.loglog(DIFFERENCES, result.difference_error, "o-")
-    right.set(xlabel="step of the difference [-]", ylabel="error against the stress power [-]")
 
 
 def page(result: Result) -> str:

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 from elements import evaluate
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import LENGTH, RADIUS, shear_modulus, table
 
@@ -191,20 +190,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{worst:.0e} of a corner force (fp64)",
         f"{TOLERANCE['fp64']:.0e}",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: the distorted mesh. Right: force on interior nodes in each state; dashed: allowed."""
-    left, right = figure.subplots(1, 2)
-    r, y = 1e3 * result.mesh.nodes.T
-    loops = np.concatenate([result.mesh.quads, result.mesh.quads[:, :1]], axis=1).T
-    left.plot(r[loops], y[loops], color="0.35", linewidth=0.7)
-    left.set(xlabel="R [mm]", ylabel="Y [mm]", aspect="equal")
-    for name, errors in result.interior.items():
-        (line,) = right.semilogy(list(errors), list(errors.values()), "o", label=name)
-        right.axhline(TOLERANCE[name], color=line.get_color(), linestyle="--", linewidth=0.8)
-    right.set(ylabel="interior force / corner force [-]")
-    right.legend()
 
 
 def page(result: Result) -> str:

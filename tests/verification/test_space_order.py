@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import (
@@ -16,7 +15,6 @@ from scene import (
     YOUNG,
     gentle_start,
     gentle_stroke,
-    label_sizes,
     ninth,
     rms,
     shear_modulus,
@@ -146,27 +144,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{wave}; {min(orders):.2f} to {max(orders):.2f}",
         f"2 within {ALLOWED:g}; 1 or better",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: error of an exact elastic wave, ν = 0. Right: impacts, difference from half the element size."""
-    left, right = figure.subplots(1, 2)
-    size = 1e3 * SIZES
-    left.loglog(size, result.wave_position, "o-", label="displacement")
-    left.loglog(size, result.wave_force, "s-", label="force")
-    left.loglog(size, 0.05 * (size / size[0]) ** 2, "k:", label="power 2")
-    left.set(xlabel="element [mm]", ylabel="error [-]")
-    left.legend()
-    label_sizes(left, size)
-    for (name, series), style in zip(result.impacts.items(), ("o-", "s-", "^--"), strict=True):
-        for quantity in ("impulse", "radius"):
-            right.loglog(size[:-1], series[quantity], style, markersize=4, label=f"{quantity}, {name}")
-    right.loglog(size[:-1], 1e-2 * (size[:-1] / size[0]) ** 2, "k:", label="power 2")
-    right.loglog(size[:-1], 1e-2 * (size[:-1] / size[0]), "k--", label="power 1")
-    right.set(xlabel="element [mm]", ylabel="difference from half the element [-]")
-    label_sizes(right, size[:-1])
-    right.set_ylim(right.get_ylim()[0] / 100.0, None)  # room for the names
-    right.legend(loc="lower right", fontsize=7)
 
 
 def page(result: Result) -> str:

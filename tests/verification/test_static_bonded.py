@@ -56,8 +56,7 @@ class Compressed:
     """Radius at mid-height [m], shape [6]."""
     outline: FloatArray
     """Surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]."""
-    landings: FloatArray
-    """Compressions at which one more node of the side lies on the lower platen, in steps of `SWEEP` [-]."""
+
     kinetic: FloatArray
     """Kinetic over elastic energy [-], shape [6]."""
     hourglass: FloatArray
@@ -131,7 +130,7 @@ def compress(
         hourglass=hourglass,
     )
     response = run(model, Samples.of(poisson=POISSON, mass_damping=drag), Sampling(when(SWEEP), when(SWEEP)))
-    on_platen = (response.surface_y[0] < 1e-9).sum(axis=1) - 1  # bonded nodes lie on it exactly
+
     six = np.searchsorted(SWEEP, COMPRESSION - 1e-9)
     force = 0.5 * (response.force_flyer[0] + response.force_transmission[0])
     r, y = response.surface_r[0, six], response.surface_y[0, six]
@@ -142,7 +141,6 @@ def compress(
         sweep=force,
         radius=np.array([np.interp(m, *pair) for m, *pair in zip(middle, y, r, strict=True)]),
         outline=np.stack([r, np.abs(y - middle[:, None])], axis=-1),
-        landings=SWEEP[1:][np.diff(on_platen) > 0],
         kinetic=(response.energy.kinetic[0] / response.energy.elastic[0])[six],
         hourglass=(response.energy.hourglass[0] / response.energy.elastic[0])[six],
         speed=speed,

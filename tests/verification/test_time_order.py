@@ -6,10 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, label_sizes, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, shear_modulus, smooth_stroke, table
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
@@ -124,20 +123,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{min(orders):.2f} to {max(orders):.2f}",
         f"2 within {ALLOWED:g}",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Difference from half the step. Left: undamped. Right: with damping."""
-    axes = figure.subplots(1, 2, sharey=True)
-    for ax, series in zip(axes, (result.undamped, result.damped), strict=True):
-        for name, values in series.items():
-            ax.loglog(1e6 * STEPS[:-1], values, "o-", label=name)
-        ax.set_xlabel("step [µs]")
-    for ax, power in zip(axes, (2, 1), strict=True):
-        ax.loglog(1e6 * STEPS[:-1], 1e-2 * (STEPS[:-1] / STEPS[0]) ** power, "k:", label=f"power {power}")
-        label_sizes(ax, 1e6 * STEPS[:-1])
-        ax.legend()
-    axes[0].set_ylabel("difference from half the step [-]")
 
 
 def page(result: Result) -> str:

@@ -5,7 +5,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import DENSITY, RADIUS, YOUNG, gentle_stroke, ninth, ninth_slope, shear_modulus, table
@@ -44,12 +43,8 @@ class Result:
     """Phase velocity of the first Pochhammer mode over sqrt(E / rho) [-], shape [n_modes]."""
     wave_order: tuple[FittedOrder, ...]
     """Fit of the higher modes' errors (n = 2, 3) against the element size."""
-    time: FloatArray
-    """Times of the slowest disc [s], shape [n_times]."""
-    force: FloatArray
-    """Mean of its face forces [N], shape [n_times]."""
     closed_form: FloatArray
-    """Inertia plus static stress, times the face [N], shape [n_times]."""
+    """Of the slowest disc: inertia plus static stress, times the face [N], shape [n_times]."""
     static: FloatArray
     """The static part alone [N], shape [n_times]."""
     disc_error: FloatArray
@@ -141,14 +136,12 @@ def case() -> Result:
     error = np.abs(velocity / exact - 1.0)
     discs = [_disc(20.0, duration) for duration in DURATIONS]
     disc_error = np.array([np.abs(force - closed).max() / closed.max() for _, force, closed, _, _ in discs])
-    times, force, closed, static, _ = discs[-1]
+    _, _, closed, static, _ = discs[-1]
     return Result(
         slenderness=slenderness,
         velocity=velocity,
         exact_velocity=exact,
         wave_order=tuple(fitted_order(sizes, error[:, k]) for k in (1, 2)),
-        time=times,
-        force=force,
         closed_form=closed,
         static=static,
         disc_error=disc_error,
@@ -169,25 +162,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{100 * np.abs(wave_error(result)[-1]).max():.2f} %; {100 * result.disc_error[-1]:.2f} %",
         f"{100 * WAVE_TOLERANCE:g} %; {100 * INERTIA_TOLERANCE:g} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Left: phase velocity of standing waves in a rod of radius a, by mesh. Right: force on a disc, radius
-    20 times its height."""
-    left, right = figure.subplots(1, 2)
-    data = np.loadtxt(REFERENCE, delimiter=",")
-    shown = data[data[:, 0] <= 1.0]
-    left.plot(shown[:, 0], shown[:, 1], "k-", linewidth=0.8, label="Pochhammer, Chree")
-    for mesh, found, mark in zip(MESHES, result.velocity, ("^", "s", "o"), strict=True):
-        left.plot(result.slenderness, found, mark, fillstyle="none", label=f"{mesh[0]} × {mesh[1]}")
-    left.set(xlabel="a / wavelength [-]", ylabel="phase velocity / c₀ [-]")
-    left.legend()
-    time = 1e3 * result.time
-    right.plot(time, result.closed_form, "k-", linewidth=0.8, label="closed form")
-    right.plot(time, result.static, "k:", linewidth=0.8, label="static part")
-    right.plot(time, result.force, "o", markersize=3, fillstyle="none", label="solver")
-    right.set(xlabel="time [ms]", ylabel="force on a face [N]")
-    right.legend()
 
 
 def page(result: Result) -> str:

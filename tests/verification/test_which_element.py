@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from elements import evaluate
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, CommonLimit, common_limit, limit, rms, table
@@ -177,22 +176,12 @@ def apart(limits: dict[str, FloatArray]) -> float:
     return max(rms(a - b) for i, a in enumerate(values) for b in values[:i])
 
 
-def artificial_history(form: str, mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Times [s] of the ledger, and artificial energy over the strain energy of the same instant [-]."""
-    ledger = batch(form, mesh).energy
-    one = middle(mesh)
-    kept = np.isfinite(ledger.elastic[one]) & (ledger.elastic[one] > 0.0)
-    share = ledger.artificial[one, kept] / ledger.elastic[one, kept]
-    return shot().forward.sampling.surface_times[kept], share
-
-
 def artificial_share(form: str, mesh: Mesh) -> float:
     """Largest artificial energy over the largest strain energy [-]."""
     return float(batch(form, mesh).energy.artificial_share()[middle(mesh)])
 
 
 TITLE = "Elements: which one to take"
-FIGURE_SIZE = (6.7, 5.0)
 ARTIFICIAL = 0.01
 """Largest allowed artificial energy over the strain energy [-]: what the field takes for harmless."""
 FACTOR_TOLERANCE = {"coarse": 0.02, "fine": 0.0025, "limit": 0.001}
@@ -248,39 +237,6 @@ def row(result: Result) -> tuple[str, str, str]:
         f"{100 * share:.2f} %; {100 * finest:.2f} %, {100 * apart:.2f} %",
         f"{100 * ARTIFICIAL:g} %; {100 * allowed['fine']:g} %, {100 * allowed['limit']:g} %",
     )
-
-
-def draw(result: Result, figure: Figure) -> None:
-    """Shot open-01. Top left: artificial energy over the strain energy of the same instant, 16 × 22; dashed:
-    1 %. Top right: 5 kHz force, rms distance from the common limit; dotted: second order. Bottom left:
-    radii at the measured points, the same. Bottom right: identified m; dashed: the known answer; cross: the
-    common limit."""
-    (energy, force), (outline, factor) = figure.subplots(2, 2)
-    every, mark = result.found.series, dict(zip(FORMS, "os^", strict=True))
-    for k, (form, one) in enumerate(every.items()):
-        style = {"color": f"C{k}", "marker": mark[form], "label": form}
-        if form != "F-bar":
-            times, share = artificial_history(form, MESHES[0])
-            energy.semilogy(1e3 * times, 100 * share, color=f"C{k}", label=form)
-        force.loglog(1e2 * one.sizes, one.force, **style)
-        outline.loglog(1e2 * one.sizes, 1e6 * one.outline, **style)
-        factor.plot((1e2 * one.sizes) ** 2, one.factor, **style)
-    guide = np.array([2.0, 5.0])
-    for axes, start in ((force, 0.004), (outline, 0.6)):
-        axes.loglog(guide, start * (guide / guide[0]) ** 2, ":", color="0.5")
-        axes.set_xticks([1e2 * size for size in one.sizes], [f"{a} × {b}" for a, b in MESHES])
-        axes.set_xticks([], minor=True)
-        axes.set_xlabel("mesh")
-        axes.legend()
-    energy.axhline(100 * ARTIFICIAL, color="0.5", linestyle="--")
-    energy.set(xlabel="time [ms]", ylabel="artificial / strain energy [%]", ylim=(0.05, 3.0))
-    energy.legend()
-    force.set_ylabel("5 kHz force error [N]")
-    outline.set_ylabel("outline error [µm]")
-    factor.axhline(TRUTH, color="0.5", linestyle="--")
-    factor.plot(0.0, result.factor.value, "kx", clip_on=False, zorder=5)
-    factor.set(xlabel="10⁴ / number of elements [-]", ylabel="identified m [-]", xlim=(0.0, None))
-    factor.legend()
 
 
 def convergence_table(result: Result) -> str:
