@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from explicit.bars import elastic_bar
 from kolsky.bars.guides import pochhammer
 from kolsky.bars.guides.pochhammer import rayleigh_speed
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
@@ -103,7 +103,9 @@ def _element_bar(size: float) -> tuple[FloatArray, FloatArray, FloatArray, Float
     near = Signal(float(history.times[0]), step, history.section_force[:, 0], 0.0, "N")
     way, n = bar.depths[1] - bar.depths[0], history.times.size
     there = [
-        propagate(near, ElasticWaveguide(STEEL_BAR, dispersive=disperses), way, start=0.0, samples=n).value
+        propagation(
+            near, ElasticWaveguide(STEEL_BAR, dispersive=disperses), way, start=0.0, samples=n
+        ).signal.value
         for disperses in (True, False)
     ]
     return history.times, history.section_force[:, 1], *there
@@ -122,8 +124,8 @@ def case() -> Result:
     forward, back, shift, pulses = [], [], [], {}
     for way in WAYS:
         there = carried(PULSE, time + way / c, omega, np.exp(-1j * k * way))
-        sent = propagate(Signal(0.0, STEP, here, 0.0, "1"), guide, way).value
-        returned = propagate(Signal(way / c, STEP, there, 0.0, "1"), guide, -way).value
+        sent = propagation(Signal(0.0, STEP, here, 0.0, "1"), guide, way).signal.value
+        returned = propagation(Signal(way / c, STEP, there, 0.0, "1"), guide, -way).signal.value
         peak = np.abs(here).max()
         forward.append(np.abs(sent - there).max() / peak)
         back.append(np.abs(returned - here).max() / peak)

@@ -105,30 +105,6 @@ class Propagation:
     """Root mean square of that difference over the result, in the signal's unit."""
 
 
-def propagate(
-    signal: Signal,
-    waveguide: Waveguide,
-    distance: float,
-    *,
-    window: tuple[float, float] | None = None,
-    band: float | None = None,
-    start: float | None = None,
-    samples: int | None = None,
-    largest_gain: float = _LARGEST_GAIN,
-) -> Signal:
-    """The signal of one wave at a distance along its way; see `propagation` for the parameters."""
-    return propagation(
-        signal,
-        waveguide,
-        distance,
-        window=window,
-        band=band,
-        start=start,
-        samples=samples,
-        largest_gain=largest_gain,
-    ).signal
-
-
 def propagation(
     signal: Signal,
     waveguide: Waveguide,
