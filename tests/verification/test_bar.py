@@ -229,15 +229,7 @@ platen answers the force of the step before, which is of first order in the step
 {100 * WORK_TOLERANCE:g} % of the flyer's: the ledger belongs to the beginning of the step that contains a
 time.
 
-**Limit.** The answer one step later is stable only where Z times the step is above the mass of the nodes on
-the face: {_face_mass_ratio():.0e} of it for the paper's bar on 16 × 22 elements.
 """
-
-
-def _face_mass_ratio() -> float:
-    """Mass of the face's nodes over Z times the step: 16 × 22 elements, steel bar, 1.5 µs [-]."""
-    layer = DENSITY * np.pi * RADIUS**2 * LENGTH / 22 / 2
-    return float(layer / (STEEL.impedance * 1.5e-6))
 
 
 @pytest.mark.parametrize("name", list(BARS))
