@@ -15,7 +15,6 @@ class Bonded(ContactLaw):
     carries_tension = True
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero = real(0.0)
 
@@ -45,7 +44,6 @@ class BondedRelease(ContactLaw):
     carries_tension = True
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero, touched, released = real(0.0), int(TOUCHED), int(RELEASED)
 
@@ -71,7 +69,6 @@ class Rough(ContactLaw):
     name = "rough"
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero = real(0.0)
 
@@ -93,7 +90,6 @@ class Coulomb(ContactLaw):
     slides = True
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero = real(0.0)
 
@@ -116,7 +112,6 @@ class Frictionless(ContactLaw):
     slides = True
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero = real(0.0)
 
@@ -152,7 +147,6 @@ class Penalty(ContactLaw):
     remembers_slip = True
 
     def kernel_function(self, precision: Precision) -> Any:
-        """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2, Touch = precision.real, precision.vec2, touch_struct(precision)
         zero, one = real(0.0), real(1.0)
 

@@ -35,16 +35,13 @@ class NeoHookean(InvariantLaw):
     """Shear modulus [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         return np.asarray(0.5 * self.mu * (np.asarray(I1) - 3.0))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         zero = np.zeros(np.shape(I1))
         return zero + 0.5 * self.mu, zero
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         zero = np.zeros(np.shape(I1))
         return zero, zero, zero
 
@@ -80,17 +77,14 @@ class _Yeoh(InvariantLaw):
     C30: float
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         return np.asarray(x * (self.C10 + x * (self.C20 + x * self.C30)))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         return np.asarray(self.C10 + x * (2.0 * self.C20 + x * 3.0 * self.C30)), np.zeros(np.shape(x))
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         zero = np.zeros(np.shape(x))
         return np.asarray(2.0 * self.C20 + x * 6.0 * self.C30), zero, zero
@@ -178,17 +172,14 @@ class MooneyRivlin(InvariantLaw):
     """Factor of their product [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self.C10 * x + self.C01 * y + self.C11 * x * y)
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self.C10 + self.C11 * y), np.asarray(self.C01 + self.C11 * x)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         zero = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
         return zero, zero + self.C11, zero
 
@@ -240,18 +231,15 @@ class Polynomial(InvariantLaw):
     """Factor of (I2_bar - 3)^2 [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(x * (self.C10 + self.C20 * x + self.C11 * y) + y * (self.C01 + self.C02 * y))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         first = self.C10 + 2.0 * self.C20 * x + self.C11 * y
         return np.asarray(first), np.asarray(self.C01 + self.C11 * x + 2.0 * self.C02 * y)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         zero = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
         return zero + 2.0 * self.C20, zero + self.C11, zero + 2.0 * self.C02
 

@@ -46,18 +46,15 @@ class ArrudaBoyce(InvariantLaw):
         return np.asarray(self.mu * SERIES / self.lambda_m ** (2.0 * np.arange(5)))
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         return np.asarray(sum(a * (first**i - 3.0**i) for i, a in enumerate(self.factors, start=1)))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         slope = sum(i * a * first ** (i - 1) for i, a in enumerate(self.factors, start=1))
         return np.asarray(slope), np.zeros(first.shape)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         rise = sum(i * (i - 1) * a * first ** (i - 2.0) for i, a in enumerate(self.factors, start=1))
         zero = np.zeros(first.shape)
@@ -188,18 +185,15 @@ class _Exponential(InvariantLaw):
         return float(self.constants()[1])
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self._C1 * (np.expm1(self._k * x) - self.SHARE * self._k * y))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         scale = self._C1 * self._k
         return np.asarray(scale * np.exp(self._k * x)), np.full(np.shape(x), -self.SHARE * scale)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         zero = np.zeros(np.shape(x))
         return np.asarray(self._C1 * self._k**2 * np.exp(self._k * x)), zero, zero
