@@ -100,8 +100,7 @@ def start(folder: Path, command: str, options: list[str]) -> Job:
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
     _CHILDREN[log] = child
-    started = f"{datetime.now():%Y-%m-%d %H:%M}"
-    return Job(log, command, child.pid, started, "", None, None, True)
+    return read_job(log)
 
 
 def run_here(words: list[str]) -> None:
@@ -142,7 +141,9 @@ def read_job(log: Path) -> Job:
         head = file.readline().decode("utf-8", "replace")
         file.seek(max(file.tell(), size - _LONGEST))
         rest = file.read().decode("utf-8", "replace").split("\n")
-    found = _HEAD.match(head)
+    found, child = _HEAD.match(head), _CHILDREN.get(log)
+    if found is None and child is not None and child.poll() is None:  # it has not begun to write
+        return Job(log, log.stem, child.pid, "just now", "", None, None, True)
     if found is None:
         raise InputError(log, "is no log of a command", cure="remove it")
     progress = [m for line in rest if (m := _PROGRESS.fullmatch(line))]
