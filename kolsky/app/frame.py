@@ -24,7 +24,7 @@ ICON = (
     f'fill="{BLUE}"/><path d="M2 12h4l2-8 2 8h4" stroke="white" stroke-width="1.6" fill="none"/></svg>'
 )
 STYLE = files("kolsky.app").joinpath("app.css").read_text("utf-8")
-VIEWS = {"setup": "Set up", "run": "Run", "look": "Look"}
+VIEWS = {"setup": "Set up", "pictures": "Pictures", "run": "Run", "look": "Look"}
 """Views of one shot: address -> name."""
 
 
@@ -54,6 +54,7 @@ def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
     ui.page_title(f"{title} - kolsky")
     with ui.header(), ui.row().classes("head").props('role=navigation aria-label="Views"'):
         _link("Shots", "/", here=view == "shots")
+        _link("Compare", "/compare", here=view == "compare")
         if shot is not None:
             ui.label(shot).classes("name")
             for one, words in VIEWS.items():

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlencode
 
 from nicegui import app, ui
 
-from kolsky.app import frame, look, runs, setup, shots
+from kolsky.app import compare, frame, look, pictures, runs, setup, shots
 from kolsky.base.errors import InputError
 
 HOST = "127.0.0.1"
@@ -56,10 +56,10 @@ class Door:
         """Name of the cookie; cookies do not know ports, so its name does."""
         return f"kolsky-{self.port}"
 
-    @property
-    def url(self) -> str:
-        """First address of the page, with the secret."""
-        return f"http://{self.hosts[0]}/?{urlencode({'token': self.token})}"
+    def url(self, first: str = "/") -> str:
+        """Address of a page with the secret."""
+        joint = "&" if "?" in first else "?"
+        return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
     def refusal(self, scope: Scope) -> str:
         """Why a request is refused; empty if it is let in, or brings the secret in its address."""
@@ -156,7 +156,7 @@ def pages(folder: Path) -> None:
     """Register the pages over the shots below a folder."""
     root = folder.resolve()
     frame.serve_files(root)
-    for view in (shots, setup, runs, look):
+    for view in (shots, setup, pictures, runs, look, compare):
         view.page(root)
 
 
@@ -176,7 +176,7 @@ def free_port(wanted: int | None) -> int:
     raise InputError("--port", f"port {tried[0]} is in use", cure="give another port, e.g. --port 8500")
 
 
-def serve(folder: Path, *, port: int | None = None, browser: bool = True) -> None:
+def serve(folder: Path, *, port: int | None = None, browser: bool = True, first: str = "/") -> None:
     """Serve the pages until the program is interrupted.
 
     Parameters
@@ -187,6 +187,8 @@ def serve(folder: Path, *, port: int | None = None, browser: bool = True) -> Non
         Port; the first free one from 8420 on if left out.
     browser
         Whether a browser is opened.
+    first
+        Address of the page that is opened.
 
     Raises
     ------
@@ -196,12 +198,13 @@ def serve(folder: Path, *, port: int | None = None, browser: bool = True) -> Non
     door = Door(free_port(port))
     app.add_middleware(Gate, door=door)
     pages(folder)
+    url = door.url(first)
     print(
-        f"kolsky open: {folder.resolve()}\n{door.url}\nCtrl+C ends it. Runs that were started go on.",
+        f"kolsky open: {folder.resolve()}\n{url}\nCtrl+C ends it. Runs that were started go on.",
         flush=True,
     )
     if browser:
-        app.on_startup(lambda: webbrowser.open(door.url) and None)
+        app.on_startup(lambda: webbrowser.open(url) and None)
     ui.run(
         host=HOST,
         port=door.port,

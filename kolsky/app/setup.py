@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable
 from contextlib import suppress
@@ -527,7 +528,9 @@ class SetupView:
         if not areas:
             return
         first, last = sorted(float(v) for v in areas[0]["coordRange"])
-        ends = [f'"{first:.4g} us"', f'"{last:.4g} us"']
+        data = self.plots["force"].options["series"][0]["data"]
+        first, last = max(first, data[0][0]), min(last, data[-1][0])  # beyond the record means its end
+        ends = [f'"{math.ceil(10.0 * first) / 10.0:.8g} us"', f'"{math.floor(10.0 * last) / 10.0:.8g} us"']
         values = {"force.baseline": f"[{ends[0]}, {ends[1]}]"}
         if self.drag == "window":
             values = {"window.start": ends[0], "window.end": ends[1]}

@@ -199,6 +199,7 @@ def page(root: Path) -> None:
 def _table(found: list[ListedShot]) -> None:
     with ui.row().classes("w-full items-end"):
         words = ui.input("Filter: name, state or verdict").classes("w-64").props("clearable")
+        ui.button("Compare the chosen", on_click=lambda: _compare(table)).props("outline")
         ui.button(
             "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
         ).props("flat")
@@ -207,12 +208,24 @@ def _table(found: list[ListedShot]) -> None:
         rows=[table_row(one) for one in found],
         columns=COLUMNS,
         row_key="name",
+        selection="multiple",
         pagination={"rowsPerPage": 50, "sortBy": "name"},
     ).classes("w-full")
     table.props('flat dense :rows-per-page-options="[50, 200, 0]"')
     table.bind_filter_from(words, "value", lambda value: value or "")
     for name, cell in CELLS.items():
         table.add_slot(f"body-cell-{name}", cell)
+    for slot, words in (("header", "'All shots'"), ("body", "props.row.name")):
+        box = f'<q-checkbox dense v-model="props.selected" :aria-label="{words}"></q-checkbox>'
+        table.add_slot(f"{slot}-selection", box)
+
+
+def _compare(table: ui.table) -> None:
+    chosen = [row["name"] for row in table.selected]
+    if len(chosen) < 2:
+        ui.notify("Choose two shots or more.")
+        return
+    ui.navigate.to(frame.address("compare", shots="|".join(chosen)))
 
 
 def _parquet(found: list[ListedShot]) -> None:

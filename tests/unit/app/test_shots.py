@@ -103,6 +103,8 @@ def test_the_page_lists_and_names_them(tmp_path: Path) -> None:
     async def steps(user: User) -> None:
         await user.open("/")
         await user.should_see("6 shots below")
+        user.find("Compare the chosen").click()
+        await user.should_see("Choose two shots or more.")
         await user.open("/setup?shot=..")
         await user.should_see("there is no folder")
 
