@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 
+from doe import Box
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
@@ -23,7 +24,8 @@ from kolsky.diagnosis.cause_search import (
     valley_is_free,
     without_change,
 )
-from kolsky.diagnosis.fit_quality import UNEXPLAINED
+from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.runner import Runner
 from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
@@ -270,7 +272,9 @@ def _analysed(
     other: OtherStart | None,
     explained: bool,
 ) -> CauseAnalysis:
-    candidates = [c for c in causes() if can_be_tried(c, runner.problem)]
+    ends = stiffness_at_bound(runner.problem.box, x)
+    tried = [c for c in causes() if ends or c.needs != "stiffness at its bound"]
+    candidates = [c for c in tried if can_be_tried(c, runner.problem)]
     search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
@@ -284,6 +288,13 @@ def _analysed(
         more = _findings(second, best_of_each(both, second), candidates)
         found = more if more and more[0].named else found
     return CauseAnalysis(found, search.before)
+
+
+def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
+    """True if the stiffness factor ends at a bound: the curve's scale is seen then."""
+    ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
+    value, low, high = ends.get(MOVED, (0.0, -inf, inf))
+    return min(value - low, high - value) <= EDGE * (high - low) < inf
 
 
 def _search_from(

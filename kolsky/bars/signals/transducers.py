@@ -50,6 +50,17 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
     return sigma * factor
 
 
+def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
+    """The signal after a first-order low-pass, Eq. (E.6)."""
+    x = 2.0 * np.pi * frequency * step
+    decay = np.exp(-x)
+    # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
+    share = -np.expm1(-x) / x
+    level = signal[0]
+    filtered = lfilter([1.0 - share, share - decay], [1.0, -decay], signal - level)
+    return np.asarray(filtered + level)
+
+
 def _check_time_constant(time_constant: float) -> None:
     """Check that a time constant is finite and positive."""
     if not (np.isfinite(time_constant) and time_constant > 0.0):
