@@ -127,13 +127,35 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
-    """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
+    """`strangeness` of the change beside what is declared or granted, or what is usual if that is more."""
     c, declared = t.candidate, search.problem.shot.uncertainty
     scale = declared_sigma(c, search.runner)
     if not declared.get(c.declared, 0.0) > 0.0:
         scale = max(scale, c.typical)
-    start = held_value(t.candidate, search.problem)
-    return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
+    return strangeness(c, t.value, t.sigma, start=held_value(c, search.problem), scale=scale)
+
+
+MISTAKE = 2.0
+"""A usual mistake, a factor of two or another definition, is as strange as so many standard uncertainties:
+one input in twenty."""
+NEAR = 0.05
+"""Share of a mistake's size within which a value is that mistake: other inputs are off by as much."""
+
+
+def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
+    """Size of a change in its usual standard uncertainty [-]; at most `MISTAKE` where it is a usual mistake.
+
+    ``value``, ``sigma``: what the data prefer. ``start``: what is declared, NaN if that is no number.
+    ``scale``: the usual standard uncertainty.
+    """
+    known = isfinite(start)
+    away = abs(value - start) / scale if known and isfinite(scale) else inf
+    wide = 2.0 * sigma if isfinite(sigma) else 0.0
+    for mistake in c.mistakes:
+        reach = max(wide, NEAR * abs(mistake - start) if known else c.typical)
+        if abs(value - mistake) <= reach:
+            away = min(away, MISTAKE)
+    return away
 
 
 def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:

@@ -17,6 +17,8 @@ PAST_END = 2.0
 strained past the curve by less."""
 MORE_POINTS = 40
 """Points past the last one."""
+SOFTEST = 0.02
+"""Least quotient past the last point over that there: a curve that falls to nothing has no law."""
 FINEST = 4096
 """Stretches between which a stretch of given s is interpolated."""
 
@@ -65,6 +67,7 @@ def _past_end(curve: MaterialCurve, amount: float) -> MaterialCurve:
     law = marlow_from_curve(curve.stretch, curve.stress)
     s = law.last * np.linspace(1.0, PAST_END, MORE_POINTS + 1)[1:]
     quotient = law.two_u_prime(s) + amount * law.quotient[-1] * (s / law.last - 1.0) ** 2
+    quotient = np.maximum(quotient, SOFTEST * law.quotient[-1])
     end = curve.stretch[np.argmax(np.abs(curve.stretch - 1.0))]
     stretch = _stretch_of(s, compression=bool(end < 1.0))
     stress = quotient * (stretch - stretch**-2)
