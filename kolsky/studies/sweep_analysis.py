@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from doe import Box, CostSurrogate, nelder_mead
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
@@ -75,7 +76,7 @@ class SurfaceOptimum:
 
 
 @dataclass(frozen=True)
-class SweepAnalysis:
+class SweepAnalysis(ResultViews):
     """A sweep looked at as a whole."""
 
     shot: str

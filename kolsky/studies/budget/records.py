@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.studies.budget.factors import Factor
 from kolsky.studies.budget.realisation import RealisationOutcome
@@ -117,7 +118,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(ResultViews):
     """What each source of error does to one parameter, alone and together with the others."""
 
     name: str
