@@ -41,6 +41,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "comparison.scene",
     ),
     "SURFACES": (
+        "surface_points.surface_fields",
         "surface_points.overlay_sigma",
         "surface_points.overlay_epipolar",
         "surface_points.lost_points",
