@@ -70,7 +70,12 @@ PLACES: dict[str, tuple[str, ...]] = {
     "BASELINES": ("material.baseline",),
     "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
     "SENSITIVITY": ("studies.sensitivity",),
-    "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
+    "SWEEPS": (
+        "studies.sweep_maps",
+        "studies.sweep_effects",
+        "studies.sweep_forces",
+        "studies.sweep_indices",
+    ),
     "BUDGETS": ("studies.budget",),
     "MODULI": ("rates.rate_moduli",),
     "RELAXATIONS": (
