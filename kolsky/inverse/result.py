@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.views import ResultViews
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
@@ -612,7 +613,7 @@ class SurrogateCurve:
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(ResultViews):
     """The result of an identification."""
 
     shot: str

@@ -100,6 +100,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.output.write_hdf5",
             "plan.json": "kolsky.studies.planning.output.to_json",
+            "plan.html": "kolsky.report.pages.plan.write_page",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
