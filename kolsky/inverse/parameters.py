@@ -228,7 +228,7 @@ PARAMETERS: dict[str, Parameter] = {
             tex=r"\nu",
             lower=0.49,
             upper=0.4999,
-            allowed=(0.0, 0.4999),
+            allowed=(0.0, 0.49999),
             held=lambda shot: shot.model.poisson,
             uncertainty=True,
         ),
