@@ -345,6 +345,24 @@ class GroupRates(ResultViews):
         """The shots that enter the mean."""
         return tuple(shot for shot in self.shots if shot.counted)
 
+    @property
+    def in_common(self) -> tuple[str, ...]:
+        """What several counted shots have in common, and its largest part of m: one phrase each."""
+        m = np.array([shot.m for shot in self.counted])
+        found = []
+        for (part, _), row in self.common.items():
+            shots = int(np.count_nonzero(row))
+            if shots > 1:
+                size = 100.0 * float(np.max(np.abs(row) / m))
+                found.append(f"{part} {size:.2g} % ({'all' if shots == len(m) else shots} shots)")
+        return tuple(found)
+
+    @property
+    def own_range(self) -> tuple[float, float]:
+        """Least and largest relative standard uncertainty that a counted shot has by itself [-]."""
+        shares = [shot.sigma_own / shot.m for shot in self.counted]
+        return min(shares), max(shares)
+
 
 @dataclass(frozen=True)
 class RateReport(ResultViews):
