@@ -10,6 +10,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
+from dic.views import ResultViews
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide, check_bar
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
@@ -237,7 +238,7 @@ _POISSON_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class BarsTogether:
+class BarsTogether(ResultViews):
     """Wave speed and relative gain from a pulse between two stations, Eq. (B.11)."""
 
     bar: Bar
