@@ -130,7 +130,8 @@ def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
 def table(part: str, measured: dict[str, Any], one: float) -> str:
     """A line a stage and mesh."""
     lines = [f"\n{part}: m = {measured['m']:.5f} ± {2 * measured['sigma']:.5f}"]
-    lines.append(f"{'stage':12s} {'elements':>16s} {'batches':>8s} {'runs':>6s} {'updates':>9s} {'ratio':>7s}")
+    columns = f"{'batches':>8s} {'runs':>6s} {'updates':>9s} {'ratio':>7s}"
+    lines.append(f"{'stage':12s} {'elements':>16s} {columns}")
     host = measured["seconds"]
     for row in measured["stages"]:
         host -= row["seconds"]
