@@ -153,8 +153,6 @@ def _verdict_line(result: "JointResult") -> str:
     if not fits:
         return f"verdict: {result.verdict}"
     name, worst = max(fits, key=lambda one: one[1].excess / one[1].limit)
-    if worst.limit == float("inf"):
-        return "verdict: the fit was not judged (no replicates of the flyer's noise)"
     return f"verdict: {result.verdict} (largest residual over expected: {worst.excess:.2g} of {name})"
 
 
@@ -169,6 +167,7 @@ def _excesses(fits: "Sequence[FitQuality]") -> str:
 
 def _result_rows(result: "JointResult") -> dict[str, Any]:
     """Names and values below the answer."""
+    from kolsky.diagnosis.joint_fit import cause_sentence
     from kolsky.inverse.parameters import reference_words
 
     rows: dict[str, Any] = {"shots": len(result.shots)}
@@ -190,6 +189,8 @@ def _result_rows(result: "JointResult") -> dict[str, Any]:
     rows |= {f"{fit.channel}, residual over expected": _excesses((fit,)) for fit in result.slow_fit}
     if result.agreement is not None:
         rows["agreement of the shots"] = result.agreement.sentence
+    if result.causes:
+        rows["cause of the misfit"] = cause_sentence(result.causes)
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):

@@ -16,6 +16,7 @@ import numpy as np
 from doe import Box
 from doe.surrogates import SurrogateError
 from explicit import Response
+from kolsky.base.apparatus import INCOMPRESSIBLE
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
@@ -26,6 +27,7 @@ from kolsky.inverse.coarse_search import (
 )
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import search_by_gauss_newton
+from kolsky.inverse.incompressible import AT_LIMIT, is_at_limit
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
@@ -33,6 +35,7 @@ from kolsky.inverse.result import Route
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
+from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
@@ -121,7 +124,8 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
         search = _search_several(runner)
         if isinstance(search, Search):
             return search
-        problem = problem.holding(search)
+        limit = {VALLEY: INCOMPRESSIBLE} if search.get(VALLEY) == AT_LIMIT else {}
+        problem = problem.holding(search, limit)
 
 
 def _search_rough(runner: Runner) -> Search:
@@ -161,6 +165,8 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
     meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.sigma)
+    if by_default and is_at_limit(runner.under(meshes.front), coarse.x):
+        lost[VALLEY] = AT_LIMIT
     if by_default and lost:
         return lost
     runner = runner.under(meshes.front)
