@@ -136,6 +136,12 @@ def tables_of(result: Any, *more: Any) -> Tables:
     -------
     mapping of str to mapping
         Name of a table, that of its CSV file -> heading -> cells.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> next(iter(kolsky.tables_of(kolsky.waves("runs/bar-01"))))
+    'waves'
     """
     known = RESULTS[_type_name(result)]
     made = _function(known.tables)(result, *more)
