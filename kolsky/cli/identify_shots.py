@@ -128,7 +128,8 @@ def require_one_material(paths: Sequence[Path]) -> None:
         if material != named[0][1]:
             raise InputError(
                 file.path,
-                f"is {material!r}, but {named[0][0].path} has {named[0][1]!r}: a joint answer is of one material",
+                f"is {material!r}, but {named[0][0].path} has {named[0][1]!r}: a joint answer is of "
+                "one material",
                 key="material",
                 cure="identify them apart with --each, or correct the name",
             )
