@@ -179,13 +179,7 @@ class Box:
         return Box(self.names, tuple(lower.tolist()), tuple(upper.tolist()), self.logarithmic)
 
     def as_dict(self, point: ArrayLike) -> dict[str, float]:
-        """One point, shape [d], as values by name.
-
-        Raises
-        ------
-        ValueError
-            If the point is not d long or not finite.
-        """
+        """One point, shape [d], as values by name; ValueError if it is not d long or not finite."""
         x = self._checked(point)
         if x.ndim != 1:
             raise ValueError(f"a point must have shape [{self.dimension}], got {list(x.shape)}")

@@ -87,16 +87,9 @@ class Mesh:
 
     @cached_property
     def corners_of_node(self) -> tuple[IntArray, IntArray]:
-        """Element corners that meet at each node, in compressed-row form.
-
-        Returns
-        -------
-        start : shape [n_nodes + 1]
-            First entry of each node in `corner`.
-        corner : shape [4 n_elements]
-            Flat corner index 4 * element + position, ascending for each node, so that a gather adds
-            the corner forces in one fixed order.
-        """
+        """Element corners that meet at each node: the first entry of each node, shape [n_nodes + 1], and the
+        flat corner index 4 * element + position, shape [4 n_elements], ascending for each node, so that a
+        gather adds the corner forces in one fixed order."""
         flat = self.quads.ravel()
         corner = np.argsort(flat, kind="stable")
         start = np.searchsorted(flat[corner], np.arange(self.n_nodes + 1))

@@ -109,7 +109,8 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
     mesh = found.problem.sheet.mesh
     nodal = np.moveaxis(found.cost.state.displacements, 0, 1).reshape(len(mesh.points), -1)
     simulated, cell = interpolated(mesh, nodal, measured.points)
-    own = np.moveaxis(measured.displacements, 0, 1).reshape(len(measured.points), -1)
+    moved = measured.displacements - found.translation
+    own = np.moveaxis(moved, 0, 1).reshape(len(measured.points), -1)
     apart = np.abs(own - simulated)
     inside = cell >= 0
     if not inside.any():
@@ -209,8 +210,8 @@ _MUTE = 1e9
 
 def _field_factor(found: FieldFit) -> float:
     """Factor of the displacements that meets the simulated ones best [-]."""
-    mass, data, state = found.problem.mass, found.problem.data, found.cost.state
-    loaded = [mass @ one for one in data.displacements]
+    data, state = found.problem.data, found.cost.state
+    loaded = found.problem.loaded(data.displacements)
     both = sum(float(np.sum(a * b)) for a, b in zip(loaded, state.displacements, strict=True))
     own = sum(float(np.sum(a * b)) for a, b in zip(loaded, data.displacements, strict=True))
     return both / own if own > 0.0 else 1.0

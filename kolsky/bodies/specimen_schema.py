@@ -130,6 +130,20 @@ class PadSection(Section):
     force: ForceColumn
 
 
+class RegionSection(Section):
+    """[field.regions.NAME]: another material of the sheet, the same law with constants of its own."""
+
+    constants: dict[str, Any]
+    poisson: f.Poisson
+    free: list[f.Name] = Field(default_factory=list)
+
+
+Groups = Annotated[
+    list[f.Name], Field(min_length=1), BeforeValidator(lambda given: [given] if isinstance(given, str) else given)
+]
+"""One group of a mesh, or a list of them."""
+
+
 class FieldSection(Section):
     """[field]: a sheet pulled between two pads, its displacement field and the force on a pad."""
 
@@ -137,9 +151,10 @@ class FieldSection(Section):
     mesh_unit: f.LengthUnit
     thickness: f.Length
     kinematics: Literal["plane_stress", "plane_strain"]
-    moving: f.Name
-    fixed: f.Name
+    moving: Groups
+    fixed: Groups
     axis: Literal["x", "y"] = "x"
+    relative_to: Literal["fixed_pad", "camera"] = "fixed_pad"
     points: PointsSection
     pad: PadSection
     frames: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
@@ -147,6 +162,7 @@ class FieldSection(Section):
     sigma_force: ForceDeviation
     region: f.Name | None = None
     held: dict[str, Any] = Field(default_factory=dict)
+    regions: dict[f.Name, RegionSection] = Field(default_factory=dict)
 
 
 class FitSection(Section):

@@ -16,6 +16,11 @@ from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.warnings import collect_warnings
 
 
+WHOLE = 0.9
+"""Share of the misfit that a likely input explains from which on nothing is asked of a branch that relaxes: in
+seven shots with a planted branch that explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
+
+
 def judged(
     result: Identification,
     found: Search,
@@ -32,12 +37,15 @@ def judged(
     shot = problem.shot
     result = with_verdicts(result)
     of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]
-    if not explained(result):
+    leading = max((cause.explained for cause in causes.named), default=0.0)
+    if not explained(result) and leading < WHOLE:
         vector = fine.objective.vectors(fine.check.prediction)[0]
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
         # A strong branch is out of reach of the linear test: it is searched for.
-        strong = None if rate_advice(asked) else branch_fit(runner, fine.x, fine.objective)
-        of_fit += rate_advice(asked, strong)
+        # Beside a likely input it must explain more than that, which the test of a weak one does not say.
+        weak = rate_advice(asked) if not causes.named else ()
+        strong = None if weak else branch_fit(runner, fine.x, fine.objective)
+        of_fit += weak or rate_advice(None, strong, least=leading)
         result = replace(result, surrogate={**result.surrogate, **branch_figures(asked, strong)})
     replicates = found.replicates
     warnings = collect_warnings(

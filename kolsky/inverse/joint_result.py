@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, FitQuality, Verdict
@@ -257,7 +258,7 @@ class CurveFound:
 
 
 @dataclass(frozen=True)
-class JointResult:
+class JointResult(ResultViews):
     """Several shots identified together."""
 
     estimates: Mapping[str, Estimate]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import explicit
+from dic.views import ResultViews
 from explicit.bars import Apparatus, Joint, Section, find_events, integrate_test, simulate_test
 from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
@@ -122,7 +123,7 @@ class Numbers:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(ResultViews):
     """A planned test carried out."""
 
     test: PlannedTest

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from doe import Box, Design, from_points
 from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chunks
 from explicit import Outcome
@@ -47,7 +48,7 @@ CHUNK = {"cpu": 64, "cuda": 4096}
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(ResultViews):
     """Every run of a design."""
 
     shot: str

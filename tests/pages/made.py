@@ -24,6 +24,7 @@ COMMANDS = {
     "dic-alone": ("cli/test_dic_alone_command.py::test_files_tables_and_page_are_there", "results0/dic.html"),
     "calibration": ("cli/test_calibrate_command.py::test_the_files_say_the_same", "calibration.html"),
     "prediction": ("prediction/test_predict.py::test_the_command", "p/prediction.html"),
+    "plan": ("studies/test_plan.py::test_files_hold_the_map", "plan.html"),
     "check": ("cli/test_cli_new_check.py", "shot/results/check.html"),
     "waves": ("cli/test_bar_results.py", "results/waves.html"),
 }

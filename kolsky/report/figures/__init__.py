@@ -41,6 +41,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "comparison.scene",
     ),
     "SURFACES": (
+        "surface_points.surface_fields",
         "surface_points.overlay_sigma",
         "surface_points.overlay_epipolar",
         "surface_points.lost_points",
@@ -69,7 +70,12 @@ PLACES: dict[str, tuple[str, ...]] = {
     "BASELINES": ("material.baseline",),
     "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
     "SENSITIVITY": ("studies.sensitivity",),
-    "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
+    "SWEEPS": (
+        "studies.sweep_maps",
+        "studies.sweep_effects",
+        "studies.sweep_forces",
+        "studies.sweep_indices",
+    ),
     "BUDGETS": ("studies.budget",),
     "MODULI": ("rates.rate_moduli",),
     "RELAXATIONS": (

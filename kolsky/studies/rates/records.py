@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dic.views import ResultViews
 from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.base.arrays import FloatArray
@@ -317,7 +318,7 @@ class LongLever:
 
 
 @dataclass(frozen=True)
-class GroupRates:
+class GroupRates(ResultViews):
     """Shots of one group."""
 
     name: str
@@ -364,7 +365,7 @@ class GroupRates:
 
 
 @dataclass(frozen=True)
-class RateReport:
+class RateReport(ResultViews):
     """The comparison of all groups."""
 
     grouped_by: str

@@ -84,7 +84,7 @@ def test_results_are_complete_and_inputs_untouched(identified) -> None:
         assert (folder / name).read_bytes() == (OPEN_01 / name).read_bytes()
     assert sorted(p.name for p in folder.iterdir()) == sorted([*FILES, "results"])
     made = sorted(p.name for p in (folder / "results").iterdir())
-    tables = ["design.csv", "energy.csv", "force.csv", "profile.csv"]
+    tables = ["design.csv", "energy.csv", "force.csv", "profile.csv", "summary.csv"]
     assert made == sorted([*tables, "figures", "identification.h5", "report.html"])
     drawn = {p.suffix for p in (folder / "results" / "figures").iterdir()}
     assert drawn == {".svg"}
