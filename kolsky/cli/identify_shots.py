@@ -89,6 +89,7 @@ def identify_shots(
     from kolsky.shot.load import load_shot
 
     chosen = options.settings(settings)
+    require_one_material(paths)
     shots = []
     for path in paths:
         shot = load_shot(path)
@@ -112,6 +113,26 @@ def identify_shots(
         files={"report": folder / "joint.html"},
         warnings=result.warnings,
     )
+
+
+def require_one_material(paths: Sequence[Path]) -> None:
+    """Refuse shots that declare different materials.
+
+    Raises InputError if two shot files name a different `material`, or one cannot be read.
+    """
+    from kolsky.base.errors import InputError
+    from kolsky.studies.rates.rate import declarations
+
+    named = [(file, said.material) for file, said in map(declarations, paths) if said.material is not None]
+    for file, material in named[1:]:
+        if material != named[0][1]:
+            raise InputError(
+                file.path,
+                f"is {material!r}, but {named[0][0].path} has {named[0][1]!r}: a joint answer is of "
+                "one material",
+                key="material",
+                cure="identify them apart with --each, or correct the name",
+            )
 
 
 def answer_lines(result: "JointResult") -> list[str]:

@@ -99,8 +99,11 @@ def _poisson(value: object) -> float:
 def _specimen_poisson(value: object) -> float:
     if value == INCOMPRESSIBLE_WORD:
         return INCOMPRESSIBLE
-    word = f'"{INCOMPRESSIBLE_WORD}"'
-    return _ratio(value, f"write a number without quotes, 0.499 for a rubber-like material, or {word}")
+    return _ratio(
+        value,
+        "write a number without quotes; the solver needs slight compressibility: 0.499 for a rubber-like "
+        f'material, or "{INCOMPRESSIBLE_WORD}"',
+    )
 
 
 def _deviation(value: object) -> float:
