@@ -205,7 +205,7 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
         ({"gravity": "[0.0, 9.81, 0.0]"}, "half = false"),
         ({"geometry": 'channel = ["30 mm", "2 mm"]'}, "channel's width"),
         ({"geometry": 'chambers = 2\nwall = "0.04 m"\nchamber = ["3 m", "1 m", "1 m"]'}, "actuator that is .* long"),
-        ({"["0.2 bar", "0.4 bar"]": "["-0.1 bar", "0.2 bar"]"}, "are of both signs"),
+        ({'["0.1 bar", "0.4 bar"]': '["-0.1 bar", "0.4 bar"]'}, "are of both signs"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, str], said: str) -> None:
