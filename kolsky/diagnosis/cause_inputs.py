@@ -175,9 +175,12 @@ MOST_COMPRESSION = 0.8
 
 def leaves_length(runner: Runner, change: Change) -> bool:
     """True if the flyer, as changed, leaves the specimen, as changed, some of its length."""
+    motion, factor = change.motion * change.picture, change.specimen.get("length", 1.0)
+    if motion <= factor:
+        return True  # no more than as declared
     path = runner.front.path
-    travel = change.motion * change.picture * float(np.max(path.position(path.knots)))
-    length = change.specimen.get("length", 1.0) * runner.problem.shot.specimen.length
+    travel = motion * float(np.max(path.position(path.knots)))
+    length = factor * runner.problem.shot.specimen.length
     return travel < MOST_COMPRESSION * length
 
 

@@ -128,8 +128,8 @@ def test_frames_and_pictures_at_another_scale() -> None:
 
 
 def test_a_film_at_another_rate_is_stretched_from_the_shot_s_zero() -> None:
-    """A run begins at 30 us. An event at the file's time t is at f t, by its path at 30 us + f (t - 30 us): all
-    of the run comes (1 - f) 30 us later than the force's clock says."""
+    """A run begins at 30 us. An event at the file's time t is at f t, by its path at 30 us + f (t - 30 us):
+    all of the run comes (1 - f) 30 us later than the force's clock says."""
     run, start = response(), 3e-5
     late = SimpleNamespace(**{**vars(run), "force_times": run.force_times + start})
     late.impulse_transmission = 0.5 * SLOPE * (late.force_times**2 - start**2)[None]
