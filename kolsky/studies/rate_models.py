@@ -219,9 +219,8 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
         np.log([scale / np.sqrt(1.0 + ratio), ratio, stress * size])
         for ratio, size in product(CREEP_STRENGTHS, CREEP_RESISTANCES)
     ]
-    begin = sorted(starts, key=lambda x: float(np.square(residuals(x)).sum()))[:2]
-    searches = [least_squares(residuals, x, bounds=(lower, upper), diff_step=1e-3, max_nfev=40) for x in begin]
-    best = min(searches, key=lambda one: float(one.cost))
+    begin = min(starts, key=lambda x: float(np.square(residuals(x)).sum()))
+    best = least_squares(residuals, begin, bounds=(lower, upper), diff_step=1e-3, xtol=1e-5, max_nfev=40)
     ends = (best.x - lower < AT_END) | (upper - best.x < AT_END)
     doubt = _ends([name for name, end in zip(names, ends, strict=True) if end])
     return Candidate(NETWORK, len(names), 2.0 * float(best.cost), constants(best.x), doubt)

@@ -105,11 +105,16 @@ def test_a_choice_needs_strong_evidence_and_no_doubt() -> None:
 
 
 def test_the_deviance_is_over_the_scatter_of_the_best_model() -> None:
-    slow = [replace(one, sigma=one.sigma / 1.3) for one in histories(PRONY, 7)]
-    fits = required_branches(LAW, slow, at_most=1).fits
-    found = compare_slow(LAW, tuple(slow), fits)
-    best = min(one.chi_square / (one.n_data - len(one.values)) for one in fits)
-    assert found.scatter == pytest.approx(best)  # the series is the truth: the network leaves more
+    rng, omega = np.random.default_rng(7), np.geomspace(1.0, 400.0, 40)
+    storage, loss = (
+        60e3 * part(omega) + 130.0 * rng.standard_normal(40)
+        for part in (PRONY.series.storage, PRONY.series.loss)
+    )
+    slow = DynamicTest(omega, storage, loss, np.full(40, 100.0), np.full(40, 100.0))
+    fits = required_branches(LAW, [slow], at_most=1).fits
+    found = compare_slow(LAW, (slow,), fits)
+    best = fits[1].chi_square / (80 - 3)
+    assert found.scatter == pytest.approx(best)
     assert found.scatter == pytest.approx(1.3**2, rel=0.4)  # 77 degrees of freedom: 2.5 x sqrt(2 / 77)
     assert found.candidates[0].deviance == pytest.approx(fits[0].chi_square / best)
 
