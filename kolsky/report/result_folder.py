@@ -461,8 +461,14 @@ def write_prediction_results(
     ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
     ``film``: format of a film, "mp4" or "gif"; empty for none.
     """
+    from math import isfinite
+
+    from kolsky.prediction.output import write_specification
+
     with filling(folder) as partial:
         _write(partial, found, scan, aim, formats=formats)
+        if isfinite(found.events.separation):
+            write_specification(partial, found)
         if scan is not None:
             from kolsky.report.figures import SCANS
 
