@@ -34,6 +34,13 @@ class Box:
     ValueError
         If a name is empty or used twice, the lengths differ, a bound is not finite, a lower bound is
         not below its upper bound, or a logarithmic parameter has a lower bound <= 0.
+
+    Examples
+    --------
+    >>> from doe import Box
+    >>> box = Box.of({"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)})
+    >>> box.scale([0.5, 0.5]).tolist()
+    [1.0, 1.0]
     """
 
     names: tuple[str, ...]

@@ -115,6 +115,12 @@ def cylinder(
     ------
     ValueError
         If a size is not positive, there are fewer than 2 elements in a direction, or grading < 1.
+
+    Examples
+    --------
+    >>> from explicit import cylinder
+    >>> cylinder(5e-3, 6e-3, n_radial=4, n_axial=6).n_elements
+    24
     """
     if not (radius > 0.0 and length > 0.0):
         raise ValueError(f"radius and length must be > 0 m, got {radius} and {length}")

@@ -31,12 +31,14 @@ def page(root: Path) -> None:
     async def compare_page(shots: str = "") -> None:
         with frame.framed("Compare", view="compare"):
             names = [name for name in shots.split(BETWEEN) if name]
-            done = {one.name: one.name for one in list_shots(root) if one.row}
-            if not done:
+            identified = {one.name: one.name for one in list_shots(root) if one.row}
+            if not identified:
                 frame.note("No shot below this folder has a result yet.")
                 return
             with ui.row().classes("w-full items-center gap-3 no-wrap"):
-                chosen = ui.select(done, value=[n for n in names if n in done], multiple=True, label="Shots")
+                chosen = ui.select(
+                    identified, value=[n for n in names if n in identified], multiple=True, label="Shots"
+                )
                 chosen.classes("grow").props("use-chips outlined dense")
                 ui.button(
                     "Compare",
@@ -55,7 +57,7 @@ async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
         waiting = frame.note("The results are read ...")
     try:
         folders = {name: frame.folder_at(root, name) for name in names}
-        found = await run.io_bound(
+        results = await run.io_bound(
             lambda: {n: read_identification(f / "results" / RESULT_FILE) for n, f in folders.items()}
         )
     except (frame.NoShot, InputError) as error:
@@ -64,8 +66,8 @@ async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
     waiting.delete()
     with target:
         with ui.element("div").classes("grid2"):
-            _forces(found)
-            _outlines(found)
+            _forces(results)
+            _outlines(results)
         frame.heading("Stiffness over strain rate")
         studied = frame.note("The rate study reads the shots ...")
     try:
@@ -78,9 +80,9 @@ async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
         _rates(report)
 
 
-def _forces(found: dict[str, Identification]) -> None:
+def _forces(results: dict[str, Identification]) -> None:
     series = []
-    for (name, one), colour in zip(found.items(), SHADES * len(found), strict=False):
+    for (name, one), colour in zip(results.items(), SHADES * len(results), strict=False):
         c = one.comparison
         series.append(frame.dots(name, frame.points(1e6 * c.force_time, c.force_measured), colour, 2.5))
         model = frame.line(name, frame.points(1e6 * c.force_time, c.force_model), colour)
@@ -93,10 +95,10 @@ def _forces(found: dict[str, Identification]) -> None:
     )
 
 
-def _outlines(found: dict[str, Identification]) -> None:
+def _outlines(results: dict[str, Identification]) -> None:
     """The largest measured radius over time: one curve a shot."""
     series = []
-    for (name, one), colour in zip(found.items(), SHADES * len(found), strict=False):
+    for (name, one), colour in zip(results.items(), SHADES * len(results), strict=False):
         line = one.comparison.centre_line
         if not line.time.size:
             continue
@@ -121,7 +123,7 @@ def _rates(report: RateReport) -> None:
 
 def _rate_plot(group: GroupRates) -> None:
     counted = [s for s in group.shots if s.counted]
-    others = [s for s in group.shots if not s.counted]
+    left_out = [s for s in group.shots if not s.counted]
     bars = [[s.history.nominal_rate, s.m - 2.0 * s.sigma, s.m + 2.0 * s.sigma] for s in group.shots]
     lines = [frame.line("", [[x, low], [x, high]], frame.SOFT, silent=True) for x, low, high in bars]
     plot = frame.chart(
@@ -131,7 +133,7 @@ def _rate_plot(group: GroupRates) -> None:
             *lines,
             frame.dots("counted", [[s.history.nominal_rate, s.m, s.name] for s in counted], frame.BLUE, 9),
             frame.dots(
-                "not counted", [[s.history.nominal_rate, s.m, s.name] for s in others], frame.ORANGE, 9
+                "not counted", [[s.history.nominal_rate, s.m, s.name] for s in left_out], frame.ORANGE, 9
             ),
         ],
         words="Stiffness factor over strain rate, bars are U (k = 2)",

@@ -70,5 +70,5 @@ def copy_with(folder: Path, cause: CauseFinding) -> Path:
     if copy.exists():
         raise InputError(copy, "is there already", cure="open it, or remove it first")
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("results"))
-    Draft(copy / SHOT_FILE).put({cause.key: value})
+    Draft(copy / SHOT_FILE).set_values({cause.key: value})
     return copy

@@ -59,7 +59,7 @@ class FieldEntry:
         return tomllib.loads(f"value = {self.value}")["value"]
 
     @property
-    def shown(self) -> str:
+    def display(self) -> str:
         """Its value as a person types it: a text without quotes."""
         value = self.parsed
         return value if isinstance(value, str) else self.value.strip()
@@ -85,8 +85,8 @@ def fields_of(text: str) -> list[FieldEntry]:
                 if (m := _REMARK.fullmatch(line)) and not _OFF.match(line.lstrip())
             ]
             after = text[s.end : text.find("\n", s.end) if "\n" in text[s.end :] else len(text)]
-            beside = _REMARK.fullmatch(after)
-            words = [*above, *([beside["words"]] if beside else [])]
+            remark = _REMARK.fullmatch(after)
+            words = [*above, *([remark["words"]] if remark else [])]
             found.append(
                 FieldEntry(s.table, s.key, text[s.value : s.end].strip(), ". ".join(filter(None, words)))
             )
@@ -151,7 +151,7 @@ class Draft:
     def _on_disk(self) -> str:
         return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
 
-    def read_again(self) -> None:
+    def reload(self) -> None:
         """Take the file as it is now; earlier changes can no longer be taken back.
 
         Raises InputError if it cannot be read.
@@ -201,7 +201,7 @@ class Draft:
         self.undone.pop()
         return True
 
-    def put(self, values: Mapping[str, str]) -> None:
+    def set_values(self, values: Mapping[str, str]) -> None:
         """Write values of keys as one change: dotted key -> value as TOML writes it.
 
         Raises InputError as `write`, or if a key cannot be edited alone.
@@ -215,9 +215,9 @@ class Draft:
     def enter(self, dotted: str, typed: str) -> None:
         """Write what a person typed for a key: a quantity or word gets its quotes, a number has none.
 
-        Raises InputError as `put`.
+        Raises InputError as `set_values`.
         """
-        self.put({dotted: self.as_toml(dotted, typed)})
+        self.set_values({dotted: self.as_toml(dotted, typed)})
 
     def as_toml(self, dotted: str, typed: str) -> str:
         """What a person typed, as the schema wants it."""
@@ -291,8 +291,10 @@ def column_toml(column: str, unit: str) -> str:
 
 def by_key(problems: Iterable[InputError]) -> dict[str, str]:
     """Problems as texts by the key that they belong to; those of no key by ""."""
-    said: dict[str, list[str]] = {}
+    words_by_key: dict[str, list[str]] = {}
     for one in problems:
         words = one.message if one.allowed is None else f"{one.message}; it must be {one.allowed}"
-        said.setdefault(one.key or "", []).append(words if one.cure is None else f"{words}. {one.cure}")
-    return {key: "; ".join(words) for key, words in said.items()}
+        words_by_key.setdefault(one.key or "", []).append(
+            words if one.cure is None else f"{words}. {one.cure}"
+        )
+    return {key: "; ".join(words) for key, words in words_by_key.items()}

@@ -53,18 +53,18 @@ def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
     ui.colors(primary=BLUE, negative=RED)
     ui.page_title(f"{title} - kolsky")
     with ui.header(), ui.row().classes("head").props('role=navigation aria-label="Views"'):
-        _link("Shots", "/", here=view == "shots")
-        _link("Compare", "/compare", here=view == "compare")
+        _link("Shots", "/", current=view == "shots")
+        _link("Compare", "/compare", current=view == "compare")
         if shot is not None:
             ui.label(shot).classes("name")
             for one, words in VIEWS.items():
-                _link(words, address(one, shot), here=view == one)
+                _link(words, address(one, shot), current=view == one)
     heading(title, 1)
     yield
 
 
-def _link(words: str, target: str, *, here: bool) -> None:
-    ui.link(words, target).classes("here" if here else "").props("aria-current=page" if here else "")
+def _link(words: str, target: str, *, current: bool) -> None:
+    ui.link(words, target).classes("here" if current else "").props("aria-current=page" if current else "")
 
 
 def heading(words: str, level: int = 2) -> None:

@@ -82,9 +82,9 @@ def start(folder: Path, command: str, options: list[str]) -> Job:
     """
     if command not in COMMANDS:
         raise InputError(folder, f"{command} is not run from here", allowed=", ".join(COMMANDS))
-    if (other := running_job(folder)) is not None:
+    if (running := running_job(folder)) is not None:
         raise InputError(
-            folder, f"kolsky {other.command} runs already", cure="wait for its end, or cancel it"
+            folder, f"kolsky {running.command} runs already", cure="wait for its end, or cancel it"
         )
     log = log_of(folder, command)
     log.parent.mkdir(exist_ok=True)
@@ -140,14 +140,14 @@ def read_job(log: Path) -> Job:
     with log.open("rb") as file:
         head = file.readline().decode("utf-8", "replace")
         file.seek(max(file.tell(), size - _LONGEST))
-        rest = file.read().decode("utf-8", "replace").split("\n")
+        tail = file.read().decode("utf-8", "replace").split("\n")
     found, child = _HEAD.match(head), _CHILDREN.get(log)
     if found is None and child is not None and child.poll() is None:  # it has not begun to write
         return Job(log, log.stem, child.pid, "just now", "", None, None, True)
     if found is None:
         raise InputError(log, "is no log of a command", cure="remove it")
-    progress = [m for line in rest if (m := _PROGRESS.fullmatch(line))]
-    ends = [line for line in rest if line.startswith(END)]
+    progress = [m for line in tail if (m := _PROGRESS.fullmatch(line))]
+    ends = [line for line in tail if line.startswith(END)]
     process = int(found["process"])
     return Job(
         log=log,
@@ -155,7 +155,7 @@ def read_job(log: Path) -> Job:
         process=process,
         started=found["started"].strip(),
         text="\n".join(
-            line for line in rest if not _PROGRESS.fullmatch(line) and not line.startswith(END)
+            line for line in tail if not _PROGRESS.fullmatch(line) and not line.startswith(END)
         ).strip(),
         progress=(progress[-1]["stage"], int(progress[-1]["done"]), int(progress[-1]["total"]))
         if progress

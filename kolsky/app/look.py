@@ -276,14 +276,14 @@ class LookView:
     def _outline_at(self, now: float) -> None:
         assert self.outline is not None
         c = self.found.comparison
-        here = np.flatnonzero(c.centre_line.time == now)
-        here = here[np.argsort(c.centre_line.y[here])]
-        y = 1e3 * c.centre_line.y[here]
+        points = np.flatnonzero(c.centre_line.time == now)
+        points = points[np.argsort(c.centre_line.y[points])]
+        y = 1e3 * c.centre_line.y[points]
         series = self.outline.options["series"]
-        series[0]["data"] = frame.points(1e3 * c.centre_line.Z[here], y)
-        series[1]["data"] = frame.points(1e3 * np.where(c.inside[here], c.Z_model[here], np.nan), y)
+        series[0]["data"] = frame.points(1e3 * c.centre_line.Z[points], y)
+        series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
         if self.tried is not None:
-            Z = np.where(self.tried.prediction.inside[0, here], self.tried.prediction.Z[0, here], np.nan)
+            Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)
             series[2]["data"] = frame.points(1e3 * Z, y)
         self.outline.update()
 
@@ -360,9 +360,9 @@ class LookView:
         except ValueError as error:
             self.said.text = str(error)
             return
-        seen = self.what_if.prepared.observations
+        observed = self.what_if.prepared.observations
         self.force.options["series"][3]["data"] = frame.points(
-            1e6 * seen.force_times, self.tried.prediction.force_bins[0]
+            1e6 * observed.force_times, self.tried.prediction.force_bins[0]
         )
         self.said.text = f"{misfit_words(self.tried)}; at the answer {misfit_words(reference)}"
         self._at(self.k)

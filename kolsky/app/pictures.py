@@ -130,7 +130,8 @@ class PicturesView:
                 cross=i == 0,
                 sanitize=False,
             ).classes("w-full")
-            image.props(f'role=img aria-label="Picture of camera {i}"')
+            words = f"getHtmlElement({image.id}).querySelector('img').alt = 'Picture of camera {i}'"
+            ui.run_javascript(words)  # the element has no property for it
         return image
 
     def _regions(self) -> None:
@@ -152,9 +153,9 @@ class PicturesView:
             self.text.on("blur", self._typed)
             with ui.row().classes("gap-2"):
                 ui.button("Clear", on_click=self._clear).props("flat dense")
-                ui.button("Check", on_click=lambda: self._tell(self.session.problems(self._content()))).props(
-                    "outline dense"
-                )
+                ui.button(
+                    "Check", on_click=lambda: self._report(self.session.problems(self._content()))
+                ).props("outline dense")
                 ui.button(f"Save into {self.session.path.name}", on_click=self._save).props(
                     "unelevated dense"
                 )
@@ -205,7 +206,7 @@ class PicturesView:
                 x, y = (float(part) for part in line.split(","))
             except ValueError:
                 if line.strip():
-                    self._tell([f"{line.strip()!r} is no corner: write x, y"])
+                    self._report([f"{line.strip()!r} is no corner: write x, y"])
                     return
                 continue
             found.append([x, y])
@@ -233,10 +234,12 @@ class PicturesView:
 
     def _save(self) -> None:
         problems = self.session.save(self._content())
-        self._tell(problems, done=f"saved into {self.session.path.name}: {', '.join(self.session.saved)}")
+        self._report(
+            problems, success=f"saved into {self.session.path.name}: {', '.join(self.session.saved)}"
+        )
 
-    def _tell(self, problems: Sequence[str], *, done: str = "The regions can be saved.") -> None:
-        self.problems.text = "; ".join(problems) or done
+    def _report(self, problems: Sequence[str], *, success: str = "The regions can be saved.") -> None:
+        self.problems.text = "; ".join(problems) or success
         self.problems.classes(replace="caution" if problems else "soft")
 
     def _toggle(self) -> None:

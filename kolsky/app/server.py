@@ -77,13 +77,13 @@ class Door:
             cookies.load(headers.get("cookie", ""))
         except CookieError:
             return "the cookies cannot be read"
-        given = cookies[self.cookie].value if self.cookie in cookies else ""
-        if self._is_token(given) or (scope["type"] == "http" and self._is_token(given_token(scope))):
+        cookie_token = cookies[self.cookie].value if self.cookie in cookies else ""
+        if self._is_token(cookie_token) or (scope["type"] == "http" and self._is_token(given_token(scope))):
             return ""
         return "open the address that `kolsky open` printed"
 
-    def _is_token(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self.token.encode())
+    def _is_token(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode(), self.token.encode())
 
 
 def given_token(scope: Scope) -> str:
@@ -115,14 +115,14 @@ class Gate:
 
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
-                known = {key.lower() for key, _ in message["headers"]}
+                names = {key.lower() for key, _ in message["headers"]}
                 more = [
                     (b"content-security-policy", policy(self.door.port).encode()),
                     (b"x-content-type-options", b"nosniff"),
                     (b"referrer-policy", b"no-referrer"),
                     (b"cross-origin-resource-policy", b"same-origin"),
                 ]
-                message["headers"] = [*message["headers"], *(pair for pair in more if pair[0] not in known)]
+                message["headers"] = [*message["headers"], *(pair for pair in more if pair[0] not in names)]
             await send(message)
 
         return sending
@@ -144,8 +144,8 @@ async def _refuse(scope: Scope, send: Send, reason: str) -> None:
 
 async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
     """Set the cookie, and go on without the secret in the address, where a history would keep it."""
-    rest = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
-    place = scope["path"] + (f"?{urlencode(rest, doseq=True)}" if rest else "")
+    words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
+    place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
     cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"
     headers = [(b"location", place.encode()), (b"set-cookie", cookie.encode())]
     await send({"type": "http.response.start", "status": 303, "headers": headers})
@@ -160,12 +160,12 @@ def pages(folder: Path) -> None:
         view.page(root)
 
 
-def free_port(wanted: int | None) -> int:
+def free_port(number: int | None) -> int:
     """The wanted port, or the first free one.
 
     Raises InputError if the wanted one, or each that was tried, is in use.
     """
-    tried = [wanted] if wanted is not None else [*range(FIRST_PORT, FIRST_PORT + PORTS)]
+    tried = [number] if number is not None else [*range(FIRST_PORT, FIRST_PORT + PORTS)]
     for port in tried:
         with socket.socket() as probe:
             try:

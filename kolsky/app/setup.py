@@ -135,7 +135,7 @@ class SetupView:
             self.status = ui.label().props("role=status")
             ui.space()
             ui.button("Undo", on_click=self.undo, icon="undo").props("flat dense")
-            ui.button("Read the file again", on_click=self.read_again).props("flat dense")
+            ui.button("Read the file again", on_click=self.reload).props("flat dense")
             ui.button("Check", on_click=self.check).props("outline dense")
             ui.button("Run", on_click=lambda: ui.navigate.to(self._address("run"))).props("unelevated dense")
         with ui.element("div").classes("grid2"):
@@ -160,11 +160,11 @@ class SetupView:
         """Show form, text and problems as the file is now."""
         self.text.value = self.draft.text
         self.form.clear()
-        for kept in (self.labels, self.inputs, self.plots):
-            kept.clear()
+        for group in (self.labels, self.inputs, self.plots):
+            group.clear()
         with self.form:
             self._form()
-        self._say()
+        self._report()
 
     def _form(self) -> None:
         try:
@@ -204,31 +204,31 @@ class SetupView:
             elif isinstance(value, dict) and set(value) == {"column", "unit"}:
                 self._column(e, value)
             elif listed:
-                options = list(dict.fromkeys([*listed, *([e.shown] if e.shown else [])]))
-                made = ui.select(
-                    options, value=e.shown or None, label=words, on_change=partial(self._chosen, e)
+                options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
+                element = ui.select(
+                    options, value=e.display or None, label=words, on_change=partial(self._chosen, e)
                 )
-                self._keep(e, made)
+                self._keep(e, element)
             elif isinstance(value, list) and len(value) <= 3 and all(isinstance(v, str) for v in value):
                 self._list(e, value, words)
             else:
-                made = ui.input(words, value=e.shown)
+                element = ui.input(words, value=e.display)
                 for event in ("blur", "keydown.enter"):
-                    made.on(event, partial(self._typed, e, made))
-                self._keep(e, made)
+                    element.on(event, partial(self._typed, e, element))
+                self._keep(e, element)
             if e.remark:
                 ui.label(e.remark).classes("remark")
             self.labels[e.dotted] = ui.label().classes("wrong")
 
-    def _keep(self, e: FieldEntry, made: Any) -> None:
-        self.inputs[e.dotted] = made
-        made.classes("w-full").props("dense outlined").mark(e.dotted)
+    def _keep(self, e: FieldEntry, element: Any) -> None:
+        self.inputs[e.dotted] = element
+        element.classes("w-full").props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
 
     def _file(self, e: FieldEntry, words: str) -> None:
-        options = list(dict.fromkeys([*self.files, *([e.shown] if e.shown else [])]))
-        made = ui.select(options, value=e.shown or None, label=words, on_change=partial(self._assign, e))
-        self._keep(e, made)
-        if e.shown:
+        options = list(dict.fromkeys([*self.files, *([e.display] if e.display else [])]))
+        element = ui.select(options, value=e.display or None, label=words, on_change=partial(self._assign, e))
+        self._keep(e, element)
+        if e.display:
             with ui.expansion("Columns").props('dense aria-label="Columns of the file"') as fold:
                 pass
             fold.on_value_change(partial(self._preview, e, fold))
@@ -239,7 +239,7 @@ class SetupView:
         fold.clear()
         with fold:
             try:
-                heads, rows = signals.preview(signals.entry(self.folder, e.shown))
+                heads, rows = signals.preview(signals.entry(self.folder, e.display))
             except InputError as error:
                 frame.note(str(error), "caution")
                 return
@@ -252,7 +252,7 @@ class SetupView:
     def _assign(self, e: FieldEntry, change: events.ValueChangeEventArguments) -> None:
         """Take a file for a table, with the layout and columns that it shows."""
         name = str(change.value or "")
-        if name == e.shown:
+        if name == e.display:
             return
         values: dict[str, str] = {e.dotted: f'"{name}"'}
         try:
@@ -261,7 +261,7 @@ class SetupView:
             values[e.dotted] = f'"{name}"'  # also in a folder of its own
         except InputError as error:
             ui.notify(str(error), type="warning")
-        self._change(lambda: self.draft.put(values), rebuild=True)
+        self._change(lambda: self.draft.set_values(values), rebuild=True)
 
     def _column(self, e: FieldEntry, value: dict[str, Any]) -> None:
         section = self.draft.content().get(e.table, {})
@@ -290,27 +290,28 @@ class SetupView:
             if picked != name and not given.value:
                 given.value = units.get(picked, "")
             toml = column_toml(picked, str(given.value or ""))
-            self._change(lambda: self.draft.put({e.dotted: toml}))
+            self._change(lambda: self.draft.set_values({e.dotted: toml}))
 
         column.on_value_change(chosen)
         for event in ("blur", "keydown.enter"):
             given.on(event, chosen)
 
     def _list(self, e: FieldEntry, value: list[str], words: str) -> None:
-        made: list[ui.input] = []
+        element: list[ui.input] = []
 
         def typed(_: object = None) -> None:
-            toml = "[" + ", ".join(f'"{str(one.value or "").strip()}"' for one in made) + "]"
-            self._change(lambda: self.draft.put({e.dotted: toml}))
+            toml = "[" + ", ".join(f'"{str(one.value or "").strip()}"' for one in element) + "]"
+            self._change(lambda: self.draft.set_values({e.dotted: toml}))
 
         with ui.row().classes("w-full no-wrap gap-2"):
             for i, one in enumerate(value):
-                field = ui.input(f"{words} {i + 1}", value=one).classes("grow").props("dense outlined")
+                field = ui.input(f"{words} {i + 1}", value=one).classes("grow")
+                field.props(f"dense outlined data-key={e.dotted}.{i}")
                 field.mark(f"{e.dotted}.{i}")
                 for event in ("blur", "keydown.enter"):
                     field.on(event, typed)
-                made.append(field)
-        self.inputs[e.dotted] = made
+                element.append(field)
+        self.inputs[e.dotted] = element
 
     def _optional(self, table: str, keys: list[str]) -> None:
         with ui.row().classes("items-center gap-2"):
@@ -327,8 +328,8 @@ class SetupView:
 
             ui.button("Add", on_click=add).props("flat dense")
 
-    def _typed(self, e: FieldEntry, made: ui.input, _: object = None) -> None:
-        typed = str(made.value or "")
+    def _typed(self, e: FieldEntry, element: ui.input, _: object = None) -> None:
+        typed = str(element.value or "")
         self._change(lambda: self.draft.enter(e.dotted, typed))
 
     def _chosen(self, e: FieldEntry, change: events.ValueChangeEventArguments) -> None:
@@ -355,11 +356,11 @@ class SetupView:
         if rebuild:
             self.show()
         else:
-            self._say()
+            self._report()
             for table, plot in self.plots.items():
                 self._fill(table, plot)
 
-    def _say(self) -> None:
+    def _report(self) -> None:
         """Say what is missing or wrong, at its field and above the text."""
         try:
             self.wrong = by_key(self.draft.problems())
@@ -391,10 +392,10 @@ class SetupView:
             return
         self._change(self.draft.undo, rebuild=True)
 
-    def read_again(self) -> None:
+    def reload(self) -> None:
         """Take the file as it is on the disk."""
         try:
-            self.draft.read_again()
+            self.draft.reload()
         except InputError as error:
             ui.notify(str(error), type="negative")
             return
@@ -480,7 +481,9 @@ class SetupView:
             )
             slider.on(
                 "change",
-                lambda: self._change(lambda: self.draft.put({"frames.static": str(int(slider.value))})),
+                lambda: self._change(
+                    lambda: self.draft.set_values({"frames.static": str(int(slider.value))})
+                ),
             )
             slider.mark("static-slider")
 
@@ -534,7 +537,7 @@ class SetupView:
         values = {"force.baseline": f"[{ends[0]}, {ends[1]}]"}
         if self.drag == "window":
             values = {"window.start": ends[0], "window.end": ends[1]}
-        self._change(lambda: self.draft.put(values), rebuild=True)
+        self._change(lambda: self.draft.set_values(values), rebuild=True)
 
 
 def _brush_on(plot: ui.echart) -> None:

@@ -161,23 +161,26 @@ def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
     section = content.get("flyer")
     if isinstance(section, dict):
         table = entry(folder, str(section.get("file", "")))
-        moved = _values(table, section, "displacement", "m", 1e3)
+        travel = _values(table, section, "displacement", "m", 1e3)
         number = _samples(table, str(section.get("frame", "")))
-        if not moved.size:
+        if not travel.size:
             return None
         sign = -1.0 if section.get("positive") == "away from specimen" else 1.0
-        frame = number if number.size == moved.size else np.arange(moved.size, dtype=float)
+        frame = number if number.size == travel.size else np.arange(travel.size, dtype=float)
         return Signal(
-            np.arange(moved.size, dtype=float), sign * moved[np.argsort(frame, kind="stable")], FRAME, MOVED
+            np.arange(travel.size, dtype=float),
+            sign * travel[np.argsort(frame, kind="stable")],
+            FRAME,
+            MOTION,
         )
     series = surfaces(folder).flyer or surfaces(folder).specimen
     if series is None or "surface" not in content:
         return None
-    moved = 1e3 * np.linalg.norm(series.motion, axis=1)
-    return Signal(np.arange(moved.size, dtype=float), moved, FRAME, "Mean motion (mm)")
+    travel = 1e3 * np.linalg.norm(series.motion, axis=1)
+    return Signal(np.arange(travel.size, dtype=float), travel, FRAME, "Mean motion (mm)")
 
 
-FRAME, MOVED = "Frame, counted from 0", "Flyer toward specimen (mm)"
+FRAME, MOTION = "Frame, counted from 0", "Flyer toward specimen (mm)"
 
 
 def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
@@ -216,6 +219,6 @@ def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     whole = x.size // size * size
     rows = y[:whole].reshape(-1, size)
     start = np.arange(rows.shape[0]) * size
-    both = np.sort(np.stack([rows.argmin(axis=1), rows.argmax(axis=1)], axis=1), axis=1) + start[:, None]
-    chosen = np.unique(np.append(both.ravel(), [x.size - 1]))
+    extremes = np.sort(np.stack([rows.argmin(axis=1), rows.argmax(axis=1)], axis=1), axis=1) + start[:, None]
+    chosen = np.unique(np.append(extremes.ravel(), [x.size - 1]))
     return x[chosen], y[chosen]

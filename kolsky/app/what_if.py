@@ -38,7 +38,7 @@ class Misfit:
     """Of the outline [-]; NaN if none was measured."""
 
     @property
-    def both(self) -> float:
+    def joint(self) -> float:
         """Root mean square over the channels [-]."""
         return float(np.sqrt(np.nanmean([self.force**2, self.outline**2])))
 
@@ -50,7 +50,7 @@ class Answer:
     parameters: dict[str, float]
     """Parameters by name, SI."""
     prediction: Prediction
-    """What the instruments would have seen."""
+    """What the instruments would have observed."""
     misfit: Misfit
     """How far it is from the data."""
 
@@ -66,7 +66,7 @@ class Valley:
     y: FloatArray
     """Values of the second, SI, shape [ny]."""
     misfit: FloatArray
-    """`Misfit.both`, shape [ny, nx]; NaN where a run did not complete."""
+    """`Misfit.joint`, shape [ny, nx]; NaN where a run did not complete."""
 
 
 class WhatIf:
@@ -117,25 +117,25 @@ class WhatIf:
     def valley(self, names: tuple[str, str], parameters: Mapping[str, float]) -> Valley:
         """The misfit over the ranges of two sliders. ``parameters``: values of the sliders."""
         x, y = (np.linspace(*self.bounds(name), GRID) for name in names)
-        both = {names[0]: np.tile(x, GRID), names[1]: np.repeat(y, GRID)}
-        points = {n: np.full(GRID * GRID, v) for n, v in {**self.others, **parameters}.items()} | both
+        grid = {names[0]: np.tile(x, GRID), names[1]: np.repeat(y, GRID)}
+        points = {n: np.full(GRID * GRID, v) for n, v in {**self.others, **parameters}.items()} | grid
         with _ONE_AT_A_TIME:
             response = self.prepared.forward.run(points, self.numerics)
         found = np.full(GRID * GRID, np.nan)
         ended = np.flatnonzero(response.completed)
         if ended.size:
             prediction = predict(response.select(ended), self.prepared.observations)
-            found[ended] = [self.misfit(prediction, i).both for i in range(ended.size)]
+            found[ended] = [self.misfit(prediction, i).joint for i in range(ended.size)]
         return Valley(names, x, y, found.reshape(GRID, GRID))
 
     def misfit(self, prediction: Prediction, i: int) -> Misfit:
         """Misfit of one run of a prediction, by the result's own yardstick."""
-        seen, expected = self.prepared.observations, {one.channel: one.expected for one in self.found.fit}
-        force = np.sqrt(np.mean((prediction.force_bins[i] - seen.force_mean) ** 2))
+        observed, expected = self.prepared.observations, {one.channel: one.expected for one in self.found.fit}
+        force = np.sqrt(np.mean((prediction.force_bins[i] - observed.force_mean) ** 2))
         outline = np.nan
-        if seen.has_shape:
+        if observed.has_shape:
             inside = prediction.inside[i]
-            outline = np.sqrt(np.mean((prediction.Z[i, inside] - seen.centre_line.Z[inside]) ** 2))
+            outline = np.sqrt(np.mean((prediction.Z[i, inside] - observed.centre_line.Z[inside]) ** 2))
         return Misfit(
             float(force / expected.get(FORCE, np.nan)),
             float(outline / expected.get(OUTLINE, np.nan)),

@@ -131,6 +131,7 @@ class FieldProblem:
             return state
         data, w = self.data, self.data.weight
         apart = state.displacements - data.displacements
+        apart = apart - self.mean(apart) if data.floating else apart
         loaded = self.loaded(apart)
         misfit = state.force - data.force
         moved = self.loaded(state.by_constants)
@@ -488,7 +489,7 @@ def fit_field(problem: FieldProblem) -> FieldFit:
             hessian, exact = problem.hessian(free), True
         elif not near:
             hessian = here.gauss_newton
-    fitted = Constants(problem.constants.law, problem.constants.all(free), problem.constants.free)
+    fitted = replace(problem.constants, values=problem.constants.all(free))
     own = FieldProblem(problem.sheet, problem.data, fitted)
     final = own.hessian(free)
     held = _at_bounds(free, here.gradients.sum(axis=0), low, high)

@@ -88,7 +88,7 @@ def read_field(spec: Specification) -> MeasuredField:
         MeasuredField(problem, points, bad, displacements, frames, hashes, declared, turned), bad
     )
     if not measured.problem.data.cells.any():
-        scale = _mesh_scale(sheet.mesh.points, points)
+        scale = mesh_scale(sheet.mesh.points, points)
         unit = f"; the mesh would hold them if it were {scale:g} times as large" if scale else ""
         raise toml.error(
             "field.points",
@@ -117,7 +117,7 @@ def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
         )
 
 
-def _mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
+def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
     """Usual factor of lengths with which the nodes' box holds the points and is at most twice as large."""
     size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
     for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):

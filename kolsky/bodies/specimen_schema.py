@@ -55,9 +55,10 @@ class NumericsSection(Section):
 class TestSection(Section):
     """[tests.NAME]: a specimen, how it is held, and what was measured."""
 
-    shape: Literal["strip", "dog_bone", "cross"] = "strip"
+    shape: Literal["strip", "dog_bone", "cross", "block"] = "strip"
+    load: Literal["axial", "shear"] = "axial"
     size: Annotated[list[f.Length], Field(min_length=3, max_length=3)]
-    bond: f.Length
+    bond: f.Length | None = None
     elements: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=3, max_length=3)]
     arm: f.Length | None = None
     waist: f.Length | None = None
@@ -91,7 +92,12 @@ class TestSection(Section):
                     raise f.problem(
                         f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
                     )
-        if 2.0 * self.bond >= self.size[0]:
+        if (self.bond is None) != (self.shape == "block"):
+            problem = "has no effect on a block, whose end faces are glued" if self.bond else "is missing"
+            raise f.problem(problem, key="bond", cure="remove it" if self.bond else 'write e.g. "10 mm"')
+        if self.load == "shear" and self.shape != "block":
+            raise f.problem('is "shear"', key="load", cure='it belongs to shape = "block"')
+        if self.bond is not None and 2.0 * self.bond >= self.size[0]:
             raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
         return self
 

@@ -165,7 +165,7 @@ def _fit_sheet(
     assert section is not None  # `read_field` refuses a file without it
     with read.toml.refusing("field", "cannot be fitted"):
         measured, result = fit_measured(measured, gate=section.points.gate)
-        change = one_change(measured.problem, result)
+        change = one_change(measured, result)
     steps = fit_steps(result.problem) if each_step else []
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)

@@ -169,6 +169,21 @@ def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
     return (one, other) if one < other else None
 
 
+MOST_COMPRESSION = 0.8
+"""Nominal compression from which on a value is not tried: elements collapse, and the time step with them."""
+
+
+def leaves_length(runner: Runner, change: Change) -> bool:
+    """True if the flyer, as changed, leaves the specimen, as changed, some of its length."""
+    motion, factor = change.motion * change.picture, change.specimen.get("length", 1.0)
+    if motion <= factor:
+        return True  # no more than as declared
+    path = runner.front.path
+    travel = motion * float(np.max(path.position(path.knots)))
+    length = factor * runner.problem.shot.specimen.length
+    return travel < MOST_COMPRESSION * length
+
+
 WITHOUT_TRACE = (
     "The scale of the quasi-static curve leaves no residual: m times the curve is all that is seen. A curve "
     "5 % too low gives an m 5 % too high, and nothing here can tell.",

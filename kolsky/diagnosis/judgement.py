@@ -15,10 +15,9 @@ from kolsky.uncertainty.analyse import UncertaintyAnalysis
 from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.warnings import collect_warnings
 
-
 WHOLE = 0.9
-"""Share of the misfit that a likely input explains from which on nothing is asked of a branch that relaxes: in
-seven shots with a planted branch that explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
+"""Share of the misfit that a likely input explains from which on no branch that relaxes is searched for: in
+seven shots of a planted branch it explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
 
 
 def judged(

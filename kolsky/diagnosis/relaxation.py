@@ -316,8 +316,8 @@ def shot_branch_test(
 TRY = (
     "if no input is wrong, identify again with --relaxation prony, best several shots of different speeds "
     "together with slow tests; m is then that of the long-term curve. A second shot at a third of the speed "
-    "settles it: m of an elastic model falls with the speed if the material relaxes, and a wrong input of the "
-    "rig leaves it"
+    "settles it: m of an elastic model falls with the speed if the material relaxes, and stays if an input "
+    "of the rig is wrong"
 )
 
 

@@ -29,7 +29,7 @@ from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, ForceHistory
-from kolsky.inverse.forward import Forward, curve_replicates, material_law
+from kolsky.inverse.forward import Forward, coarser_graded, curve_replicates, graded, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
 from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
@@ -318,8 +318,21 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Those of the refined mesh."""
+        """Those of the refined mesh: graded, but where single runs jump, since a surface slides, and where
+        runs are corrected for Poisson's ratio, since that correction has meshes of its own."""
+        if self._is_graded:
+            return graded(self.numerics, self.settings.refined_mesh)
         return self.numerics.with_mesh(self.settings.refined_mesh)
+
+    @property
+    def halfway(self) -> Numerics:
+        """Those of the steps to the refined mesh: a coarser graded one, or the refined mesh's own."""
+        return coarser_graded(self.numerics, self.settings.refined_mesh) if self._is_graded else self.refined
+
+    @property
+    def _is_graded(self) -> bool:
+        sliding = rough(self.shot, [*self.freed.free, *self.settings.held])
+        return self.numerics.compressible is None and not sliding
 
     @property
     def first(self) -> Numerics:

@@ -164,6 +164,14 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
         A test file read.
     quick
         True to let the specimen's static curve stand in for its finite elements: a second, for scans.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> test = kolsky.read_test("runs/predict/paper.toml")
+    >>> speed = kolsky.predict(test, quick=True).numbers.flyer_speed  # m/s
+    >>> 1.0 < speed < 10.0
+    True
     """
     run = test.declared.run
     try:

@@ -66,6 +66,13 @@ def to_dataframe(data: object, table: str = "") -> Any:
         If it is something else.
     ImportError
         If pandas is not installed.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> frame = kolsky.to_dataframe(kolsky.waves("runs/bar-01"))
+    >>> "time (s)" in frame.columns
+    True
     """
     if not has_tables(data):
         raise TypeError(_no_view(data, "pandas"))
@@ -235,6 +242,12 @@ def plot(data: object, figure: str = "") -> Figure:
         If no figure shows such a result.
     ValueError
         If there is no figure of that name; the message has the names.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> kolsky.waves("runs/bar-01").plot("waves").axes[0].get_xlabel()
+    'Time at the gauge (µs)'
     """
     from kolsky.report.canvas import build
     from kolsky.report.figures import figures_of

@@ -656,8 +656,7 @@ INPUTS: dict[str, Input] = {
             shared="group",
             step=0.01,
             typical=0.01,
-            scan=(-0.9, -0.5, 1.0, 9.0),
-            mistakes=_FACTORS,
+            mistakes=_FACTORS,  # far values are started from those of the force's gain
             lowest=-0.95,
             highest=10.0,
         ),
@@ -885,7 +884,7 @@ INPUTS: dict[str, Input] = {
             "curve_shape",
             key="curve shape",
             words="a curve that stiffens more toward its end by a share",
-            check="check the curve: conditioning, rate and temperature of the slow test, friction of its ends",
+            check="check the slow test of the curve: conditioning, rate, temperature, friction of its ends",
             form="tilt",
             scan=(-0.6, 0.6),
             lowest=-1.5,
@@ -921,8 +920,8 @@ INPUTS: dict[str, Input] = {
             cause=Cause(
                 key=CURVE_SCALE,
                 words="a stiffness factor beyond its bound",
-                check="widen the bound if the material may be so; else suspect the scale of curve.stress: its "
-                "unit, its area (force over (D/d)²), or another material's curve",
+                check="widen the bound if the material may be so; else suspect the scale of curve.stress: "
+                "its unit, its area (a factor of (D/d)²), or another material's curve",
                 changed=lambda u: Change(values={"stiffness_factor": exp(u)}),
                 needs="stiffness at its bound",
                 scan=tuple(

@@ -152,6 +152,16 @@ def sweep(
         If a ledger is none, is damaged or in use.
     OSError
         If the ledger's folder cannot be made.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> from doe import Box, full_factorial
+    >>> design = full_factorial(Box.of({"stiffness_factor": (1.0, 1.2)}), 3)
+    >>> shot = kolsky.load_shot("runs/open-05")
+    >>> swept = kolsky.sweep(shot, design, numerics=kolsky.Numerics(mesh=(8, 11)))
+    >>> swept.to_pandas()["outcome"].tolist()
+    ['COMPLETED', 'COMPLETED', 'COMPLETED']
     """
     numerics = numerics or Numerics()
     runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)

@@ -34,7 +34,7 @@ SPEC = """# Keloid: {title}.
 [material]
 law = "neo_hookean_coupled"
 free = ["E", "poisson"]
-poisson = 0.3
+poisson = 0.4
 constants = {{ E = "50 kPa" }}
 
 [field]
@@ -46,7 +46,7 @@ moving = ["moving_pad_keloid", "moving_pad_skin"]
 fixed = ["fixed_pad_keloid", "fixed_pad_skin"]
 relative_to = "camera"
 frames = {frames}
-sigma_force = "5 mN"
+sigma_force = "1 mN"
 region = "keloid"
 
 [field.regions.skin]

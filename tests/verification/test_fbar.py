@@ -20,7 +20,6 @@ from scene import (
     LENGTH,
     RADIUS,
     CommonLimit,
-    Limit,
     common_limit,
     corner_exponent,
     limit,
@@ -216,24 +215,10 @@ def static_radii(element: str) -> FloatArray:
     return np.array([static.compress(mesh, element=element).radius for mesh in MESHES])
 
 
-def static_limits(element: str) -> tuple[Limit, Limit]:
-    """Extrapolated force [N] and radius at mid-height [m], each of shape [6]."""
-    return (
-        limit(SIZES, static_forces(element), STATIC_ORDER),
-        limit(SIZES, static_radii(element), STATIC_ORDER),
-    )
-
-
 def common_forces() -> list[CommonLimit]:
     """One limit [N] and order for the static forces of both elements, at each of the 6 compressions."""
     forces = [static_forces(element) for element in ELEMENTS]
     return [common_limit(SIZES, [force[:, k] for force in forces]) for k in range(6)]
-
-
-def common_radii() -> list[CommonLimit]:
-    """One limit [m] and order for the radii at mid-height of both elements, at each of the 6 compressions."""
-    radii = [static_radii(element) for element in ELEMENTS]
-    return [common_limit(SIZES, [radius[:, k] for radius in radii]) for k in range(6)]
 
 
 def impact_force(element: str, mesh: tuple[int, int], cutoff: float) -> FloatArray:
@@ -521,8 +506,7 @@ def common_limits_table() -> str:
     """One limit and one order for both elements, against the reference."""
     wanted = static.reference()
     rows = []
-    both = zip(common_forces(), common_radii(), strict=True)
-    for k, (force, radius) in enumerate(both):
+    for k, force in enumerate(common_forces()):
         scale = 100 / wanted.force[k]
         rows.append(
             [
@@ -532,14 +516,10 @@ def common_limits_table() -> str:
                 f"{scale * (force.value - wanted.force[k]):+.2f}",
                 f"{force.order:.2f}",
                 f"{scale * force.deviation:.3f}",
-                f"{1e3 * radius.value:.4f}",
-                f"{1e6 * (radius.value - wanted.radius[k]):+.1f}",
-                f"{1e6 * radius.deviation:.1f}",
             ]
         )
-    force_columns = ["limit [N]", "− reference [%]", "order", "deviation [%]"]
-    radius_columns = ["radius [mm]", "− reference [µm]", "deviation [µm]"]
-    return table(["compression", "reference [N]", *force_columns, *radius_columns], rows)
+    columns = ["limit [N]", "− reference [%]", "order", "deviation [%]"]
+    return table(["compression", "reference [N]", *columns], rows)
 
 
 def impact_table() -> str:
@@ -787,7 +767,7 @@ def test_fine_static_force_and_radius() -> None:
 def test_extrapolated_static_forces() -> None:
     wanted = static.reference()
     for element in ELEMENTS:
-        force = static_limits(element)[0].value
+        force = limit(SIZES, static_forces(element), STATIC_ORDER).value
         assert np.abs(force / wanted.force - 1.0).max() < LIMIT_TOLERANCE
     common = common_forces()
     found = np.array([one.value for one in common])

@@ -144,6 +144,12 @@ def figures_of(shown: Any) -> Registry:
 
     Returns: the figures by name; each has a `caption` of the result. Raises TypeError if no figure shows
     things of this class.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> list(kolsky.figures_of(kolsky.waves("runs/bar-01")))
+    ['waves']
     """
     name = f"{type(shown).__module__}.{type(shown).__qualname__}"
     if name not in SHOWN_BY:

@@ -47,8 +47,8 @@ def test_the_misfit_is_the_residual_over_what_a_right_model_leaves(what_if: What
     misfit = what_if.misfit(prediction, 0)
     assert misfit.force == pytest.approx(2.0, rel=1e-12)
     assert misfit.outline == pytest.approx(3.0, rel=1e-9)
-    assert misfit.both == pytest.approx(np.sqrt(6.5), rel=1e-9)
-    assert Misfit(2.0, float("nan")).both == 2.0
+    assert misfit.joint == pytest.approx(np.sqrt(6.5), rel=1e-9)
+    assert Misfit(2.0, float("nan")).joint == 2.0
 
 
 def test_one_simulation_and_the_valley_around_it(what_if: WhatIf) -> None:
@@ -61,10 +61,10 @@ def test_one_simulation_and_the_valley_around_it(what_if: WhatIf) -> None:
     valley = what_if.valley(("stiffness_factor", "damping"), start)
     assert valley.misfit.shape == (GRID, GRID)
     middle = valley.misfit[GRID // 2, GRID // 2]  # the answer lies in the middle of both sliders
-    assert middle == pytest.approx(answer.misfit.both, rel=1e-6)
+    assert middle == pytest.approx(answer.misfit.joint, rel=1e-6)
     softer = what_if.run({**start, "stiffness_factor": valley.x[0]})
     assert softer.misfit.force != answer.misfit.force
-    assert valley.misfit[GRID // 2, 0] == pytest.approx(softer.misfit.both, rel=1e-6)
+    assert valley.misfit[GRID // 2, 0] == pytest.approx(softer.misfit.joint, rel=1e-6)
     with pytest.raises(ValueError, match="poisson"):
         what_if.run({**start, "poisson": 0.6})
 

@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -15,33 +14,9 @@ pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 from nicegui import ui
 from nicegui.testing import User
 from simulated import walk
-from speckle_pictures import render, speckle_pattern
+from speckle_pictures import PLANE_TOML, plane
 
 from kolsky.app.pictures import open_all, quality_of, subset_words
-
-TOML = """# a plane
-[dic]
-kind = "plane"
-region = { x = [16, 111], y = [16, 111] }
-scale = "0.01 mm"
-static = 2
-subset = 21
-
-[pictures]
-camera_0.pattern = "cam0_*.png"
-"""
-SIDE = 128
-
-
-def plane(folder: Path) -> Path:
-    """Three pictures of a plane, two of them at rest."""
-    folder.mkdir(parents=True)
-    pattern = speckle_pattern((SIDE, SIDE), seed=3)
-    for k in range(3):
-        picture = render(pattern, (SIDE, SIDE), noise=2.0, bits=8, seed=k)
-        cv2.imwrite(str(folder / f"cam0_{k:03d}.png"), picture.astype(np.uint8))
-    (folder / "dic.toml").write_text(TOML, encoding="utf-8")
-    return folder
 
 
 def test_a_subset_says_its_noise(tmp_path: Path) -> None:
@@ -89,7 +64,7 @@ def test_a_region_is_drawn_changed_and_saved(tmp_path: Path) -> None:
         assert text.value.splitlines()[-1] == "105, 90"
         user.find("Check").click()
         await user.should_see("The regions can be saved.")
-        assert (folder / "dic.toml").read_text("utf-8") == TOML
+        assert (folder / "dic.toml").read_text("utf-8") == PLANE_TOML
         user.find("Save into dic.toml").click()
         await user.should_see("saved into dic.toml: region")
         made = tomllib.loads((folder / "dic.toml").read_text("utf-8"))["dic"]

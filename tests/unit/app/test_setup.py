@@ -51,7 +51,7 @@ def draft(folder: Path, text: str = SMALL) -> Draft:
 def test_fields_have_their_remarks() -> None:
     found = {e.dotted: e for e in fields_of(SMALL)}
     assert list(found) == ["format", "specimen.diameter", "specimen.length"]
-    assert found["specimen.diameter"].shown == "9.5 mm"
+    assert found["specimen.diameter"].display == "9.5 mm"
     assert found["specimen.diameter"].remark == "measured twice"
     assert found["specimen.length"].blank
     assert not found["specimen.diameter"].blank
@@ -104,7 +104,7 @@ def test_two_tabs_cannot_overwrite_each_other(tmp_path: Path) -> None:
     assert tomllib.loads((tmp_path / "shot.toml").read_text())["specimen"]["length"] == "6.5 mm"
     with pytest.raises(Conflict):
         other.write("format = 1\n")
-    other.read_again()
+    other.reload()
     other.enter("specimen.length", "7 mm")
     with pytest.raises(Conflict):
         one.undo()

@@ -9,7 +9,7 @@ import pytest
 
 from kolsky.bars.signals.transducers import bin_force
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis.cause_inputs import changed_vector, contact_spread, radii
+from kolsky.diagnosis.cause_inputs import changed_vector, contact_spread, leaves_length, radii
 from kolsky.inverse.observations import Observations
 from kolsky.shot.inputs import UNCHANGED, Change
 
@@ -128,8 +128,8 @@ def test_frames_and_pictures_at_another_scale() -> None:
 
 
 def test_a_film_at_another_rate_is_stretched_from_the_shot_s_zero() -> None:
-    """A run that begins at 30 us: an event at the file's time t is at f t, by the run's path 30 us + f (t - 30
-    us): all of the run comes (1 - f) 30 us later than the force's clock says."""
+    """A run begins at 30 us. An event at the file's time t is at f t, by its path at 30 us + f (t - 30 us):
+    all of the run comes (1 - f) 30 us later than the force's clock says."""
     run, start = response(), 3e-5
     late = SimpleNamespace(**{**vars(run), "force_times": run.force_times + start})
     late.impulse_transmission = 0.5 * SLOPE * (late.force_times**2 - start**2)[None]
@@ -178,3 +178,14 @@ def test_changes_add_up() -> None:
     assert UNCHANGED.sight == Change().sight  # NaN is no height
     for other in (Change(leak=1.0), Change(time_constant=1e-6), Change(flyer_share=0.1)):
         assert other.seen != UNCHANGED.seen
+
+
+def test_a_length_is_tried_only_if_the_flyer_leaves_some_of_it() -> None:
+    """3 mm of 6 mm: half; of a length that is 0.6 times the declared one 83 %."""
+    path = SimpleNamespace(knots=np.array([0.0, 1.0]), position=lambda t: 3e-3 * t)
+    problem = SimpleNamespace(shot=SimpleNamespace(specimen=SimpleNamespace(length=6e-3)))
+    runner: Any = SimpleNamespace(front=SimpleNamespace(path=path), problem=problem)
+    assert leaves_length(runner, UNCHANGED)
+    assert leaves_length(runner, Change(specimen={"length": 0.65}))
+    assert not leaves_length(runner, Change(specimen={"length": 0.6}))
+    assert not leaves_length(runner, Change(motion=1.3, picture=1.3))

@@ -45,10 +45,10 @@ def analysed(**options: object) -> SweepAnalysis:
 
 def along() -> SweepAnalysis:
     """A sweep over the stiffness alone, with forces in proportion to it."""
-    x, time = np.linspace(0.5, 1.5, 7), np.linspace(0.0, 1e-3, 50)
-    forces = ForcesAlong(x, np.arange(7) + 2000, time, x[:, None] * time, time)
+    x, time = np.linspace(0.5, 1.5, 8), np.linspace(0.0, 1e-3, 50)
+    forces = ForcesAlong(x, np.arange(8) + 2000, time, x[:, None] * time, time)
     runs = replace(
-        table(7), names=("stiffness_factor",), points=x[:, None], lower=np.array([0.5]), upper=np.array([1.5])
+        table(8), names=("stiffness_factor",), points=x[:, None], lower=np.array([0.5]), upper=np.array([1.5])
     )
     return replace(analyse_sweep("shot", Box.of({"stiffness_factor": (0.5, 1.5)}), runs), forces=forces)
 
