@@ -100,6 +100,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.output.write_hdf5",
             "plan.json": "kolsky.studies.planning.output.to_json",
+            "plan.html": "kolsky.report.pages.plan.write_page",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -135,6 +136,12 @@ def tables_of(result: Any, *more: Any) -> Tables:
     -------
     mapping of str to mapping
         Name of a table, that of its CSV file -> heading -> cells.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> next(iter(kolsky.tables_of(kolsky.waves("runs/bar-01"))))
+    'waves'
     """
     known = RESULTS[_type_name(result)]
     made = _function(known.tables)(result, *more)
@@ -454,8 +461,14 @@ def write_prediction_results(
     ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
     ``film``: format of a film, "mp4" or "gif"; empty for none.
     """
+    from math import isfinite
+
+    from kolsky.prediction.output import write_specification
+
     with filling(folder) as partial:
         _write(partial, found, scan, aim, formats=formats)
+        if isfinite(found.events.separation):
+            write_specification(partial, found)
         if scan is not None:
             from kolsky.report.figures import SCANS
 

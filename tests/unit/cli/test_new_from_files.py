@@ -135,7 +135,7 @@ def test_a_blank_says_what_is_allowed(tmp_path: Path) -> None:
     said = {problem.key: str(problem) for problem in refused.value.problems}
     for key, words in {
         "specimen.length": "a length > 0. Cure: write a length, e.g.",
-        "model.poisson": "in [0, 0.4999]",
+        "model.poisson": "in [0, 0.49999]",
         "force.compression": '"positive" or "negative"',
         "force.voltage.column": "is not filled in",
     }.items():
