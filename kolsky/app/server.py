@@ -75,7 +75,7 @@ class Door:
             return "a page of another place asked"
         if scope["type"] == "websocket" and origin is None:
             return "a websocket says no origin"
-        cookies = SimpleCookie[str]()
+        cookies = SimpleCookie()
         try:
             cookies.load(headers.get("cookie", ""))
         except CookieError:
