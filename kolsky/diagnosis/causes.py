@@ -28,7 +28,8 @@ from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.runner import Runner
-from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
+from kolsky.shot.input_records import SHOWN, Cause
+from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
 """Probability, adjusted for all inputs tried, below which a change is significant."""
