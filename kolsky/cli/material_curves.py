@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kolsky.material.reference_curve import Pull, ReferenceCurve
     from kolsky.material.uniaxial import Toe
     from kolsky.studies.rate_dependence import SlowDynamics
+    from kolsky.studies.rate_models import ModelComparison
 
 
 _COLUMN = Option("Column, by name or number.", metavar="COLUMN", show_default="")
@@ -300,12 +301,21 @@ def material_relaxation(
         tuple[Path, ...],
         Option("An identified shot to compare with them; repeat.", name="shot", metavar="SHOT"),
     ] = (),
+    joint: Annotated[
+        tuple[Path, ...],
+        Option(
+            "A shot to identify together with the tests, once with each model (minutes); repeat.",
+            name="joint",
+            metavar="SHOT",
+        ),
+    ] = (),
     branches: Annotated[int, Option("Most branches of the Prony series.", min=0, max=8)] = 3,
     out: OutFolder = Path("relaxation"),
     figures: Figures = (),
 ) -> None:
     """Fit a Prony series; compare relaxation, oscillation (DMA), temperature sweeps and shots over time.
 
+    Compares elastic, Prony and Bergstrom-Boyce models by AICc and BIC, and says which the data choose.
     Writes relaxation.html, relaxation.json and CSV tables.
     """
     from kolsky.base.files import filling, usable_folder, write_json, write_table
@@ -314,26 +324,69 @@ def material_relaxation(
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.relaxation import write_page
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
+    from kolsky.studies.rate_models import comparison_summary, comparison_table
     from kolsky.studies.rates.rate import collected_shot
 
     slow = read_slow_list(tests)
     folder = usable_folder(out)
+    together = _joint_comparison(tests, joint, branches) if joint else None
     rated = [collected_shot(shot, group="all") for shot in shots]
     with texts.refused(cure="correct the list or the tables that it names", place=tests):
         result = analyse_rate_dependence(slow, rated, at_most=branches)
     content = {"inputs": dict(slow.files), **summary(result)}
+    written = tables(result)
+    rows = _relaxation_rows(result)
+    if together is not None:
+        content["joint_comparison"] = comparison_summary(together)
+        written["relaxation_joint_models"] = comparison_table(together)
+        rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
     with filling(folder) as partial:
-        for name, table in tables(result).items():
+        for name, table in written.items():
             write_table(partial / f"{name}.csv", table)
         write_json(partial / "relaxation.json", content)
         write_page(partial / "relaxation.html", result, dict(slow.files))
         save_figures_alone(partial, result, figures)
     print_result(
-        _relaxation_rows(result),
+        rows,
         content,
         files={"report": folder / "relaxation.html"},
         warnings=result.remarks,
     )
+
+
+def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int) -> "ModelComparison":
+    """Identify shots and slow tests together with each model; the network only beside histories."""
+    from kolsky.cli.terminal import progress_bars
+    from kolsky.inverse.joint_result import JointSettings
+    from kolsky.inverse.parameters import with_relaxation
+    from kolsky.inverse.slow_tests import read_slow_tests
+    from kolsky.joint_identification import identify_shots
+    from kolsky.shot.load import load_shot
+    from kolsky.studies.rate_models import compare_joint, joint_models
+
+    slow, shots = read_slow_tests(tests), [load_shot(path) for path in paths]
+    found = {}
+    cure = "give shots of one material with one set of free parameters"
+    with progress_bars() as progress, texts.refused(cure=cure, place=shots[0].folder):
+        for name, kind, number in joint_models(slow, branches):
+            relaxing = [with_relaxation(shot, kind, number) for shot in shots]
+            found[name] = identify_shots(relaxing, JointSettings(), slow=slow, progress=progress)
+        return compare_joint(found)
+
+
+def _comparison_rows(found: "ModelComparison") -> dict[str, str]:
+    """Printed rows of a comparison of models."""
+    from kolsky.studies.rate_models import comparison_table
+
+    table = comparison_table(found)
+    rows = {"model": found.sentence}
+    for k, name in enumerate(table["model"]):
+        doubt = f", {table['doubt'][k]}" if table["doubt"][k] else ""
+        rows[f"  {name}"] = (
+            f"{table['parameters'][k]} parameters, AICc {table['AICc over the least (1)'][k]:+.1f}, BIC"
+            f" {table['BIC over the least (1)'][k]:+.1f}, weight {table['weight (1)'][k]:.2g}{doubt}"
+        )
+    return {**rows, **{f"  {name}": f"not compared: {why}" for name, why in found.left_out.items()}}
 
 
 def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
@@ -343,6 +396,7 @@ def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
     E, factor = 1e-3 * result.young, float(fit.values[0])
     rows: dict[str, Any] = {
         "verdict": result.verdict.sentence,
+        **_comparison_rows(result.comparison),
         "long-term E": f"{E:.4g} kPa, {E * low / factor:.4g} to {E * high / factor:.4g} (k = 2)",
     }
     for k in range(len(fit.model.series)):

@@ -34,7 +34,8 @@ def predict(
 ) -> None:
     """Predict a flyer test from the contact of the striker to the second impact.
 
-    Writes prediction.html, prediction.json, and CSV tables of signals, events and the specimen's outline.
+    Writes prediction.html, prediction.json, CSV tables of signals, events and the specimen's outline, and
+    virtual.toml for `kolsky virtual make`.
     --vary scans the test; --want designs it.
     """
     if film:

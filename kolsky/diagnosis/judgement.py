@@ -8,6 +8,7 @@ from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.causes import CauseAnalysis, cause_warnings
 from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
+from kolsky.inverse.incompressible import poisson_limit
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import Search
 from kolsky.uncertainty.analyse import UncertaintyAnalysis
@@ -55,4 +56,8 @@ def judged(
         lost_meshes=sources.mesh.lost,
     )
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
+    limit = poisson_limit(runner, fine)
+    if limit is not None:
+        warnings = [*warnings, limit.sentence]
+        result = replace(result, surrogate={**result.surrogate, "least_poisson": limit.least})
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.views import ResultViews
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
@@ -422,29 +423,6 @@ class PosteriorSummary:
     """The priors, in words."""
 
 
-@dataclass(frozen=True)
-class HeldAnswer:
-    """What one parameter would be with other free ones held at the values that the shot declares."""
-
-    name: str
-    """The parameter."""
-    held: Mapping[str, float]
-    """Value of each parameter that was held, in SI."""
-    value: float
-    """Its optimum, in SI."""
-    sigma: float
-    """Its standard uncertainty, in SI: residuals, noise of flyer and curve, mesh, and what the shot declares
-    of the held ones."""
-    chi2_force: float
-    """Mean square of the force's residual over its noise there [-]."""
-    chi2_shape: float
-    """The same of the outline [-]; NaN if none was measured."""
-    free_chi2_force: float
-    """The force's where all of them are free [-]."""
-    free_chi2_shape: float
-    """The outline's where all of them are free [-]; NaN if none was measured."""
-
-
 class Verdict(StrEnum):
     """The outcome of the search for one parameter."""
 
@@ -612,7 +590,7 @@ class SurrogateCurve:
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(ResultViews):
     """The result of an identification."""
 
     shot: str
@@ -660,8 +638,6 @@ class Identification:
     """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
     """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
-    held_answer: HeldAnswer | None = None
-    """What the stiffness factor would be with the other free parameters held; None if it was free alone."""
     causes: tuple[CauseFinding, ...] = ()
     """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)

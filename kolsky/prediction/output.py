@@ -1,13 +1,17 @@
-"""A prediction as CSV tables and JSON."""
+"""A prediction as CSV tables and JSON, and as a specification of the virtual laboratory."""
 
 from dataclasses import fields
+from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import jsonable
+from kolsky.base.files import jsonable, write_table
 from kolsky.prediction.design import Aim, Scan
 from kolsky.prediction.predict import Numbers, Prediction, doubts
+from kolsky.virtual.motion import MOVES
+from kolsky.virtual.shot_file import KNOT, MOTION, toml_text
 
 EVENTS = {
     "incident_rise": "incident wave arrives at the flyer",
@@ -102,3 +106,71 @@ def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = N
             "y (m)": response.surface_y[0].ravel(),
         }
     return made if scanned is None else {**made, "scan": scan_table(scanned)}
+
+
+LARGEST_RECORDED = 0.6
+"""Largest nominal compression of the virtual shot [-]: that of the quasi-static test of Mates et al. (2012)."""
+SHARE_OF_LARGEST = 0.95
+"""Of the largest compression, where that is less: the flyer still moves toward the specimen."""
+
+
+def write_specification(folder: Path, found: Prediction) -> Path:
+    """Write `virtual.toml`, the virtual laboratory's specification of the test, and the flyer's path beside it.
+
+    Specimen, material and interface are those of the test file. The parts behind the specimen become one bar
+    of their whole length with the steel of the last one.
+
+    Raises ValueError if the flyer does not move.
+    """
+    bars, test = found.bars, found.test.declared
+    moved = np.flatnonzero(bars.flyer_path > MOVES)
+    if not moved.size:
+        raise ValueError("the flyer does not move before the end of [run] duration")
+    first, every = max(int(moved[0]) - 1, 0), max(1, round(KNOT / float(bars.times[1])))
+    until = found.events.arrest if isfinite(found.events.arrest) else float(bars.times[-1])
+    keep = slice(first, max(round(until / float(bars.times[1])), first + 4 * every) + 1, every)
+    path = bars.flyer_path[keep] - bars.flyer_path[first]
+    write_table(folder / MOTION, {"time (s)": bars.times[keep] - bars.times[first], "displacement (m)": path})
+    largest = min(LARGEST_RECORDED, SHARE_OF_LARGEST * found.numbers.largest_strain)
+    parts, m = list(test.transmission.values()), test.material
+    material: dict[str, Any] = {
+        "law": m.law,
+        "parameters": dict(m.parameters),
+        "shear_modulus": f"{m.shear_modulus:.9g} Pa",
+        "stiffness_factor": m.stiffness_factor,
+        "poisson": m.poisson,
+        "damping": f"{m.damping:.9g} s",
+        "mass_damping": f"{m.mass_damping:.9g} 1/s",
+    }
+    if m.prony_strengths:
+        material["prony_strengths"] = list(m.prony_strengths)
+        material["prony_times"] = [f"{time:.9g} s" for time in m.prony_times]
+    tables: dict[str, dict[str, Any]] = {
+        "specimen": {
+            "diameter": f"{test.specimen.diameter:.9g} m",
+            "length": f"{test.specimen.length:.9g} m",
+            "density": f"{test.specimen.density:.9g} kg/m^3",
+        },
+        "material": material,
+        "interface": {
+            "faces": test.interface.faces,
+            "side": test.interface.side,
+            "friction": test.interface.friction,
+        },
+        "transmission": {"support": "bar"},
+        "transmission.bar": {
+            "diameter": f"{parts[-1].diameter:.9g} m",
+            "length": f"{sum(part.length for part in parts):.9g} m",
+            "youngs_modulus": f"{parts[-1].youngs_modulus:.9g} Pa",
+            "density": f"{parts[-1].density:.9g} kg/m^3",
+            "poisson": parts[-1].poisson,
+        },
+        "motion": {"kind": "sampled", "file": MOTION, "compression": f"{100.0 * largest:.4g} %"},
+    }
+    head = (
+        "# The predicted test for the virtual laboratory: kolsky virtual make virtual.toml --out SHOT\n"
+        "# The flyer's path is that of the prediction; every other key has the default of `kolsky virtual new`.\n"
+    )
+    file = folder / "virtual.toml"
+    file.write_text(toml_text(tables, name=test.name, head=head), encoding="utf-8")
+    return file

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.result import LATE, NOISE, ClockLag, Declaration, FitQuality, HeldAnswer, Identification
+from kolsky.inverse.result import LATE, NOISE, ClockLag, Declaration, FitQuality, Identification
 from kolsky.results import numbers
-from kolsky.results.nomenclature import factor_of, name_of, typeset
+from kolsky.results.nomenclature import name_of, typeset
 from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.declarations import (
     INVISIBLE,
@@ -158,34 +157,6 @@ def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
     if state != "not found":
         state += f"; would notice a lag beyond {1e6 * lag.noticed:.2g} µs"
     return lag.recording, f"{value} ± {U} µs", state
-
-
-def held_line(held: HeldAnswer, *, written: bool = False) -> str:
-    """Return the held answer with its k = 2 uncertainty, what was held, and the misfit there and when free.
-
-    ``held``: in SI. ``written``: symbols as pages write them; else as the command line does.
-    """
-    value, uncertainty = numbers.measured(held.value, 2.0 * held.sigma)
-    named = []
-    for name, number in held.held.items():
-        p = PARAMETERS[name]
-        unit = name_of(name, p.unit).unit
-        symbol = p.written if written else p.symbol
-        named.append(f"{symbol} = {number * factor_of(name):.6g}" + ("" if unit == "1" else f" {unit}"))
-    there, free = (
-        _held_misfits(*pair)
-        for pair in (
-            (held.chi2_force, held.chi2_shape),
-            (held.free_chi2_force, held.free_chi2_shape),
-        )
-    )
-    return f"{value} ± {uncertainty} with {', '.join(named)}; chi2/n {there} (free: {free})"
-
-
-def _held_misfits(force: float, shape: float) -> str:
-    """Chi-square a value of the force, and of the outline where there is one."""
-    said = f"force {force:.3g}"
-    return said if shape != shape else f"{said}, outline {shape:.3g}"
 
 
 def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:

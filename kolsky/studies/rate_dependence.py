@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from explicit.materials import MaterialLaw, neo_hookean
 from kolsky.inverse.slow_tests import SlowList
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
@@ -23,16 +24,21 @@ from kolsky.material.relaxation.rate_fit import (
 )
 from kolsky.material.relaxation.temperature import Superposition
 from kolsky.material.uniaxial import gaussian_strain
+from kolsky.studies.rate_models import (
+    POOR_FIT,
+    ModelComparison,
+    compare_slow,
+    comparison_summary,
+    comparison_table,
+)
 from kolsky.studies.rates.records import RatedShot
 
 POINTS = 80
 """Points of the fitted curve over time."""
-POOR_FIT = 2.0
-"""Chi-square over degrees of freedom of the fit from which on it is remarked."""
 
 
 @dataclass(frozen=True)
-class SlowDynamics:
+class SlowDynamics(ResultViews):
     """What slow tests and shots of one material tell of its rate dependence."""
 
     tests: tuple[Evidence, ...]
@@ -47,6 +53,8 @@ class SlowDynamics:
     """True if the list declares it; else it is neo-Hookean."""
     verdict: RateVerdict
     """Prony series with 0, 1, 2, ... branches."""
+    comparison: ModelComparison
+    """Elastic, the series and the creeping network beside one another."""
     fitted: ApparentModuli
     """E(t) of the series that the data ask for."""
     remarks: tuple[str, ...]
@@ -90,13 +98,22 @@ def analyse_rate_dependence(
             f"the series leaves a chi-square of {fit.scatter:.3g} per degree of freedom: {cause}, the"
             " declared sigmas or a relaxation that changes with strain; the uncertainties are widened by it"
         )
+    comparison = compare_slow(law, slow.tests, verdict.fits)
     moduli += [shot_modulus(shot) for shot in shots]
     ages = np.concatenate([one.age for one in moduli] or [np.array(slow.tests[0].time_scales)])
     age = np.geomspace(ages.min(), ages.max(), POINTS)
     value, sigma = fitted_modulus(fit, young, age)
     fitted = ApparentModuli("Prony series", age, np.zeros(POINTS), value, sigma)
     return SlowDynamics(
-        slow.tests, slow.sweeps, tuple(moduli), law, slow.law is not None, verdict, fitted, tuple(remarks)
+        slow.tests,
+        slow.sweeps,
+        tuple(moduli),
+        law,
+        slow.law is not None,
+        verdict,
+        comparison,
+        fitted,
+        tuple(remarks),
     )
 
 
@@ -180,6 +197,7 @@ def tables(found: SlowDynamics) -> dict[str, dict[str, list[Any]]]:
             "high end, k = 2": [fit.interval(name)[1] for name in fit.names],
             "at a bound": [name in fit.at_bound for name in fit.names],
         },
+        "relaxation_models": comparison_table(found.comparison),
     }
     oscillations = [test for test in found.tests if isinstance(test, DynamicTest)]
     if oscillations:
@@ -218,6 +236,7 @@ def summary(found: SlowDynamics) -> dict[str, Any]:
     return {
         "verdict": found.verdict.sentence,
         "branches": found.verdict.branches,
+        "comparison": comparison_summary(found.comparison),
         "long_term_E": {
             "value": found.young,
             "interval": [found.young * end / float(fit.values[0]) for end in fit.interval("factor")],

@@ -28,7 +28,7 @@ JOINT = (100.0, 20e-6)
 """Strength [N] and opening [m] of the adhesive."""
 STEP = 1e-7
 """Time step of the bars [s]."""
-_MOVES = 1e-9
+MOVES = 1e-9
 """Displacement at which the flyer has started [m]."""
 EVERY = 5
 """Steps from one sample of the motion to the next."""
@@ -61,7 +61,7 @@ def flyer_samples(
     n = round(end / STEP) + 1
     resisting = SpecimenForce(*static_curve(*specimen), np.zeros(n), np.zeros(n))
     history = integrate_test(apparatus, end=end, step=STEP, specimen=resisting)
-    started = int(np.argmax(history.flyer_path > _MOVES))
+    started = int(np.argmax(history.flyer_path > MOVES))
     keep = slice(max(started - 1, 0), None, EVERY)
     time, path = history.times[keep], history.flyer_path[keep]
     return time - time[0], path - path[0]

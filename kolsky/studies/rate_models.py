@@ -1,0 +1,301 @@
+"""Which rate dependence the data choose: elastic, Prony series or Bergstrom and Boyce's network.
+
+Each model is fitted to the same values, and compared by two criteria. With the weighted sum of squares Q (for
+shots -2 ln L), k parameters and n values,
+
+    AICc = Q + 2 k + 2 k (k + 1) / (n - k - 1),    BIC = Q + k ln n,                                   (V.6)
+
+and the weight of a model is exp(-dBIC / 2) over the sum of all, its probability where all were equally likely
+before (Kass and Raftery 1995). A model is chosen if it is the least by BIC, no other comes within `STRONG` of
+it, and none has a lower AICc. Else the data do not choose.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from explicit.materials import MaterialLaw
+from kolsky.base.apparatus import MOST_BRANCHES, NETWORK_DEFAULTS, NETWORK_FREE, Relaxation, RelaxationKind
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.joint_result import JointResult, Slow
+from kolsky.inverse.slow_tests import slow_measured, slow_predicted
+from kolsky.material.relaxation.evidence import HistoryTest
+from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, RateFit
+
+STRONG = 6.0
+"""Least distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of Kass
+and Raftery (1995)."""
+POOR_FIT = 2.0
+"""Chi-square over degrees of freedom from which on a fit is remarked, and no model is chosen."""
+NETWORK = "bergstrom_boyce"
+"""Name of the network among the models, as in a shot file."""
+CREEP_STRENGTHS = (0.1, 1.0)
+"""Ratios of the networks that the search begins with [-]."""
+CREEP_RESISTANCES = (0.1, 1.0, 10.0)
+"""Resistances that the search begins with, over the largest stress of the tests [-]."""
+RESISTANCES = (1e-4, 1e4)
+"""Allowed resistances over that stress [-]: beyond, the network has flowed at once, or never flows."""
+AT_END = 1e-3
+"""Distance of a logarithm from the end of its range below which the constant is not determined, as of a series."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model fitted to all values."""
+
+    name: str
+    """"elastic", "prony", "prony:2", "prony:3" or "bergstrom_boyce"."""
+    parameters: int
+    """Number of its free parameters."""
+    deviance: float
+    """Q of Eq. (V.6), up to a constant that all share [-]."""
+    values: Mapping[str, float]
+    """The constants found, SI."""
+    doubt: str = ""
+    """Why it cannot be chosen; empty if it can."""
+
+    def aicc(self, n: int) -> float:
+        """Akaike's criterion for small samples of n values; infinite where n does not exceed k + 1 [-]."""
+        k = self.parameters
+        if n <= k + 1:
+            return float("inf")
+        return self.deviance + 2.0 * k + 2.0 * k * (k + 1) / (n - k - 1)
+
+    def bic(self, n: int) -> float:
+        """The Bayesian criterion [-]."""
+        return self.deviance + self.parameters * float(np.log(n))
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """Models of one material, fitted to the same values."""
+
+    candidates: tuple[Candidate, ...]
+    """The models, the fewest parameters first."""
+    n_data: int
+    """Values that each was fitted to."""
+    scatter: float
+    """Least sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over it."""
+    left_out: Mapping[str, str]
+    """Models that were not fitted, and why."""
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Weight of each model by BIC [-]."""
+        bic = np.array([one.bic(self.n_data) for one in self.candidates])
+        relative = np.exp(-0.5 * (bic - bic.min()))
+        return tuple((relative / relative.sum()).tolist())
+
+    @property
+    def best(self) -> Candidate:
+        """The model of least BIC among those that can be chosen."""
+        sound = [one for one in self.candidates if not one.doubt]
+        return min(sound or self.candidates, key=lambda one: one.bic(self.n_data))
+
+    @property
+    def rivals(self) -> tuple[Candidate, ...]:
+        """Models that keep the best from being chosen.
+
+        One that cannot be chosen is a rival only if it is better than the best by BIC.
+        """
+        best, n = self.best, self.n_data
+        return tuple(
+            one
+            for one in self.candidates
+            if one is not best
+            and (
+                one.bic(n) < best.bic(n) + (0.0 if one.doubt else STRONG)
+                or (not one.doubt and one.aicc(n) < best.aicc(n))
+            )
+        )
+
+    @property
+    def chosen(self) -> Candidate | None:
+        """The model that the data choose; None if they do not."""
+        return None if self.rivals or self.best.doubt or self.scatter > POOR_FIT else self.best
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        best = self.best
+        if self.scatter > POOR_FIT:
+            return (
+                f"the data do not choose: no model describes them (the best leaves a chi-square of {self.scatter:.3g}"
+                " per degree of freedom); declare the material's [law], or correct the sigmas"
+            )
+        if best.doubt:
+            return f"the data do not choose: {best.name}: {best.doubt}"
+        if self.rivals:
+            near = "; ".join(
+                f"{one.name} (BIC {one.bic(self.n_data) - best.bic(self.n_data):+.1f}"
+                f"{', ' + one.doubt if one.doubt else ''})"
+                for one in self.rivals
+            )
+            return f"the data do not choose between {best.name} and {near}"
+        others = [one.bic(self.n_data) for one in self.candidates if one is not best]
+        gap = f"the next model's BIC is {min(others) - best.bic(self.n_data):.1f} higher" if others else "no other"
+        return f"the data choose {best.name} ({gap})"
+
+
+def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
+    """Compare the fitted Prony series with the creeping network on slow tests.
+
+    Parameters
+    ----------
+    law
+        The long-term law at factor 1.
+    slow
+        The tests.
+    fits
+        Series with 0, 1, 2, ... branches, fitted to them by `required_branches`.
+    """
+    found = [
+        Candidate(
+            series_name(len(fit.model.series)),
+            len(fit.values),
+            fit.chi_square,
+            dict(zip(fit.names, fit.values.tolist(), strict=True)),
+            _ends(fit.at_bound),
+        )
+        for fit in fits
+    ]
+    left_out = {}
+    others = [one.label for one in slow if not isinstance(one, HistoryTest)]
+    if others:
+        left_out[NETWORK] = (
+            f"{', '.join(others)}: the flow of the network depends on the amplitude, which storage and loss "
+            "modulus do not give"
+        )
+    else:
+        found.append(fit_network(law, slow))
+    n = fits[0].n_data
+    scatter = max(1.0, min(one.deviance / max(n - one.parameters, 1) for one in found))
+    found = [
+        Candidate(one.name, one.parameters, one.deviance / scatter, one.values, one.doubt) for one in found
+    ]
+    found.sort(key=lambda one: one.parameters)
+    return ModelComparison(tuple(found), n, scatter, left_out)
+
+
+def series_name(branches: int) -> str:
+    """Name of a series as `--relaxation` takes it; "elastic" without branches."""
+    return ("elastic", "prony")[branches] if branches < 2 else f"prony:{branches}"
+
+
+def _ends(names: Sequence[str]) -> str:
+    return f"at the end of its range: {', '.join(names)}" if names else ""
+
+
+def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
+    """Fit factor, ratio and resistance of the network; its exponents are the defaults of a shot file."""
+    values, sigma = slow_measured(slow)
+    stress = float(np.abs(values).max())
+    names = ("factor", "creep_ratio", "creep_resistance")
+
+    def constants(x: FloatArray) -> dict[str, float]:
+        factor, ratio, resistance = np.exp(x)
+        return {"factor": factor, "creep_ratio": ratio, "creep_resistance": resistance}
+
+    def residuals(x: FloatArray) -> FloatArray:
+        found = constants(x)
+        network = Relaxation("bergstrom_boyce", {**{name: found[name] for name in NETWORK_FREE}, **NETWORK_DEFAULTS})
+        try:
+            predicted = slow_predicted(slow, law, network, {"stiffness_factor": found["factor"]})
+        except ValueError:  # a flow that cannot be integrated is worse than any that can: the search turns back
+            return np.full(len(values), REFUSED)
+        return (predicted - values) / sigma
+
+    ranges = (FACTORS, STRENGTHS, (stress * RESISTANCES[0], stress * RESISTANCES[1]))
+    lower, upper = np.log(np.array(ranges)).T
+    elastic = slow_predicted(slow, law, None, {})
+    weight = elastic / sigma**2
+    scale = max(float(weight @ values / (weight @ elastic)), 2.0 * FACTORS[0])
+    # both networks together carry the mean stress; what the second carries by itself is not known before
+    starts = [
+        np.log([scale / np.sqrt(1.0 + ratio), ratio, stress * size])
+        for ratio, size in product(CREEP_STRENGTHS, CREEP_RESISTANCES)
+    ]
+    begin = min(starts, key=lambda x: float(np.square(residuals(x)).sum()))
+    best = least_squares(residuals, begin, bounds=(lower, upper), diff_step=1e-3, xtol=1e-5, max_nfev=40)
+    ends = (best.x - lower < AT_END) | (upper - best.x < AT_END)
+    doubt = _ends([name for name, end in zip(names, ends, strict=True) if end])
+    return Candidate(NETWORK, len(names), 2.0 * float(best.cost), constants(best.x), doubt)
+
+
+def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, int]]:
+    """Models that shots and slow tests can be identified with: name, kind and branches."""
+    made: list[tuple[str, RelaxationKind, int]] = [
+        (series_name(k), "prony", k) for k in range(1, min(branches, MOST_BRANCHES) + 1)
+    ]
+    if all(isinstance(one, HistoryTest) for one in slow):
+        made.append((NETWORK, "bergstrom_boyce", 1))
+    return made
+
+
+def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
+    """Compare models that the same shots and slow tests were identified with, each beside an elastic one.
+
+    Each result holds its criteria less those of the elastic model on the same data, mesh error included
+    (`kolsky.inverse.joint_result.ModelChoice`): the elastic deviance is 0 here.
+
+    Parameters
+    ----------
+    results
+        Joint identifications by the name of what relaxes.
+
+    Raises
+    ------
+    ValueError
+        If a result was made without the comparison, or the results are not of the same values.
+    """
+    found: list[Candidate] = []
+    sizes = []
+    for name, result in results.items():
+        choice = result.choice
+        if choice is None:
+            raise ValueError(f"{name}: the identification did not compare what relaxes with an elastic material")
+        k = len(result.estimates) - len(choice.elastic)
+        lower = choice.aic - 2.0 * k
+        sizes.append(round(float(np.exp((choice.bic - lower) / k))))
+        values = {key: e.value for key, e in result.estimates.items()}
+        if not found:
+            found.append(Candidate("elastic", len(choice.elastic), 0.0, choice.elastic))
+        # what a criterion speaks for, but planted elastic data or the mesh would show as well, is not chosen
+        doubt = "" if choice.asked_for or choice.aic >= 0.0 else choice.sentence
+        found.append(Candidate(name, len(result.estimates), lower, values, doubt))
+    if len(set(sizes)) != 1:
+        raise ValueError(f"the results are of different values: {', '.join(map(str, sizes))}")
+    found.sort(key=lambda one: one.parameters)
+    return ModelComparison(tuple(found), sizes[0], 1.0, {})
+
+
+def comparison_table(found: ModelComparison) -> dict[str, list[Any]]:
+    """One row a model."""
+    n, models = found.n_data, found.candidates
+    least, best = min(one.aicc(n) for one in models), min(one.bic(n) for one in models)
+    return {
+        "model": [one.name for one in models],
+        "parameters": [one.parameters for one in models],
+        "deviance (1)": [one.deviance for one in models],
+        "AICc over the least (1)": [one.aicc(n) - least for one in models],
+        "BIC over the least (1)": [one.bic(n) - best for one in models],
+        "weight (1)": list(found.weights),
+        "doubt": [one.doubt for one in models],
+    }
+
+
+def comparison_summary(found: ModelComparison) -> dict[str, Any]:
+    """The comparison for JSON, SI."""
+    return {
+        "verdict": found.sentence,
+        "chosen": None if found.chosen is None else found.chosen.name,
+        "values": found.n_data,
+        "scatter": found.scatter,
+        "models": comparison_table(found),
+        "constants": {one.name: dict(one.values) for one in found.candidates},
+        "left_out": dict(found.left_out),
+    }
