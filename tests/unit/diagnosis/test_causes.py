@@ -99,7 +99,7 @@ def finding(**changes: Any) -> CauseFinding:
 def test_a_cause_is_said_with_value_share_and_what_to_check() -> None:
     said = list(cause_warnings(CauseAnalysis((finding(alike=(DENSITY,)),), np.array([3547.0, 1.06]))))
     assert said == [
-        "a force gain of 0.498 ± 0.010 (k = 2) explains 99.8 % of the misfit (the data cannot tell it from "
+        "a force gain of 0.498 ± 0.010 (k = 2) explains 99.8 % of the misfit (equally explained by "
         "specimen.density): check force.sensitivity; with it stiffness_factor = 1.1164"
     ]
 
