@@ -68,7 +68,7 @@ class CauseModel:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
         self.reference: Response = reference
         self._shifts: dict[tuple[float, ...], FloatArray] = {}
-        self._radii: dict[tuple[float, float], list[FloatArray]] = {}
+        self._radii: dict[tuple[float, ...], list[FloatArray]] = {}
 
     @property
     def data(self) -> FloatArray:

@@ -122,9 +122,17 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
     while left:
         first = search.loss(left[0].misfits)
         group = [t for t in left if search.loss(t.misfits) - first <= ALIKE]
-        order += [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
+        keys = [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
+        order += without_twin_between(keys)
         left = left[len(group) :]
     return order
+
+
+def without_twin_between(keys: Sequence[str]) -> list[str]:
+    """Keys of equals with the second of gain and density last: both are one scale of the force, and would
+    hide a third explanation."""
+    twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
+    return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:

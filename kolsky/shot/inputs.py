@@ -574,7 +574,7 @@ INPUTS: dict[str, Input] = {
             words="a curve that stiffens more toward its end by a share",
             check="check the slow test of the curve: conditioning, rate, temperature, friction of its ends",
             form="tilt",
-            scan=(-0.6, 0.6),
+            scan=(-0.6, -0.25, 0.25, 0.6),
             lowest=-1.5,
             highest=1.9,
         ),
