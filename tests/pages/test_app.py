@@ -109,4 +109,4 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     np.testing.assert_array_equal(by_page.design.points, by_command.design.points)
     if target := os.environ.get("PICTURES"):
         for name in PICTURES:
-            shutil.copy(out / f"{name}-1280.png", Path(target) / f"{name}.png")
+            shutil.copy(out / f"{name}-1280.png", Path(target) / f"app_{name}.png")
