@@ -289,7 +289,7 @@ class LookView:
         series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
         if self.tried is not None:
             Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)
-            series[2]["data"] = frame.points(1e3 * Z, y)
+            series[-1]["data"] = frame.points(1e3 * Z, y)
         self.outline.update()
 
     def _what_if(self) -> None:
@@ -351,9 +351,9 @@ class LookView:
             slider.value = self.what_if.start[name] * factor_of(name)
         self.tried = None
         self.said.text = ""
-        for plot, i in ((self.force, 3), (self.outline, 2)):
+        for plot in (self.force, self.outline):
             if plot is not None:
-                plot.options["series"][i]["data"] = []
+                plot.options["series"][-1]["data"] = []
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
@@ -366,7 +366,7 @@ class LookView:
             self.said.text = str(error)
             return
         observed = self.what_if.prepared.observations
-        self.force.options["series"][3]["data"] = frame.points(
+        self.force.options["series"][-1]["data"] = frame.points(
             1e6 * observed.force_times, tried.prediction.force_bins[0]
         )
         self.said.text = f"{misfit_words(tried)}; at the answer {misfit_words(reference)}"

@@ -116,7 +116,7 @@ async function fill(page, key, value) {
   await looked(page, "look");
   fs.cpSync(path.join(root, "shot5"), path.join(root, "shot6"), { recursive: true });
   await page.goto(`${origin}/compare?shots=shot5|shot6`, { waitUntil: "networkidle2" });
-  await see(page, "Mean m =|There is no rate study", 90);
+  await see(page, "shot6: m =|There is no rate study", 90);
   await looked(page, "compare");
   await page.goto(`${origin}/pictures?shot=plane`, { waitUntil: "networkidle2" });
   await page.waitForSelector("img[alt='Picture of camera 0']", { timeout: 60000 });

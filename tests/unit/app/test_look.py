@@ -131,6 +131,12 @@ def test_the_page(tmp_path: Path) -> None:
         assert isinstance(slider, ui.slider)
         user.find(marker="what-if-stiffness_factor").trigger("change")
         await user.should_see("at the answer force", retries=100)
+        force = next(one for one in user.find(ui.echart).elements if "Transmitted force" in str(one.props))
+        curves = {one["name"]: one["data"] for one in force.options["series"]}
+        assert curves["model"][0][1] == pytest.approx(found.comparison.force_model[0], rel=1e-5)
+        assert len(curves["tried"]) > 10
+        user.find("Back to the answer").click()
+        assert [len(one["data"]) for one in force.options["series"][-2:]] == [len(curves["model"]), 0]
         user.find("Draw the valley").click()
         await user.should_not_see("169 simulations", retries=100)
 
