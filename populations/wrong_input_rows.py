@@ -1,5 +1,6 @@
 """The rows of the study of wrong inputs: what is wrong, applied to a right shot, and what names it."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -98,11 +99,14 @@ def _late_outline(lag: float) -> Wrong:
 
 
 def _specimen(name: str, factor: float) -> Wrong:
-    def change(shot: Shot) -> Shot:
-        wrong = {name: factor * getattr(shot.specimen, name)}
-        return replace(shot, specimen=replace(shot.specimen, **wrong))
+    """A size or the density is declared so many times the true one; `check` reads it too."""
 
-    return _changed(change)
+    def wrong(folder: Path) -> Shot:
+        content = tomllib.loads((folder / "shot.toml").read_text("utf-8"))
+        number, _, unit = content["specimen"][name].partition(" ")
+        return _edited(folder, "specimen", name, f'{name} = "{factor * float(number):.9g} {unit}"')
+
+    return wrong
 
 
 def _curve(factor: float) -> Wrong:
@@ -205,7 +209,7 @@ def _recorded(change: Callable[[FloatArray, float], FloatArray]) -> Wrong:
 
 def _other_channel(folder: Path) -> Shot:
     """The flyer's transducer is declared as the one behind the specimen."""
-    return _edited(folder, 'voltage = { column = "CH1 incident (V)", unit = "V" }')
+    return _edited(folder, "force", "voltage", 'voltage = { column = "CH1 incident (V)", unit = "V" }')
 
 
 def _droop(volts: FloatArray, step: float) -> FloatArray:
@@ -215,16 +219,16 @@ def _droop(volts: FloatArray, step: float) -> FloatArray:
 
 def _voltage(folder: Path) -> Shot:
     """The recorder's time column is declared as the voltage."""
-    return _edited(folder, 'voltage = { column = "Time (s)", unit = "V" }')
+    return _edited(folder, "force", "voltage", 'voltage = { column = "Time (s)", unit = "V" }')
 
 
-def _edited(folder: Path, voltage: str) -> Shot:
-    """The shot with another voltage of its force."""
+def _edited(folder: Path, table: str, key: str, line: str) -> Shot:
+    """The shot with another line of its shot file."""
     lines = (folder / "shot.toml").read_text("utf-8").splitlines()
-    at = lines.index("[force]")
+    at = lines.index(f"[{table}]")
     for i in range(at + 1, len(lines)):
-        if lines[i].startswith("voltage"):
-            lines[i] = voltage
+        if lines[i].startswith(f"{key} ="):
+            lines[i] = line
             break
     with TemporaryDirectory() as place:
         for file in folder.iterdir():

@@ -21,7 +21,8 @@ from kolsky.inverse.observations import Observations, radius_at
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.result import COVERAGE, CauseFinding
 from kolsky.inverse.settings import Settings
-from kolsky.shot.inputs import INPUTS, Cause, Change
+from kolsky.shot.input_records import Cause, Change
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import ForceChannel, Shot
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.shot.curve_changes import changed_curve
-from kolsky.shot.inputs import UNCHANGED, Cause, Change
+from kolsky.shot.input_records import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
 """Most outline points that are compared: neighbours in a frame tell the same."""
@@ -68,7 +68,7 @@ class CauseModel:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
         self.reference: Response = reference
         self._shifts: dict[tuple[float, ...], FloatArray] = {}
-        self._radii: dict[tuple[float, float], list[FloatArray]] = {}
+        self._radii: dict[tuple[float, ...], list[FloatArray]] = {}
 
     @property
     def data(self) -> FloatArray:

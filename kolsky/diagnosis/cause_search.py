@@ -26,7 +26,7 @@ from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.result import COVERAGE
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import VALLEY, local_minima, oscillation_table
-from kolsky.shot.inputs import UNCHANGED, Cause
+from kolsky.shot.input_records import UNCHANGED, Cause
 
 
 @dataclass(frozen=True)

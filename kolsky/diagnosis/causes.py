@@ -28,7 +28,8 @@ from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.runner import Runner
-from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
+from kolsky.shot.input_records import SHOWN, Cause
+from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
 """Probability, adjusted for all inputs tried, below which a change is significant."""
@@ -121,9 +122,17 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
     while left:
         first = search.loss(left[0].misfits)
         group = [t for t in left if search.loss(t.misfits) - first <= ALIKE]
-        order += [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
+        keys = [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
+        order += without_twin_between(keys)
         left = left[len(group) :]
     return order
+
+
+def without_twin_between(keys: Sequence[str]) -> list[str]:
+    """Keys of equals with the second of gain and density last: both are one scale of the force, and would
+    hide a third explanation."""
+    twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
+    return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
@@ -299,6 +308,8 @@ def _analysed(
     candidates = [c for c in tried if can_be_tried(c, runner.problem)]
     search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
+    # Far beyond the bound the meshes are out of step by other amounts than at it.
+    trials = [_on_refined_mesh(search, t) if t.candidate.key == CURVE_SCALE else t for t in trials]
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None and not any(solved(t) for t in trials):
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
@@ -327,6 +338,19 @@ def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
     ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
     value, low, high = ends.get(MOVED, (0.0, -inf, inf))
     return min(value - low, high - value) <= EDGE * (high - low) < inf
+
+
+def _on_refined_mesh(search: CauseSearch, t: Trial) -> Trial:
+    """A significant trial followed from a run on the refined mesh at its own point."""
+    if t.lost or search.gain(t.misfits) < EVIDENCE:
+        return t
+    run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
+    if run is None:
+        return t
+    start = np.append(t.x, t.u)
+    model = CauseModel(search.runner, start, run, t.candidate)
+    again = CauseSearch(search.runner, model, search.expected, search.use, [], start=start)
+    return min(again.followed([t]), key=lambda one: search.loss(one.misfits), default=t)
 
 
 def _search_from(
@@ -467,7 +491,7 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     checks = {c.key: c.check for c in causes()}
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
-        other = f" (the data cannot tell it from {' or '.join(finding.alike)})" if finding.alike else ""
+        other = f" (equally explained by {' or '.join(finding.alike)})" if finding.alike else ""
         also, whole = ("", "the misfit")
         if finding.beside:
             also, whole = f"beside {finding.beside}, ", "what is left of it"

@@ -9,251 +9,25 @@ moves the answer (`kolsky.uncertainty.input_changes`), whether it explains a mis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from math import exp, expm1, hypot, inf, isnan, log, log1p, nan
-from typing import Any, Literal, Protocol
+from dataclasses import replace
+from math import exp, expm1, inf, log, log1p, nan
+from typing import Any
 
-import numpy as np
-
-from kolsky.base.arrays import FloatArray
-from kolsky.base.records import FlyerMotion
+from kolsky.shot.corrections import (
+    with_film,
+    with_flyer_clock,
+    with_force_clock,
+    with_gain,
+    with_leak,
+    with_mirrored,
+    with_motion,
+    with_outline,
+    with_pictures,
+    with_zero,
+)
 from kolsky.shot.curve_changes import changed_curve
-from kolsky.shot.records import ForceChannel, Shot
-
-RELATIVE = 0.0025
-"""Step of an input that is a scale, relative to it [-]: more would turn the phase of what rings, less would
-show the roughness of the contact where the side surface rolls onto a platen."""
-CLOCK = 1e-6
-"""Step of a clock [s]."""
-OFFSET = 1e-5
-"""Step of a place [m]."""
-SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
-"""Factor and unit in which an amount or a value is written."""
-
-Needs = Literal[
-    "nothing",
-    "force channel",
-    "outline",
-    "faces that stick",
-    "film of the flyer",
-    "curve",
-    "stiffness at its bound",
-]
-"""What a shot must have for an input to have a part."""
-
-
-class Model(Protocol):
-    """The model's force and outline at the optimum, through which an input is seen that needs no run."""
-
-    def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data from those of its parts, shape [k]."""
-
-    def transmitted(self) -> FloatArray:
-        """The transmitted force in its bins [N]."""
-
-    def force_rate(self) -> FloatArray:
-        """Time derivative of every bin's force [N/s]."""
-
-    def outline_rate(self) -> FloatArray:
-        """Time derivative of the radius at every counted point's height [m/s]."""
-
-    def higher(self, step: float) -> FloatArray:
-        """Change of the prediction by outline points that lie higher [m], shape [k]."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """What an input at another value changes: what is simulated, and what is made of a run."""
-
-    values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the simulation at other values than the shot's."""
-    specimen: Mapping[str, float] = field(default_factory=dict)
-    """Factors on fields of the specimen."""
-    motion: float = 1.0
-    """Factor on the motion of the front face."""
-    force_factor: float = 1.0
-    """The force is so many times the simulated one [-]."""
-    force_offset: float = 0.0
-    """And so much larger [N]."""
-    force_lag: float = 0.0
-    """The force comes so much later [s]."""
-    spread: float = 0.0
-    """The force begins over times so much earlier to so much later, as over a tilted round face [s]."""
-    outline_lag: float = 0.0
-    """The outline comes so much later [s]."""
-    y_offset: float = 0.0
-    """The outline's points lie so much higher than their file says [m]."""
-    Z_offset: float = 0.0
-    """And so much further from the axis [m]."""
-    mirror: float = nan
-    """Heights count down from the other end, which lies so much higher than the length at rest [m]; NaN if
-    they do not."""
-    film: float = 1.0
-    """Factor on the times of all frames, from the shot's zero on."""
-    picture: float = 1.0
-    """Factor on all lengths in the pictures: the flyer's motion and the outline."""
-    time_constant: float = 0.0
-    """Of a first-order low-pass of the force [s]."""
-    leak: float = 0.0
-    """Rate at which the charge of the force's transducer leaks [1/s]."""
-    flyer_share: float = 0.0
-    """Share of the force at the flyer's face in the transmitted force's channel [-]."""
-    curve: Mapping[str, float] = field(default_factory=dict)
-    """Changes of the quasi-static curve, see `kolsky.shot.curve_changes`."""
-
-    def then(self, other: Change) -> Change:
-        """Both at once: of a parameter the other's value holds, factors multiply, lags and offsets add,
-        spreads add in quadrature."""
-        factors = dict(self.specimen)
-        for name, factor in other.specimen.items():
-            factors[name] = factors.get(name, 1.0) * factor
-        return Change(
-            values={**self.values, **other.values},
-            specimen=factors,
-            motion=self.motion * other.motion,
-            force_factor=self.force_factor * other.force_factor,
-            force_offset=self.force_offset * other.force_factor + other.force_offset,
-            force_lag=self.force_lag + other.force_lag,
-            spread=hypot(self.spread, other.spread),
-            outline_lag=self.outline_lag + other.outline_lag,
-            y_offset=self.y_offset + other.y_offset,
-            Z_offset=self.Z_offset + other.Z_offset,
-            mirror=self.mirror if isnan(other.mirror) else other.mirror,
-            film=self.film * other.film,
-            picture=self.picture * other.picture,
-            time_constant=self.time_constant + other.time_constant,
-            leak=self.leak + other.leak,
-            flyer_share=self.flyer_share + other.flyer_share,
-            curve={**self.curve, **other.curve},
-        )
-
-    @property
-    def sight(self) -> tuple[float, ...]:
-        """What distinguishes the radii that are seen of one run: when and where points are looked for."""
-        mirror = inf if isnan(self.mirror) else self.mirror  # NaN is not equal to itself
-        return self.outline_lag, self.y_offset, mirror, self.film, self.picture
-
-    @property
-    def path(self) -> tuple[float, float]:
-        """What distinguishes the motion of the front face: factors on its displacement and on its times."""
-        return self.motion * self.picture, self.film
-
-    @property
-    def seen(self) -> tuple[float, ...]:
-        """What tells the data that are made of one run from those of another change."""
-        force = self.force_factor, self.force_offset, self.force_lag, self.spread
-        channel = self.time_constant, self.leak, self.flyer_share
-        return *force, *channel, *self.sight, self.Z_offset
-
-
-UNCHANGED = Change()
-"""Everything as the shot declares it."""
-
-
-def _plain(u: float) -> float:
-    return u
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cause:
-    """An input tried as the cause of a misfit, as a coordinate u in which the response is nearly linear."""
-
-    key: str
-    """Key of shot.toml, or what else is wrong; results have it."""
-    words: str
-    """What is changed, as a sentence begins: "a factor on the force"."""
-    check: str
-    """What to check, as a sentence ends: "check force.sensitivity"."""
-    changed: Callable[[float], Change]
-    """The input at a coordinate."""
-    needs: Needs = "nothing"
-    """What a shot must have for it to be tried."""
-    scan: tuple[float, ...] = ()
-    """Values of the coordinate that are tried before the search, far from what is declared."""
-    finer: float = 0.0
-    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
-    step: float
-    """Step of the coordinate for differences."""
-    typical: float
-    """Standard uncertainty that is usual where none is declared, in the value's unit; orders what the data
-    cannot tell apart."""
-    mistakes: tuple[float, ...] = ()
-    """Values of usual mistakes, in the value's unit: a factor of two or ten, another definition."""
-    allowance: float = 0.0
-    """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
-    onset: bool = False
-    """Whether what the flyer's path leaves open of its onset is granted too: where no frame shows it, a force
-    or a flyer that seems late by as much is no wrong clock."""
-    value: Callable[[float], float] = _plain
-    """Value at a coordinate."""
-    coordinate: Callable[[float], float] = _plain
-    """Coordinate of a value."""
-    lowest: float = -inf
-    """Least coordinate."""
-    highest: float = inf
-    """Largest coordinate."""
-    exact: float = 0.0
-    """The value that is right if the input is: 1 for a factor, 0 for an offset."""
-    simulated: bool = False
-    """Whether other runs are needed."""
-    unit: str = "1"
-    """SI unit of the value; that of the input, as are the next two."""
-    declared: str = ""
-    """Its key in [uncertainty], if it has one there."""
-    parameter: str = ""
-    """The parameter of the simulation that it is; then what is held is right if the input is."""
-
-
-@dataclass(frozen=True)
-class Laboratory:
-    """How a virtual laboratory errs in an input."""
-
-    key: str
-    """Dotted key of its specification."""
-    usual: str | float | None = None
-    """Standard uncertainty in a careful laboratory; None if it is no source of error there."""
-    order: int = 99
-    """Its place among the sources of a careful laboratory, whose draws depend on it."""
-    words: str = ""
-    """What it is there; that of the input if left out."""
-    anew: bool = False
-    """Whether it is drawn anew for each shot, though what is declared of it holds for all."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Input:
-    """One input: what it is, where it is declared, and what a wrong one does."""
-
-    key: str
-    """Its key; that of [uncertainty] where it has one there."""
-    words: str
-    """What it is, as tables and sentences write it."""
-    place: str = ""
-    """Table and key of shot.toml that declare it; empty if none does."""
-    unit: str = "1"
-    """SI unit of its step; "1" for a plain number."""
-    relative: bool = False
-    """Whether its step and its uncertainty are shares of it."""
-    shared: str = ""
-    """What shots share it through: "rig", "curve" or "group"; empty if each has its own."""
-    needs: Needs = "nothing"
-    """What a shot must have for its uncertainty to have a part in the answer."""
-    step: float = 0.0
-    """By how much it is moved to see what it does, in its unit or relative; of a parameter a share of its
-    scale, of a force one of the largest. Zero if it is not moved."""
-    parameter: str = ""
-    """The parameter of the simulation that it is."""
-    specimen: str = ""
-    """The field of the specimen that it is a factor of."""
-    seen: Callable[[Model, float], FloatArray] | None = None
-    """Exact first-order change of prediction minus data by a step; None if runs must be made for it."""
-    applied: Callable[[Shot, float], Shot] | None = None
-    """The shot with the input at a value of its `cause`: a factor, a lag, an offset that was found."""
-    cause: Cause | None = None
-    """How it is tried as a cause; None if it leaves no residual that is its own."""
-    laboratory: Laboratory | None = None
-    """How a virtual laboratory errs in it."""
+from kolsky.shot.input_records import CLOCK, OFFSET, RELATIVE, Cause, Change, Input, Laboratory
+from kolsky.shot.records import Shot
 
 
 def causes() -> tuple[Cause, ...]:
@@ -315,92 +89,6 @@ def _of_specimen(name: str, laboratory: Laboratory, *, shared: str = "", **tried
     )
 
 
-def _gain(shot: Shot, value: float) -> Shot:
-    force = shot.force
-    if isinstance(force, ForceChannel):
-        right = replace(force.transducer, sensitivity=force.transducer.sensitivity / value)
-        return replace(shot, force=replace(force, transducer=right))
-    history = force.history()
-    right_history = replace(history, force=value * history.force, sigma=value * history.sigma)
-    return replace(shot, force=replace(force, measured=right_history))
-
-
-def _zero(shot: Shot, value: float) -> Shot:
-    """Volts taken off outside the baseline, whose own mean is the zero: after it, or before one that follows
-    the test."""
-    force = shot.force
-    assert isinstance(force, ForceChannel)  # it is not tried on another
-    volts = force.transducer.compression_sign * force.transducer.sensitivity * value
-    first, last = force.baseline
-    moved = force.time > last if first <= shot.window[0] else force.time < first
-    recording = replace(force.recording, value=force.recording.value - np.where(moved, volts, 0.0))
-    return replace(shot, force=replace(force, recording=recording))
-
-
-def _force_clock(shot: Shot, lag: float) -> Shot:
-    force = shot.force
-    if isinstance(force, ForceChannel):
-        return replace(shot, force=replace(force, clock_offset=force.clock_offset - lag))
-    history = force.history()
-    return replace(shot, force=replace(force, measured=replace(history, time=history.time - lag)))
-
-
-def _flyer_clock(shot: Shot, lag: float) -> Shot:
-    """The motion is known until its last frame, and compared no longer."""
-    motion = replace(shot.flyer, time=shot.flyer.time - lag)
-    first, last = shot.window
-    return replace(shot, flyer=motion, window=(first, min(last, float(motion.time[-1]))))
-
-
-def _motion(shot: Shot, factor: float) -> Shot:
-    motion = shot.flyer
-    if isinstance(motion, FlyerMotion):
-        return replace(shot, flyer=replace(motion, displacement=factor * motion.displacement))
-    return replace(shot, flyer=replace(motion, velocity=factor * motion.velocity))
-
-
-def _outline(name: str, sign: float = 1.0) -> Callable[[Shot, float], Shot]:
-    """A column of the outline, moved by what was found."""
-
-    def applied(shot: Shot, found: float) -> Shot:
-        line = shot.centre_line
-        assert line is not None  # it is not tried without one
-        return replace(shot, centre_line=replace(line, **{name: getattr(line, name) + sign * found}))
-
-    return applied
-
-
-def _film(shot: Shot, factor: float) -> Shot:
-    """The frames' times, and a window that ends with them."""
-    motion, line = replace(shot.flyer, time=factor * shot.flyer.time), shot.centre_line
-    if line is not None:
-        line = replace(line, time=factor * line.time)
-    first, last = shot.window
-    return replace(shot, flyer=motion, centre_line=line, window=(first, min(last, float(motion.time[-1]))))
-
-
-def _pictures(shot: Shot, factor: float) -> Shot:
-    """Every length of the pictures, with its uncertainty as it is."""
-    line = shot.centre_line
-    if line is not None:
-        line = replace(line, y=factor * line.y, Z=factor * line.Z)
-    return replace(_motion(shot, factor), centre_line=line)
-
-
-def _mirrored(shot: Shot, offset: float) -> Shot:
-    line = shot.centre_line
-    assert line is not None  # it is not tried without one
-    return replace(shot, centre_line=replace(line, y=shot.specimen.length + offset - line.y))
-
-
-def _leak(shot: Shot, rate: float) -> Shot:
-    """The rate of a transducer whose charge is declared to leak already is added."""
-    force = shot.force
-    assert isinstance(force, ForceChannel)  # it is not tried on another
-    constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
-    return replace(shot, force=replace(force, transducer=replace(force.transducer, time_constant=constant)))
-
-
 def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried: Any) -> Input:
     """A change of the reference curve, see `kolsky.shot.curve_changes`; u is its amount."""
     return Input(
@@ -437,7 +125,7 @@ INPUTS: dict[str, Input] = {
             step=RELATIVE,
             # A larger sensitivity is a smaller force.
             seen=lambda model, u: model.change(transmitted=u * model.transmitted()),
-            applied=_gain,
+            applied=with_gain,
             cause=Cause(
                 key=SENSITIVITY,
                 words="a force gain",
@@ -466,7 +154,7 @@ INPUTS: dict[str, Input] = {
             step=RELATIVE,
             # What is taken for zero is subtracted.
             seen=lambda model, u: model.change(transmitted=u),
-            applied=_zero,
+            applied=with_zero,
             cause=Cause(
                 key="force.baseline",
                 words="a zero of the force",
@@ -487,7 +175,7 @@ INPUTS: dict[str, Input] = {
             needs="force channel",
             step=CLOCK,
             seen=lambda model, u: model.change(force=u * model.force_rate()),
-            applied=_force_clock,
+            applied=with_force_clock,
             cause=Cause(
                 key="force.clock_offset",
                 words="a lag of the force",
@@ -514,7 +202,7 @@ INPUTS: dict[str, Input] = {
             needs="outline",
             step=CLOCK,
             seen=lambda model, u: model.change(outline=u * model.outline_rate()),
-            applied=_outline("time", -1.0),
+            applied=with_outline("time", -1.0),
             cause=Cause(
                 key="centre_line.time",
                 words="a lag of the outline",
@@ -536,7 +224,7 @@ INPUTS: dict[str, Input] = {
             seen=lambda model, u: model.change(
                 force=-u * model.force_rate(), outline=-u * model.outline_rate()
             ),
-            applied=_flyer_clock,
+            applied=with_flyer_clock,
             cause=Cause(
                 key="flyer.time",
                 words="a lag of the flyer's record",
@@ -553,7 +241,7 @@ INPUTS: dict[str, Input] = {
             words="scale of the flyer’s displacement",
             place="[flyer] displacement",
             relative=True,
-            applied=_motion,
+            applied=with_motion,
             cause=Cause(
                 key="flyer.displacement",
                 words="a factor on the flyer's displacement",
@@ -668,7 +356,7 @@ INPUTS: dict[str, Input] = {
             needs="outline",
             step=OFFSET,
             seen=lambda model, u: model.higher(u),
-            applied=_outline("y"),
+            applied=with_outline("y"),
             cause=Cause(
                 key="centre_line.y_offset",
                 words="an offset of the outline's height",
@@ -691,7 +379,7 @@ INPUTS: dict[str, Input] = {
             needs="outline",
             step=OFFSET,
             seen=lambda model, u: model.change(outline=-u),
-            applied=_outline("Z"),
+            applied=with_outline("Z"),
             cause=Cause(
                 key="centre_line.Z_offset",
                 words="an offset of the outline from the axis",
@@ -747,7 +435,7 @@ INPUTS: dict[str, Input] = {
             words="rate of the camera",
             place="[frames] time",
             relative=True,
-            applied=_film,
+            applied=with_film,
             cause=Cause(
                 key="frames.time",
                 words="a factor on the times of all frames",
@@ -768,7 +456,7 @@ INPUTS: dict[str, Input] = {
             words="scale of the pictures",
             place="[pictures] scale",
             relative=True,
-            applied=_pictures,
+            applied=with_pictures,
             cause=Cause(
                 key="pictures.scale",
                 words="a factor on all lengths in the pictures",
@@ -788,7 +476,7 @@ INPUTS: dict[str, Input] = {
             words="direction of the outline’s axis",
             place="[centre_line] y",
             unit="m",
-            applied=_mirrored,
+            applied=with_mirrored,
             cause=Cause(
                 key="centre_line.y",
                 words="heights that count from the other end, with an offset",
@@ -826,7 +514,7 @@ INPUTS: dict[str, Input] = {
             words="leak of the force’s charge",
             place="[force] time_constant",
             unit="1/s",
-            applied=_leak,
+            applied=with_leak,
             cause=Cause(
                 key="force.time_constant",
                 words="a charge that leaks at a rate",
@@ -886,7 +574,7 @@ INPUTS: dict[str, Input] = {
             words="a curve that stiffens more toward its end by a share",
             check="check the slow test of the curve: conditioning, rate, temperature, friction of its ends",
             form="tilt",
-            scan=(-0.6, 0.6),
+            scan=(-0.6, -0.25, 0.25, 0.6),
             lowest=-1.5,
             highest=1.9,
         ),

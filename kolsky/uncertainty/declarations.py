@@ -10,7 +10,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Declaration
 from kolsky.inverse.runner import Runner
 from kolsky.schema.apparatus import IDENTIFY_KEYS
-from kolsky.shot.inputs import INPUTS, SHOWN
+from kolsky.shot.input_records import SHOWN
+from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
 
 UNDECLARED = "not declared, counted as exact"

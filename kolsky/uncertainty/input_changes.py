@@ -36,7 +36,8 @@ from kolsky.inverse.observations import Observations, predict
 from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.work import Launch, run_side_by_side
-from kolsky.shot.inputs import CLOCK, INPUTS, OFFSET, Input
+from kolsky.shot.input_records import CLOCK, OFFSET, Input
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import ForceChannel, Shot
 
 

@@ -36,7 +36,8 @@ from kolsky.results.display import in_display_units
 from kolsky.results.identification_rows import fit_tables
 from kolsky.results.nomenclature import in_words, name_of, route_label
 from kolsky.results.printed import summary
-from kolsky.shot.inputs import SHOWN, causes
+from kolsky.shot.input_records import SHOWN
+from kolsky.shot.inputs import causes
 from kolsky.shot.recordings import ShotRecordings
 
 _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}

@@ -10,7 +10,8 @@ from scipy.stats import norm, qmc
 
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
-from kolsky.shot.inputs import INPUTS, Input
+from kolsky.shot.input_records import Input
+from kolsky.shot.inputs import INPUTS
 from kolsky.virtual.schema import Specification
 
 NOISE = "noise"

@@ -11,7 +11,7 @@ from kolsky.bars.signals.transducers import bin_force
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.diagnosis.cause_inputs import changed_vector, contact_spread, leaves_length, radii
 from kolsky.inverse.observations import Observations
-from kolsky.shot.inputs import UNCHANGED, Change
+from kolsky.shot.input_records import UNCHANGED, Change
 
 STEP, FRAME = 1e-6, 1e-5
 SLOPE, RADIUS, SWELL, TAPER = 4e5, 5e-3, 20.0, 0.1

@@ -8,7 +8,7 @@ import pytest
 
 from kolsky.diagnosis import cause_model
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
-from kolsky.shot.inputs import Change
+from kolsky.shot.input_records import Change
 
 
 class Counted(CauseModel):
@@ -80,3 +80,10 @@ def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]])
     assert len(model._recent) == MOST_KEPT
     model.respond([at(1.0)])
     assert launched[-1] == [[1.0]]
+
+
+def test_a_changed_curve_has_a_launch_and_each_amount_a_run(launched: list[list[list[float]]]) -> None:
+    model: Any = Counted()
+    tilted, more = at(1.0, curve={"tilt": 0.1}), at(1.0, curve={"tilt": 0.2})
+    assert model.respond([at(1.0), tilted, more, tilted, at(1.0, film=1.01)]) == [1.0] * 5
+    assert launched == [[[1.0, 1.0], [1.0, 1.0]]]

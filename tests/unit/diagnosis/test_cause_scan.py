@@ -8,7 +8,7 @@ import numpy as np
 from kolsky.diagnosis.cause_fit import fit_linear
 from kolsky.diagnosis.cause_model import Point
 from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
-from kolsky.shot.inputs import Cause, Change
+from kolsky.shot.input_records import Cause, Change
 from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, runner
 
 NARROW, WIDE, ALTERED = "narrow", "wide", "altered"

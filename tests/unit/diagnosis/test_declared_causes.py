@@ -15,7 +15,8 @@ from kolsky.diagnosis.cause_inputs import declared_span
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import ALIKE, EVIDENCE, best_trials, ranked
 from kolsky.inverse.result import CauseFinding
-from kolsky.shot.inputs import DAMPING, POISSON, SENSITIVITY, Cause, Change, causes
+from kolsky.shot.input_records import Cause, Change
+from kolsky.shot.inputs import DAMPING, POISSON, SENSITIVITY, causes
 
 FloatArray = NDArray[np.float64]
 K = 200

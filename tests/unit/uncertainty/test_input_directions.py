@@ -13,7 +13,8 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.shot.inputs import CLOCK, INPUTS
+from kolsky.shot.input_records import CLOCK
+from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.input_changes import (
     InputDirection,
     InputDirections,

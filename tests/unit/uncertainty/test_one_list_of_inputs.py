@@ -11,7 +11,8 @@ from doe import Box
 from kolsky.diagnosis.cause_inputs import can_be_tried, changed_vector
 from kolsky.inverse.work import Work
 from kolsky.schema.apparatus import IDENTIFY_KEYS
-from kolsky.shot.inputs import INPUTS, UNCHANGED, Cause, Change, Input, Laboratory, causes
+from kolsky.shot.input_records import UNCHANGED, Cause, Change, Input, Laboratory
+from kolsky.shot.inputs import INPUTS, causes
 from kolsky.studies.budget.factors import factors_of, usual_sizes
 from kolsky.uncertainty import input_changes
 from kolsky.uncertainty.input_changes import ModelAtOptimum, input_directions
