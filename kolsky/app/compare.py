@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from nicegui import run, ui
+from nicegui import ui
 
 from kolsky.app import frame
 from kolsky.app.shots import list_shots
@@ -57,7 +57,7 @@ async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
         waiting = frame.note("The results are read ...")
     try:
         folders = {name: frame.folder_at(root, name) for name in names}
-        results = await run.io_bound(
+        results = await frame.in_thread(
             lambda: {n: read_identification(f / "results" / RESULT_FILE) for n, f in folders.items()}
         )
     except (frame.NoShot, InputError) as error:
@@ -71,7 +71,7 @@ async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
         frame.heading("Stiffness over strain rate")
         studied = frame.note("The rate study reads the shots ...")
     try:
-        report = await run.io_bound(rate, list(folders.values()))
+        report = await frame.in_thread(rate, list(folders.values()))
     except (InputError, ValueError) as error:
         studied.text = f"There is no rate study of these shots: {error}"
         return

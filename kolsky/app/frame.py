@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar, cast
 from urllib.parse import urlencode
 
 from fastapi import Response
-from nicegui import app, ui
+from nicegui import app, run, ui
 
 from kolsky.survey.tables import SUFFIXES
 
@@ -26,6 +26,15 @@ ICON = (
 STYLE = files("kolsky.app").joinpath("app.css").read_text("utf-8")
 VIEWS = {"setup": "Set up", "pictures": "Pictures", "run": "Run", "look": "Look"}
 """Views of one shot: address -> name."""
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
+    """What a long function returns; the page goes on meanwhile."""
+    return cast(T, await run.io_bound(act, *given, **named))
 
 
 class NoShot(ValueError):

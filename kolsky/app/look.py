@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from nicegui import run, ui
+from nicegui import ui
 
 from kolsky.app import frame
 from kolsky.app.copies import changed_value, copy_with
@@ -81,7 +82,7 @@ def page(root: Path) -> None:
             waiting = frame.note("The result is read ...")
             await ui.context.client.connected()
             try:
-                result = await run.io_bound(read_result, folder)
+                result = await frame.in_thread(read_result, folder)
             except InputError as error:
                 waiting.text = str(error)
                 return
@@ -130,11 +131,15 @@ class LookView:
         if self.field not in self.scenes:
             shot = self.result.shot
             try:
-                solid = None if shot is None else solid_of(shot.curve, self.found)
+                solid = None if shot is None else solid_of(shot.curve, self._parameters())
                 self.scenes[self.field] = scene_of(self.found, field=self.field, solid=solid)
             except (SceneDataMissing, ValueError):
                 return None
         return self.scenes[self.field]
+
+    def _parameters(self) -> dict[str, float]:
+        """Every parameter of the simulation at the answer."""
+        return {**self.found.fixed, **{name: e.value for name, e in self.found.estimates.items()}}
 
     def _over_time(self) -> None:
         c = self.found.comparison
@@ -355,16 +360,16 @@ class LookView:
         """Simulate with the sliders' values and show it."""
         assert self.what_if is not None
         try:
-            self.tried = await run.io_bound(self.what_if.run, self._values())
-            reference = await run.io_bound(self.what_if.run, self.what_if.start)
+            self.tried = tried = await frame.in_thread(self.what_if.run, self._values())
+            reference = await frame.in_thread(self.what_if.run, self.what_if.start)
         except ValueError as error:
             self.said.text = str(error)
             return
         observed = self.what_if.prepared.observations
         self.force.options["series"][3]["data"] = frame.points(
-            1e6 * observed.force_times, self.tried.prediction.force_bins[0]
+            1e6 * observed.force_times, tried.prediction.force_bins[0]
         )
-        self.said.text = f"{misfit_words(self.tried)}; at the answer {misfit_words(reference)}"
+        self.said.text = f"{misfit_words(tried)}; at the answer {misfit_words(reference)}"
         self._at(self.k)
 
     async def _draw_valley(self) -> None:
@@ -373,7 +378,7 @@ class LookView:
         with self.valley_plot:
             waiting = frame.note("169 simulations ...")
         names = ("stiffness_factor", str(self.across.value))
-        valley = await run.io_bound(self.what_if.valley, names, self._values())
+        valley = await frame.in_thread(self.what_if.valley, names, self._values())
         waiting.delete()
         with self.valley_plot:
             valley_chart(valley, self._values())
@@ -423,7 +428,7 @@ def misfit_words(answer_: Answer) -> str:
 def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
     """The misfit over two parameters, with the sliders' place."""
     shown = np.log10(np.maximum(valley.misfit, 1e-3))
-    axes = []
+    axes: list[dict[str, Any]] = []
     for name, along in zip(valley.names, (valley.x, valley.y), strict=True):
         unit = PARAMETERS[name].shown_unit
         words = PARAMETERS[name].written + ("" if unit == "1" else f" ({unit})")

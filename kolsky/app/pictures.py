@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from dic.images import PictureError, Pictures
 from dic.images.quality import SpeckleQuality, grey_noise, speckle_quality
@@ -73,7 +73,7 @@ def page(root: Path) -> None:
             waiting = frame.note("The pictures are opened ...")
             await ui.context.client.connected()
             try:
-                opened = await run.io_bound(open_all, folder)
+                opened = await frame.in_thread(open_all, folder)
             except InputError as error:
                 waiting.text = str(error)
                 return
@@ -87,7 +87,8 @@ class PicturesView:
     def __init__(self, opened: OpenPictures) -> None:
         """Build the view."""
         self.opened, self.session = opened, opened.session
-        self.k, self.mode, self.held = 0, "draw", None
+        self.k, self.mode = 0, "draw"
+        self.held: int | None = None
         self.wanted: Drawable = self.session.wanted[0]
         self.corners: dict[str, list[list[float]]] = {}
         self.frames: dict[str, int] = {}
@@ -313,7 +314,7 @@ class PicturesView:
         """Say what a subset at the chosen place can measure."""
         if self.quality is None:
             try:
-                self.quality = await run.io_bound(quality_of, self.opened)
+                self.quality = await frame.in_thread(quality_of, self.opened)
             except (ValueError, PictureError) as error:
                 self.said.text = f"The speckles cannot be judged: {error}"
                 return
@@ -331,7 +332,9 @@ def quality_of(opened: OpenPictures) -> SpeckleQuality:
     count = min(opened.static, MOST_AVERAGED, pictures.n_frames)
     rest = [np.asarray(pictures.frame(k)) for k in range(count)]
     noise = grey_noise(rest, range(count))
-    return speckle_quality(np.mean(rest, axis=0), None, opened.subset, noise, averaged=count)
+    return speckle_quality(
+        np.mean(np.stack(rest).astype(np.float64), axis=0), None, opened.subset, noise, averaged=count
+    )
 
 
 def subset_words(quality: SpeckleQuality, place: tuple[float, float]) -> str:

@@ -21,6 +21,9 @@ HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8420, 20
 """First port that is tried, and how many."""
 
+RECONNECT = 60.0
+"""Seconds in which a page may come back before it is built anew; a busy computer answers late."""
+
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -72,7 +75,7 @@ class Door:
             return "a page of another place asked"
         if scope["type"] == "websocket" and origin is None:
             return "a websocket says no origin"
-        cookies = SimpleCookie[str]()
+        cookies = SimpleCookie()
         try:
             cookies.load(headers.get("cookie", ""))
         except CookieError:
@@ -212,6 +215,7 @@ def serve(folder: Path, *, port: int | None = None, browser: bool = True, first:
         language="en-US",
         favicon=frame.ICON,
         dark=None,
+        reconnect_timeout=RECONNECT,
         reload=False,
         show=False,
         show_welcome_message=False,

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from kolsky.app import frame, signals
 from kolsky.app.draft import (
@@ -109,7 +109,7 @@ def _begin(folder: Path, shot: str) -> None:
     async def make() -> None:
         button.disable()
         try:
-            await run.io_bound(new_shot, folder, str(kind.value))
+            await frame.in_thread(new_shot, folder, str(kind.value))
         except InputError as error:
             ui.notify(str(error), type="warning")
             button.enable()
@@ -128,7 +128,6 @@ class SetupView:
         self.wrong: dict[str, str] = {}
         self.files = signals.candidate_files(folder)
         self.labels: dict[str, ui.label] = {}
-        self.inputs: dict[str, Any] = {}
         self.plots: dict[str, ui.echart] = {}
         self.drag = "baseline"
         with ui.row().classes("w-full items-center"):
@@ -160,7 +159,7 @@ class SetupView:
         """Show form, text and problems as the file is now."""
         self.text.value = self.draft.text
         self.form.clear()
-        for group in (self.labels, self.inputs, self.plots):
+        for group in (self.labels, self.plots):
             group.clear()
         with self.form:
             self._form()
@@ -212,16 +211,15 @@ class SetupView:
             elif isinstance(value, list) and len(value) <= 3 and all(isinstance(v, str) for v in value):
                 self._list(e, value, words)
             else:
-                element = ui.input(words, value=e.display)
+                field = ui.input(words, value=e.display)
                 for event in ("blur", "keydown.enter"):
-                    element.on(event, partial(self._typed, e, element))
-                self._keep(e, element)
+                    field.on(event, partial(self._typed, e, field))
+                self._keep(e, field)
             if e.remark:
                 ui.label(e.remark).classes("remark")
             self.labels[e.dotted] = ui.label().classes("wrong")
 
     def _keep(self, e: FieldEntry, element: Any) -> None:
-        self.inputs[e.dotted] = element
         element.classes("w-full").props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
 
     def _file(self, e: FieldEntry, words: str) -> None:
@@ -311,7 +309,6 @@ class SetupView:
                 for event in ("blur", "keydown.enter"):
                     field.on(event, typed)
                 element.append(field)
-        self.inputs[e.dotted] = element
 
     def _optional(self, table: str, keys: list[str]) -> None:
         with ui.row().classes("items-center gap-2"):
@@ -410,7 +407,7 @@ class SetupView:
         """Read the shot with its files, and say what is wrong or what was read."""
         self.status.text = "The files are read ..."
         try:
-            loaded = await run.io_bound(check_shot, self.folder)
+            loaded = await frame.in_thread(check_shot, self.folder)
         except InputError as error:
             self.wrong = by_key(error.problems)
             for key, label in self.labels.items():
@@ -433,8 +430,8 @@ class SetupView:
                 .classes("w-full")
                 .props('dense aria-label="What was read"')
             ):
-                for one in summarise(loaded):
-                    frame.note(f"{one.section} {one.name}: {one.written()}")
+                for line in summarise(loaded):
+                    frame.note(f"{line.section} {line.name}: {line.written()}")
 
     def _plot(self, table: str) -> None:
         """The plot of a table, with what is dragged on it."""

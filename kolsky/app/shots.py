@@ -204,7 +204,7 @@ def _table(found: list[ListedShot]) -> None:
             "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
         ).props("flat")
         ui.button("as Parquet", on_click=lambda: _parquet(found)).props("flat")
-    table = ui.table(
+    table: ui.table = ui.table(
         rows=[table_row(one) for one in found],
         columns=COLUMNS,
         row_key="name",
@@ -215,8 +215,8 @@ def _table(found: list[ListedShot]) -> None:
     table.bind_filter_from(words, "value", lambda value: value or "")
     for name, cell in CELLS.items():
         table.add_slot(f"body-cell-{name}", cell)
-    for slot, words in (("header", "'All shots'"), ("body", "props.row.name")):
-        box = f'<q-checkbox dense v-model="props.selected" :aria-label="{words}"></q-checkbox>'
+    for slot, name in (("header", "'All shots'"), ("body", "props.row.name")):
+        box = f'<q-checkbox dense v-model="props.selected" :aria-label="{name}"></q-checkbox>'
         table.add_slot(f"{slot}-selection", box)
 
 

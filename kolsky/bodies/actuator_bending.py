@@ -188,12 +188,12 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
 
 
 LARGEST_LOAD = 5.0
-"""Pressure over the shear modulus beyond which no soft actuator is used [-]: walls of half the chambers' width
-carry about twice the pressure, and rubbers tear at a few shear moduli."""
+"""Pressure over the shear modulus beyond which no soft actuator is used [-]: walls of half the chambers'
+width carry about twice the pressure, and rubbers tear at a few shear moduli."""
 
 
 def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
-    """A warning of a pressure [Pa] that no material of this shear modulus [Pa] carries; none of a usual one."""
+    """A warning of a pressure [Pa] that no material of this shear modulus [Pa] carries; else none."""
     share = abs(pressure) / shear_modulus
     if share <= LARGEST_LOAD:
         return []
@@ -277,7 +277,7 @@ def pressure_for(
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
     ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: wanted angle [rad].
-    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way: both angle and pressure
+    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way: angle and pressure
     count with the other sign in the search, so that its function rises.
     """
     rest = actuator.simulate(gravity, np.zeros(1))
@@ -347,7 +347,8 @@ def pressures_for(
 ) -> Inversion:
     """Find the pressure of each cavity for a wanted angle, and position of the tip if there is one.
 
-    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies between 0 and most. ``angle``:
+    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies between 0 and most.
+    ``angle``:
     wanted angle [rad]. ``tip``: wanted position of the tip from the origin [m], shape [3]; None: only the
     angle counts.
     """

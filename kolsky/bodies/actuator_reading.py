@@ -2,6 +2,7 @@
 them."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -186,8 +187,10 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        if any(b <= a for a, b in zip(sizes[:-1], sizes[1:], strict=True)):
-            raise f.problem("do not rise", key="pressures", cure="list them from small to large, as suction too")
+        if any(b <= a for a, b in pairwise(sizes)):
+            raise f.problem(
+                "do not rise", key="pressures", cure="list them from small to large, as suction too"
+            )
         if min(self.pressures) < 0.0 < max(self.pressures):
             raise f.problem(
                 "are of both signs", key="pressures", cure="simulate pressure and suction from two files"
@@ -200,8 +203,8 @@ class ActuatorFile(Section):
 
 
 SIZES = (1e-3, 3.0)
-"""Lengths of a soft actuator [m]: those made and published have some mm to 1 m; beyond, weight folds silicone,
-and a unit is wrong by a factor of ten or more."""
+"""Lengths of a soft actuator [m]: those made and published have some mm to 1 m; beyond, weight folds
+silicone, and a unit is wrong by a factor of ten or more."""
 NEEDED = ("clamp", "origin", "tip")
 """Sets that a mesh from a file must have, beside "cavity" or "cavity_1" and so on."""
 

@@ -173,8 +173,8 @@ def lacking_factor(
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
     """The one change of the data with which the sheet explains field and force, in words; empty if none.
 
-    ``measured``: with the constants to begin at. ``found``: its fit. Tried are usual factors of the force, the
-    displacements and the mesh, and mirrored axes; each is confirmed by a fit.
+    ``measured``: with the constants to begin at. ``found``: its fit. Tried are usual factors of the force,
+    the displacements and the mesh, and mirrored axes; each is confirmed by a fit.
     """
     if found.explained:
         return ""

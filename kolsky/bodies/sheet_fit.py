@@ -12,8 +12,8 @@ derivatives. Their w is a matter of taste. Here it makes both parts count by the
 independent point for the area a and the deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J
 / (a sigma_u^2) is a chi-square.
 
-Where the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k. The
-best one for any m is the mean of u_msr - u over the measured region, so that in all integrals above
+Where the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k.
+The best one for any m is the mean of u_msr - u over the measured region, so that in all integrals above
 
     u_k(m) - u_msr,k  becomes  u_k(m) - u_msr,k - mean(u_k(m) - u_msr,k).                   (F.1)
 

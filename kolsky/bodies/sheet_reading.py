@@ -161,12 +161,16 @@ def _sheet(
         for name in names:
             if name not in curves:
                 raise toml.error(
-                    f"field.{key}", f"names {name!r}, no group of curves of the mesh", allowed=", ".join(curves)
+                    f"field.{key}",
+                    f"names {name!r}, no group of curves of the mesh",
+                    allowed=", ".join(curves),
                 )
         sets[f"the {key} pad"] = np.unique(np.concatenate([curves[name] for name in names]))
     moving, fixed = sets
     if np.isin(sets[moving], sets[fixed]).any():
-        raise toml.error("field.moving", "shares points with field.fixed", cure="name two pads that are apart")
+        raise toml.error(
+            "field.moving", "shares points with field.fixed", cure="name two pads that are apart"
+        )
     cells, turned = counterclockwise(raw.points, raw.cells)
     mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], sets)
     regions = None
@@ -180,7 +184,9 @@ def _sheet(
         for number, name in enumerate(order, start=1):
             regions[groups[name]] = number
     elif section.held or section.regions:
-        raise toml.error("field.region", "is missing", cure="name the group of surfaces that [material] is of")
+        raise toml.error(
+            "field.region", "is missing", cure="name the group of surfaces that [material] is of"
+        )
     axis = "xy".index(section.axis)
     sheet = Sheet(mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held)
     return sheet, constants, turned
@@ -231,9 +237,7 @@ def _further(
         regions.append(name)
         values |= {f"{name}.{one}": value for one, value in given.items()}
         free += [f"{name}.{one}" for one in own.free]
-    held = {
-        len(regions) + k: solid_of(law, given) for k, given in enumerate(fixed.values(), start=1)
-    }
+    held = {len(regions) + k: solid_of(law, given) for k, given in enumerate(fixed.values(), start=1)}
     return Constants(law, values, tuple(free), tuple(regions)), held
 
 

@@ -145,7 +145,9 @@ class RegionSection(Section):
 
 
 Groups = Annotated[
-    list[f.Name], Field(min_length=1), BeforeValidator(lambda given: [given] if isinstance(given, str) else given)
+    list[f.Name],
+    Field(min_length=1),
+    BeforeValidator(lambda given: [given] if isinstance(given, str) else given),
 ]
 """One group of a mesh, or a list of them."""
 

@@ -373,7 +373,7 @@ def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...
             amount, sigma, after, left = explained_by(
                 bare, first, np.concatenate([optimum.slopes.T, change[None]])
             )
-            share = explained_share(*(stack.parts(r)[k] for r in (residual, left)), bare.shots[k])
+            share = explained_share(stack.parts(residual)[k], stack.parts(left)[k], bare.shots[k])
             name = prepared.forward.shot.name
             found.append(ShotCause(name, key, start + amount, sigma, before - after, share))
     return tuple(sorted(found, key=lambda cause: -cause.gain))

@@ -45,7 +45,8 @@ def is_at_limit(runner: Runner, x: FloatArray) -> bool:
 
     A frame's outline counts once: the surrogate's mesh is too coarse for its noise.
 
-    ``runner``: under the front face's path of the optimum. ``x``: the optimum, shape [d]. An optimum below
+    ``runner``: under the front face's path as fitted to its record: one that has followed the data explains a
+    part of any ringing. ``x``: the optimum, shape [d]. An optimum below
     `NEAR_LIMIT` is not compared; nor is one that the shot declares, with an uncertainty.
     """
     problem = runner.problem

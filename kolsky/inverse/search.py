@@ -165,7 +165,7 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
     meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.sigma)
-    if by_default and is_at_limit(runner.under(meshes.front), coarse.x):
+    if by_default and is_at_limit(runner, coarse.x):
         lost[VALLEY] = AT_LIMIT
     if by_default and lost:
         return lost

@@ -31,7 +31,7 @@ async function looked(page, name, widths = [1280, 390]) {
 
 async function press(page, words) {
   await page.evaluate((t) => {
-    const all = [...document.querySelectorAll("button")].filter((one) => one.innerText.trim() === t);
+    const all = [...document.querySelectorAll("button")].filter((one) => one.innerText.trim().split("\n").pop() === t); // an icon is a word too
     all[0].click();
   }, words);
 }

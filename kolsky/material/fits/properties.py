@@ -150,6 +150,15 @@ class Healing:
     """What a reader must know."""
 
 
+def _reason(name: str) -> str:
+    """Why a test may not show a property, with what it takes."""
+    if name == "Young's modulus to 5 %":
+        return f"; it takes {FEWEST} points or more up to {100.0 * INITIAL:g} % strain"
+    if name.startswith("fracture"):
+        return f"; it takes a stress that falls by {100.0 * DROP:g} % after its largest value"
+    return ""
+
+
 def healing(
     undamaged: Sequence[HomogeneousTest],
     healed: Sequence[HomogeneousTest],
@@ -181,6 +190,11 @@ def healing(
                 remarks.append(f"{word}: {', '.join(lacking)} shows no {name} and is not in its mean")
         if before and after and np.mean(before) > 0.0:
             rows[name] = recovery(before, after)
+        elif not before or not after:
+            words = [word for seen, word in ((before, "undamaged"), (after, "healed")) if not seen]
+            remarks.append(
+                f"{name} has no figure: no {' and no '.join(words)} specimen shows it{_reason(name)}"
+            )
     for group, word in ((made[0], "undamaged"), (made[1], "healed")):
         if len(group) == 1:
             remarks.append(

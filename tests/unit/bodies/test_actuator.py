@@ -204,7 +204,10 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
         ({"geometry": 'mesh = "a.vtu"\nwall = "2 mm"\nmesh_unit = "mm"'}, "has no effect with a mesh"),
         ({"gravity": "[0.0, 9.81, 0.0]"}, "half = false"),
         ({"geometry": 'channel = ["30 mm", "2 mm"]'}, "channel's width"),
-        ({"geometry": 'chambers = 2\nwall = "0.04 m"\nchamber = ["3 m", "1 m", "1 m"]'}, "actuator that is .* long"),
+        (
+            {"geometry": 'chambers = 2\nwall = "0.04 m"\nchamber = ["3 m", "1 m", "1 m"]'},
+            "actuator that is .* long",
+        ),
         ({'["0.1 bar", "0.4 bar"]': '["-0.1 bar", "0.4 bar"]'}, "are of both signs"),
     ],
 )

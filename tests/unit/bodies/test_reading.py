@@ -119,7 +119,9 @@ def test_a_block_is_pushed_and_sheared(tmp_path: Path) -> None:
     # Bonded ends stiffen a cube: between E A / L of a bar and the confined modulus.
     young, lateral = 2.0 * solid.shear_modulus * 1.45, 20e-3
     assert 1.0 < force[1, 0] / (young * lateral * 2e-5) < 0.55 / (0.1 * 1.45)
-    sheared = _read(tmp_path, BLOCK.replace('"block"', '"block"\nload = "shear"'), "d,F\n1,1\n2,2\n3,3\n4,4\n")
+    sheared = _read(
+        tmp_path, BLOCK.replace('"block"', '"block"\nload = "shear"'), "d,F\n1,1\n2,2\n3,3\n4,4\n"
+    )
     model = sheared.models["push"]  # type: ignore[attr-defined]
     assert not model.shape.eighth
     across = model.force(model.simulate(solid, steps))[:, 0]

@@ -535,7 +535,9 @@ def test_two_regions_are_free_at_once() -> None:
     assert not isinstance(state, str)
     cells = np.ones(len(mesh.cells), dtype=bool)
     data = FieldData(-PAD, state.force, state.displacements, cells, 1e-6, 1e-5, 1e-5)
-    start = Constants("neo_hookean_coupled", {**values, "E": 2.2e4, "stiff.E": 6e4}, tuple(values), ("stiff",))
+    start = Constants(
+        "neo_hookean_coupled", {**values, "E": 2.2e4, "stiff.E": 6e4}, tuple(values), ("stiff",)
+    )
     found = fit_field(FieldProblem(sheet, data, start))
     assert found.values == pytest.approx(list(values.values()), rel=1e-4)
     with pytest.raises(ValueError, match=r"stiff\.E"):

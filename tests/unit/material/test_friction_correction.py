@@ -19,6 +19,8 @@ from kolsky.material.end_friction.correct import (
     correct_friction,
     mesh_change,
     range_drift,
+    slow_change,
+    slow_error,
 )
 from kolsky.material.end_friction.fits import ModelOptimum, bic, local_rms, model_weights, on_refined_mesh
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen, ModelFit
@@ -325,6 +327,25 @@ def test_a_test_that_leaves_the_law_is_said_to():
     row = SimpleNamespace(name="yeoh", constants={"C10": 2.0})
     assert f"C10 {2.0 + drift.change[0]:.5g}" in _drift_remark(row, drift, np.ones(1))
     assert _range_drift(replace(one, off=np.zeros(N)), test).excess == pytest.approx([0.0])
+
+
+def test_an_error_that_neighbouring_strains_share_in_closed_form():
+    """About its mean 0.15 % in the root mean square; the mean has 0.06 %, which no number averages."""
+    covariance = slow_error(STRAIN)
+    rms = np.mean(np.minimum(STRAIN / 0.12, 1.0) ** 2)
+    assert np.trace(covariance) / N == pytest.approx(1.5e-3**2 * rms + 6e-4**2)
+    # A test that ends at 6 % has half of it at most.
+    assert np.diag(slow_error(0.12 * STRAIN)).max() < 1.5e-3**2 * 0.25 * 2.0 + 6e-4**2
+    assert covariance.mean() == pytest.approx(6e-4**2)
+    # Of a factor of the force (gain 1 / n of each residual over its noise) the mean alone is left.
+    noise = np.full(N, 0.02)
+    assert slow_change(np.full((1, N), 0.02 / N), noise, STRAIN) == pytest.approx([6e-4])
+    # Three strains 0.375 of the range apart and a slope, u = (d_3 - d_1): V = 2 s^2 (1 - k_13) / mean.
+    three, apart = np.array([0.2, 0.5, 0.8]), np.exp(-0.5 * np.array([0.0, 0.375, 0.75]) ** 2 / 0.3**2)
+    mean = (3.0 + 4.0 * apart[1] + 2.0 * apart[2]) / 9.0
+    variance = 2.0 * 1.5e-3**2 * (1.0 - apart[2]) / (1.0 - mean)
+    found = slow_change(np.array([[-1.0, 0.0, 1.0, 7.0]]), np.ones(3), three)
+    assert found == pytest.approx([np.sqrt(variance)], rel=1e-6)
 
 
 @dataclass(frozen=True)

@@ -176,3 +176,17 @@ def test_numbers_of_the_page_by_hand():
 def test_no_specimen_no_efficiency():
     with pytest.raises(ValueError, match="needs undamaged and healed specimens"):
         healing([], [])
+
+
+def test_a_figure_that_no_specimen_shows_is_named_with_its_cause():
+    """Points from 6 % strain on, no fracture: only the law's constant is compared."""
+    stretch = np.linspace(1.06, 1.5, 12)
+    stress = 1e5 * (stretch - stretch**-2.0)
+    tests = [HomogeneousTest(name, Mode.UNIAXIAL, stretch, stress) for name in ("a", "b")]
+    found = healing(tests[:1], tests[1:])
+    assert set(found.rows) == {"mu"}
+    said = " / ".join(found.remarks)
+    assert "Young's modulus to 5 % has no figure: no undamaged and no healed specimen shows it" in said
+    assert "3 points or more up to 5 % strain" in said
+    assert "fracture stress has no figure" in said
+    assert "falls by 20 % after its largest value" in said

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from doe.information import LinearData
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics
+from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of, with_subscripts
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
@@ -274,6 +275,8 @@ def test_files_hold_the_map(planned):
     assert page.count("<figure") == 3
     for name in said["parameters"]:
         assert f'<th scope="row">{with_subscripts(name_of(name).symbol)}' in page
+        U = 2.0 * name_of(name).factor * said["parameters"][name]["sigma_others_known"]
+        assert f"<td>{numbers.plain(U, 2)}</td>" in page
     with h5py.File(folder / "plan.h5") as file:
         shape = (len(file["frames"]), len(file["heights"]))
         assert file["damping"]["radius_slope"].shape == shape
