@@ -30,7 +30,7 @@ class Row:
     name: str
     """What is wrong."""
     key: str
-    """The cause that is right, a key of `kolsky.shot.inputs.Cause`; empty if none can be named."""
+    """The cause that is right, a key of `kolsky.shot.input_records.Cause`; empty if none can be named."""
     wrong: Wrong
     """The shot with it."""
     free: bool = False

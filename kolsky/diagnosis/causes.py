@@ -60,7 +60,9 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     for t, probability in zip(trials, adjusted, strict=True):
         gain = search.gain(t.misfits) if not t.lost else 0.0
         share = explained_share(search.before, t.misfits, entries)
-        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= LEAST_SHARE
+        # Beyond its bound the stiffness may leave Poisson's ratio, and the force, in the valley of the bound.
+        least = 0.0 if t.candidate.key == CURVE_SCALE else LEAST_SHARE
+        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= least
         alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
         if alone is not None and _within(search, alone):
             t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)

@@ -142,7 +142,7 @@ class ModelAtOptimum:
     """The run at the optimum, through which inputs are seen that need no run of their own.
 
     A scale and a clock act on the data, but are taken through the model's force and outline, which have no
-    noise and ring in the mesh as the Jacobian does; `kolsky.shot.inputs.Model`.
+    noise and ring in the mesh as the Jacobian does; `kolsky.shot.input_records.Model`.
     """
 
     objective: Objective

@@ -173,6 +173,7 @@ def strange(key: str, value: float, sigma: float = 0.0) -> float:
 def test_a_usual_mistake_is_as_strange_as_two_standard_uncertainties() -> None:
     """A gain of 0.8 is 6.7 of 3 %; one of 0.5 is a mistake, and so is one that cannot be told from it."""
     assert strange(SENSITIVITY, 0.97) == pytest.approx(1.0)
+    assert strange(SENSITIVITY, 0.97) < MISTAKE < strange(SENSITIVITY, 0.9)
     assert strange(SENSITIVITY, 0.8) == pytest.approx(0.2 / 0.03)
     assert strange(SENSITIVITY, 0.5) == MISTAKE
     assert strange(SENSITIVITY, 0.52) == MISTAKE  # 0.02 of 0.5: within 5 % of the mistake's size

@@ -121,7 +121,8 @@ def test_a_channel_is_explained_only_if_the_check_could_fail() -> None:
 
 def test_a_residual_far_above_the_noise_is_accounted_for() -> None:
     """chi2/n = 48: the noise is 1 um, the mesh leaves 7 um."""
-    meshed = replace(OUTLINE, residual=6.9e-6, predicted={"noise": 1e-6, "mesh": 7e-6}, chi2=48.0)
+    parts = {"noise": 1e-6, "flyer motion": 2e-6, "mesh": 7e-6}
+    meshed = replace(OUTLINE, residual=6.9e-6, predicted=parts, chi2=48.0)
     assert why_beyond_noise(meshed) == (
         "The outline's residual is 6.9 times its noise. A right model leaves as much: mesh alone brings "
         "7 µm, the noise 1 µm. The band of the figure has all sources."
