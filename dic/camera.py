@@ -25,6 +25,12 @@ class Camera:
     ------
     ValueError
         A focal length that is not positive, a rotation that is not one, a number that is not finite.
+
+    Examples
+    --------
+    >>> from dic import Camera
+    >>> Camera(1000.0, 1000.0, 50.0, 40.0).project([[0.01, 0.0, 1.0]]).tolist()
+    [[60.0, 40.0]]
     """
 
     fx: float

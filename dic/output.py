@@ -431,3 +431,24 @@ def to_xarray(surface: SurfaceHistory) -> Any:
             "component": list(COMPONENTS),
         },
     )
+
+
+def full_field_dataset(result: FullField) -> Any:
+    """Displacements u, v and w, strains and what they are worth, over frames and points; lost ones are NaN.
+
+    Lengths are in the result's unit. ``u``, ``v`` and ``w`` are along x, y and Z; a plane has no w.
+    """
+    surface, strain, dims = result.surface, result.strain, ("frame", "point")
+    length, valid = {"units": result.unit}, surface.valid
+    variables: dict[str, Any] = {}
+    for k, name in enumerate("uv" if result.kind == "plane" else "uvw"):
+        variables[name] = (dims, np.where(valid, surface.u[..., k], np.nan), length)
+        variables[f"{name}_sigma"] = (dims, np.where(valid, surface.sigma[..., k], np.nan), length)
+    for k, name in enumerate(("exx", "eyy", "exy")):
+        variables[name] = (dims, strain.value[..., k], {"units": "1"})
+        variables[f"{name}_sigma"] = (dims, strain.sigma[..., k], {"units": "1"})
+    variables["outcome"] = (dims, surface.outcome, {"meaning": ", ".join(map(repr, PointOutcome))})
+    places = {f"X_{name}": ("point", surface.X[:, k], length) for k, name in enumerate(COMPONENTS)}
+    cells = {name: ("point", result.cell[:, k]) for k, name in enumerate(("column", "row"))}
+    clock = {"t": ("frame", surface.t, {"units": "s" if result.timed else "frame"})}
+    return xarray().Dataset(variables, coords={**clock, **places, **cells}, attrs={"kind": result.kind})

@@ -14,9 +14,10 @@ from dic.camera import StereoRig
 from dic.outcome import FrameOutcome, PointOutcome, Remark
 from dic.surfaces.cylinder import SpecimenFrame
 from dic.surfaces.surface_history import SMALLEST_SERIES, CentrePoints, NoiseFloor, SurfaceHistory
+from dic.views import ResultViews
 
 
-class _Surfaced:
+class _Surfaced(ResultViews):
     """Counts of the points of a result that has a surface."""
 
     surface: SurfaceHistory
@@ -91,7 +92,7 @@ class SurfaceStrain:
 
 
 @dataclass(frozen=True)
-class StereoResult:
+class StereoResult(ResultViews):
     """Result of two series of pictures."""
 
     t: FloatArray

@@ -18,6 +18,7 @@ copyright = "2026, the kolsky developers"
 version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
 
 extensions = [
+    "gallery",
     "local_mathjax",
     "made_tables",
     "message_tables",

@@ -34,6 +34,13 @@ class Box:
     ValueError
         If a name is empty or used twice, the lengths differ, a bound is not finite, a lower bound is
         not below its upper bound, or a logarithmic parameter has a lower bound <= 0.
+
+    Examples
+    --------
+    >>> from doe import Box
+    >>> box = Box.of({"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)})
+    >>> box.scale([0.5, 0.5]).tolist()
+    [1.0, 1.0]
     """
 
     names: tuple[str, ...]
@@ -179,13 +186,7 @@ class Box:
         return Box(self.names, tuple(lower.tolist()), tuple(upper.tolist()), self.logarithmic)
 
     def as_dict(self, point: ArrayLike) -> dict[str, float]:
-        """One point, shape [d], as values by name.
-
-        Raises
-        ------
-        ValueError
-            If the point is not d long or not finite.
-        """
+        """One point, shape [d], as values by name; ValueError if it is not d long or not finite."""
         x = self._checked(point)
         if x.ndim != 1:
             raise ValueError(f"a point must have shape [{self.dimension}], got {list(x.shape)}")

@@ -31,13 +31,7 @@ from doe.box import Box
 
 @dataclass(frozen=True)
 class Whitening:
-    """The square root of an inverse covariance, a diagonal with a few common patterns.
-
-    Raises
-    ------
-    ValueError
-        If a standard deviation is not > 0 or the patterns are of another length.
-    """
+    """The square root of an inverse covariance, a diagonal with a few common patterns."""
 
     sigma: FloatArray
     """Standard deviations of the independent part, shape [k]."""
@@ -219,36 +213,14 @@ def least_squares(
     The deviance, r' C^-1 r + ln det C with the covariance C(r) from `weighting`, never rises. With a constant
     C this is least squares; with C the most likely one given r, the most likely point.
 
-    Parameters
-    ----------
-    run
-        The expensive function.
-    box
-        Where to search.
-    starts
-        In parameter units, shape [n, d].
-    data
-        Shape [k].
-    weighting
-        Weights of the entries, given a residual.
-    step
-        Half the distance of the differences in the unit box, in (0, 0.1].
-    max_steps
-        Most trial points of a search.
-    at_rest
-        Length of the next undamped step, in standard deviations, at which a search has converged, > 0.
+    ``starts``: in parameter units, shape [n, d]. ``data``: shape [k]. ``weighting``: weights of the entries,
+    given a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
+    ``max_steps``: most trial points of a search. ``at_rest``: length of the next undamped step, in standard
+    deviations, at which a search has converged, > 0.
 
-    Returns
-    -------
-    results
-        One a start, smallest deviance first. A search that a failed run or the number of steps cut short
-        has `converged` False, says so in `ended`, and holds the best point it met.
-
-    Raises
-    ------
-    ValueError
-        If a start is outside the box, `step` outside its range, a batch's shape is wrong, or no search had
-        a run at its start.
+    Returns one result a start, smallest deviance first. A search that a failed run or the number of steps cut
+    short has `converged` False, says so in `ended`, and holds the best point it met. ValueError if no search
+    had a run at its start.
     """
     if not 0.0 < step <= 0.1:
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")

@@ -42,17 +42,6 @@ TABLE = """CREATE TABLE runs (
   digest BLOB NOT NULL CHECK (length(digest) = 32),
   seconds REAL NOT NULL
 ) STRICT, WITHOUT ROWID"""
-FIRST_TABLE = """CREATE TABLE runs (
-  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
-  model BLOB NOT NULL CHECK (length(model) = 32),
-  parameters BLOB NOT NULL,
-  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
-  outcome TEXT NOT NULL,
-  reason TEXT NOT NULL,
-  results BLOB NOT NULL,
-  seconds REAL NOT NULL
-) STRICT, WITHOUT ROWID"""
-"""The table of version 1, which had no digests; it is rewritten when it is opened."""
 LITTLE = np.dtype("<f8")
 """Floats on disk, whatever the machine's byte order."""
 COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
@@ -272,9 +261,9 @@ class Ledger:
             self._sql.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
         )
         empty = not schema and stamp == (0, 0)
-        first = stamp == (APPLICATION, 1) and schema == [("table", "runs", FIRST_TABLE)]
+
         compatible = stamp == (APPLICATION, VERSION) and schema == [("table", "runs", TABLE)]
-        if not (empty or first or compatible):
+        if not (empty or compatible):
             raise LedgerError(
                 f"{self.path}: is not a ledger of version {VERSION}; give another place for the ledger"
             )
@@ -285,24 +274,13 @@ class Ledger:
             self._sql.execute(TABLE)
             self._sql.execute(f"PRAGMA application_id = {APPLICATION}")
             self._sql.execute(f"PRAGMA user_version = {VERSION}")
-        if first:
-            self._rewrite_first()
+
         self._sql.execute("COMMIT")
         health = self._sql.execute("PRAGMA quick_check(1)").fetchone()[0]
         if health != "ok" or mode != "wal":
             raise LedgerError(
                 f"{self.path}: is damaged ({_line(health)}, journal {mode}); restore it or remove it"
             )
-
-    def _rewrite_first(self) -> None:
-        """Give the rows of version 1 their digests: they are believed as they stand."""
-        rows = self._sql.execute(f"SELECT {COLUMNS.replace('digest, ', '')} FROM runs").fetchall()
-        self._sql.execute("DROP TABLE runs")
-        self._sql.execute(TABLE)
-        self._sql.executemany(
-            f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", [row_of(*row) for row in rows]
-        )
-        self._sql.execute(f"PRAGMA user_version = {VERSION}")
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

@@ -159,33 +159,13 @@ def refine(
     max_rounds: int = 10,
     rng: int = 0,
 ) -> Refinement:
-    """Add runs to a first design until the optimum stays.
+    """Add runs to a first design until the optimum stays; `SurrogateError` if the runs do not carry one.
 
-    Parameters
-    ----------
-    run
-        The expensive function; rows of runs that failed hold NaN, and are left out.
-    box
-        Where to search.
-    points, responses
-        The first design's completed runs, shape [n, d], and what they gave, shape [n, k].
-    misfit
-        What is to be small.
-    locate
-        Finds the optimum of a surrogate.
-    scale
-        What an entry's deviations are measured by, in response units: a number or shape [k].
-    max_rounds
-        Most rounds, at least 1.
-    rng
-        Seed of the candidates and draws.
-
-    Raises
-    ------
-    ValueError
-        If `max_rounds` is below 1, or shapes do not match.
-    doe.surrogates.protocol.SurrogateError
-        If the runs do not carry a surrogate.
+    ``run``: the expensive function; rows of runs that failed hold NaN, and are left out. ``points``,
+    ``responses``: the first design's completed runs, shape [n, d], and what they gave, shape [n, k].
+    ``misfit``: what is to be small. ``locate``: finds the optimum of a surrogate. ``scale``: what an
+    entry's deviations are measured by, in response units, a number or shape [k]. ``rng``: seed of
+    candidates and draws.
     """
     if max_rounds < 1:
         raise ValueError(f"max_rounds must be at least 1, got {max_rounds}")

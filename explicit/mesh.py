@@ -87,16 +87,9 @@ class Mesh:
 
     @cached_property
     def corners_of_node(self) -> tuple[IntArray, IntArray]:
-        """Element corners that meet at each node, in compressed-row form.
-
-        Returns
-        -------
-        start : shape [n_nodes + 1]
-            First entry of each node in `corner`.
-        corner : shape [4 n_elements]
-            Flat corner index 4 * element + position, ascending for each node, so that a gather adds
-            the corner forces in one fixed order.
-        """
+        """Element corners that meet at each node: the first entry of each node, shape [n_nodes + 1], and the
+        flat corner index 4 * element + position, shape [4 n_elements], ascending for each node, so that a
+        gather adds the corner forces in one fixed order."""
         flat = self.quads.ravel()
         corner = np.argsort(flat, kind="stable")
         start = np.searchsorted(flat[corner], np.arange(self.n_nodes + 1))
@@ -122,6 +115,12 @@ def cylinder(
     ------
     ValueError
         If a size is not positive, there are fewer than 2 elements in a direction, or grading < 1.
+
+    Examples
+    --------
+    >>> from explicit import cylinder
+    >>> cylinder(5e-3, 6e-3, n_radial=4, n_axial=6).n_elements
+    24
     """
     if not (radius > 0.0 and length > 0.0):
         raise ValueError(f"radius and length must be > 0 m, got {radius} and {length}")

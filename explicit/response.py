@@ -239,13 +239,7 @@ class Response:
         return np.array([outcome.ok for outcome in self.outcomes], dtype=bool)
 
     def ending(self, sample: int) -> Ending:
-        """End of one simulation: outcome, time and place.
-
-        Raises
-        ------
-        ValueError
-            If there is no such simulation.
-        """
+        """End of one simulation: outcome, time and place."""
         if not 0 <= sample < self.n_samples:
             raise ValueError(f"sample must be in [0, {self.n_samples - 1}], got {sample}")
         r, y = self.failed_places[sample]

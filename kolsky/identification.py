@@ -78,8 +78,8 @@ def identify(
     changes, vector = residual_sources(sources), objective.vectors(optimum.check.prediction)[0]
     fit = fit_quality(objective, vector, slopes, names=runner.problem.box.names, changes=changes)
 
-    extra = None if search.held is None or explains(fit) else search.held.refined
-    second = None if extra is None else OtherStart(extra.x, extra.response)
+    extra = None if explains(fit) else search.held_run()
+    second = None if extra is None else OtherStart(*extra)
     causes = find_causes(runner, optimum.x, response.select([0]), other=second, explained=near_right(fit))
     reruns = Reruns.of(runner, optimum.x)
     clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes, again=reruns)

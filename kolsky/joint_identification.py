@@ -29,6 +29,8 @@ from kolsky.diagnosis.joint_fit import (
     own_stiffnesses,
     residual_changes,
     shot_agreement,
+    shot_causes,
+    without_scatter,
 )
 from kolsky.diagnosis.relaxation import (
     choice_with_mesh_error,
@@ -52,6 +54,7 @@ from kolsky.inverse.joint_result import (
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, node_strains, with_factors
 from kolsky.inverse.joint_search import (
     Optimum,
+    between_variance,
     expanded_scatter,
     refined_optimum,
     starts,
@@ -89,17 +92,20 @@ def joint_result(
     cov = covariance(found.slopes, residual, whitening, stack, unknowns.widths)
     plain = np.diag(np.linalg.inv(known))
     between = np.zeros(len(found.x))
+    within = np.diag(cov)
     if any(SCATTER in one.own for one in stack.shots):
-        between = np.maximum(
-            plain - _without(replace(stack, slow_scatter=None), problem, found, SCATTER), 0.0
-        )
+        without = _without(replace(stack, slow_scatter=None), problem, found, SCATTER)
+        bare = without_scatter(stack)
+        alone = covariance(found.slopes, residual, bare.weighting(residual), bare, unknowns.widths)
+        within = within - np.maximum(plain - without, 0.0)
+        between = between_variance(np.diag(cov), plain, without, np.diag(alone))
     curves = np.zeros(len(found.x))
     if stack.curve is not None:
         bare = replace(stack, curve=None)
         curves = np.maximum(plain - _without(bare, problem, found, ""), 0.0)
     declared = declared_changes(problem, found)
     noise = {
-        "force and shape": np.sqrt(np.maximum(np.diag(cov) - between - curves, 0.0)),
+        "force and shape": np.sqrt(np.maximum(within - curves, 0.0)),
         "scatter between shots": np.sqrt(between),
         "material curve": np.sqrt(curves),
         **declared_parts(problem, found, gain, declared),
@@ -141,6 +147,8 @@ def joint_result(
     parts = tuple(replace(p, fit=f, own=o) for p, f, o in zip(parts, fits, own, strict=True))
     everything = (*(fit for one in fits for fit in one), *slow_fits)
     shared = {name: joint_verdict(e, everything, agreement) for name, e in shared.items()}
+    withheld = not all(fit.explained for fit in everything) or (agreement is not None and agreement.apart)
+    causes = shot_causes(problem, found) if withheld else ()
     bodies = len(stack.shots) + (0 if stack.slow_scatter is None else len(stack.slow_scatter))
     half = {
         name: expanded_scatter(e.sigma, e.noise_parts["scatter between shots"], bodies)
@@ -165,13 +173,14 @@ def joint_result(
         refined_mesh=problem.settings.refined_mesh,
         runs=problem.runs.made,
         warnings=(
-            *joint_fit_warnings([part.name for part in parts], fits, slow_fits, agreement),
+            *joint_fit_warnings([part.name for part in parts], fits, slow_fits, agreement, causes),
             *said,
             *lost_mesh_runs(mesh.lost, problem.mesh.mesh),
             *_joint_warnings(problem, found, choice, shared),
         ),
         slow_fit=slow_fits,
         agreement=agreement,
+        causes=causes,
     )
 
 

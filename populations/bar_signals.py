@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import BarSignal, FaceWaves, Signal
 from kolsky.bars.reduction.stress_strain import reduce
@@ -54,7 +54,7 @@ def drawn(seed: int) -> dict[str, object]:
     peak = rng.uniform(0.4e-3, 1.5e-3)
     source, distances = peak * (up - down), (rng.uniform(0.9, 1.4), rng.uniform(0.4, 1.2))
     wave = Signal(float(time[0]), STEP, source, 0.0, "1")
-    incident = propagate(wave, ElasticWaveguide(bar), distances[0], band=band_of(bar)).value
+    incident = propagation(wave, ElasticWaveguide(bar), distances[0], band=band_of(bar)).signal.value
     # Stress of the specimen over the incident's: elastic up to a flow stress, then flat or rising.
     area = specimen.area / (np.pi * bar.diameter**2 / 4.0)
     flow = rng.uniform(0.1, 0.6) * peak * bar.youngs_modulus / area
@@ -97,7 +97,7 @@ def at_gauges(made: dict) -> tuple[BarSignal, BarSignal]:
 
     def seen(name: str, distance: float) -> FloatArray:
         wave = Signal(float(made["time"][0]), STEP, np.pad(made[name], (0, 500)), 0.0, "1")
-        return propagate(wave, guide, distance, band=band_of(bar), start=start, samples=count).value
+        return propagation(wave, guide, distance, band=band_of(bar), start=start, samples=count).signal.value
 
     clock = start + STEP * np.arange(count) + first / bar.wave_speed
     incident = np.interp(clock, made["time"], made["source"])

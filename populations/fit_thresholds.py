@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import nct, norm
 
-from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, LATE, leading_lag, routes_apart
+from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, leading_lag, routes_apart
 from kolsky.identification import identify
-from kolsky.inverse.result import Identification
+from kolsky.inverse.result import LATE, Identification
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.load import load_shot

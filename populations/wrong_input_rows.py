@@ -5,8 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from kolsky.base.records import FlyerMotion
-from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY
+import numpy as np
+
+from kolsky.bars.signals.transducers import low_pass
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion, MaterialCurve
+from kolsky.shot.curve_changes import changed_curve
+from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
@@ -39,14 +44,14 @@ def _changed(change: Callable[[Shot], Shot]) -> Wrong:
 
 def _gain(factor: float) -> Wrong:
     """The declared sensitivity is `factor` times the true one."""
+    return _changed(lambda shot: _scaled(shot, factor))
 
-    def change(shot: Shot) -> Shot:
-        assert isinstance(shot.force, ForceChannel)
-        transducer = shot.force.transducer
-        wrong = replace(transducer, sensitivity=factor * transducer.sensitivity)
-        return replace(shot, force=replace(shot.force, transducer=wrong))
 
-    return _changed(change)
+def _scaled(shot: Shot, factor: float) -> Shot:
+    assert isinstance(shot.force, ForceChannel)
+    transducer = shot.force.transducer
+    wrong = replace(transducer, sensitivity=factor * transducer.sensitivity)
+    return replace(shot, force=replace(shot.force, transducer=wrong))
 
 
 def _damping(factor: float) -> Wrong:
@@ -64,21 +69,23 @@ def _poisson(excess: float) -> Wrong:
 
 
 def _late(lag: float) -> Wrong:
-    def change(shot: Shot) -> Shot:
-        assert isinstance(shot.flyer, FlyerMotion)
-        end = min(shot.window[1], float(shot.flyer.time[-1]))
-        late = replace(shot.flyer, time=shot.flyer.time + lag)
-        return replace(shot, flyer=late, window=(shot.window[0], end))
+    return _changed(lambda shot: _moved_clock(shot, lag))
 
-    return _changed(change)
+
+def _moved_clock(shot: Shot, lag: float) -> Shot:
+    assert isinstance(shot.flyer, FlyerMotion)
+    end = min(shot.window[1], float(shot.flyer.time[-1]))
+    late = replace(shot.flyer, time=shot.flyer.time + lag)
+    return replace(shot, flyer=late, window=(shot.window[0], end))
 
 
 def _late_force(lag: float) -> Wrong:
-    def change(shot: Shot) -> Shot:
-        assert isinstance(shot.force, ForceChannel)
-        return replace(shot, force=replace(shot.force, clock_offset=shot.force.clock_offset + lag))
+    return _changed(lambda shot: _late_clock(shot, lag))
 
-    return _changed(change)
+
+def _late_clock(shot: Shot, lag: float) -> Shot:
+    assert isinstance(shot.force, ForceChannel)
+    return replace(shot, force=replace(shot.force, clock_offset=shot.force.clock_offset + lag))
 
 
 def _late_outline(lag: float) -> Wrong:
@@ -103,21 +110,121 @@ def _curve(factor: float) -> Wrong:
 
 
 def _outline(name: str, offset: float) -> Wrong:
+    return _changed(lambda shot: _placed(shot, name, offset))
+
+
+def _placed(shot: Shot, name: str, offset: float) -> Shot:
+    line = shot.centre_line
+    assert line is not None
+    return replace(shot, centre_line=replace(line, **{name: getattr(line, name) + offset}))
+
+
+def _motion(factor: float) -> Wrong:
     def change(shot: Shot) -> Shot:
-        line = shot.centre_line
-        assert line is not None
-        return replace(shot, centre_line=replace(line, **{name: getattr(line, name) + offset}))
+        assert isinstance(shot.flyer, FlyerMotion)
+        return replace(shot, flyer=replace(shot.flyer, displacement=factor * shot.flyer.displacement))
 
     return _changed(change)
 
 
+def _zero(shot: Shot) -> Shot:
+    """The zero is off by 5 % of the largest force from the test's beginning on."""
+    assert isinstance(shot.force, ForceChannel)
+    recording, time = shot.force.recording, shot.force.time
+    volts = recording.value - shot.force.baseline_volts().mean()
+    step = 0.05 * float(np.abs(volts).max()) * (time > shot.force.baseline[1])
+    return replace(
+        shot, force=replace(shot.force, recording=replace(recording, value=recording.value + step))
+    )
+
+
+def _form(name: str, amount: float) -> Wrong:
+    """The curve with what `kolsky.shot.curve_changes` calls so undone: the column that a laboratory had."""
+    return _changed(lambda s: replace(s, curve=wrong_curve(s.curve, name, amount)))
+
+
+def wrong_curve(curve: MaterialCurve, name: str, amount: float) -> MaterialCurve:
+    """A curve that a change by the amount puts right."""
+    stretch, stress = curve.stretch, curve.stress
+    if name == "true stress":
+        return replace(curve, stress=stress * stretch**amount, law=None)
+    if name == "true strain":
+        return replace(curve, stretch=1.0 + np.log(stretch), law=None)
+    return changed_curve(curve, {name: amount})
+
+
+def _film(factor: float) -> Wrong:
+    """The declared times are so many times the true ones."""
+
+    def change(shot: Shot) -> Shot:
+        line, motion = shot.centre_line, shot.flyer
+        assert line is not None
+        assert isinstance(motion, FlyerMotion)
+        motion = replace(motion, time=factor * motion.time)
+        end = min(shot.window[1], float(motion.time[-1]))
+        late = replace(line, time=factor * line.time)
+        return replace(shot, flyer=motion, centre_line=late, window=(shot.window[0], end))
+
+    return _changed(change)
+
+
+def _pictures(factor: float) -> Wrong:
+    """The declared lengths are so many times the true ones."""
+
+    def change(shot: Shot) -> Shot:
+        line, motion = shot.centre_line, shot.flyer
+        assert line is not None
+        assert isinstance(motion, FlyerMotion)
+        return replace(
+            shot,
+            flyer=replace(motion, displacement=factor * motion.displacement),
+            centre_line=replace(line, y=factor * line.y, Z=factor * line.Z),
+        )
+
+    return _changed(change)
+
+
+def _mirrored(shot: Shot) -> Shot:
+    line = shot.centre_line
+    assert line is not None
+    return replace(shot, centre_line=replace(line, y=shot.specimen.length - line.y))
+
+
+def _recorded(change: Callable[[FloatArray, float], FloatArray]) -> Wrong:
+    """The transducer's signal changed by an instrument."""
+
+    def changed(shot: Shot) -> Shot:
+        assert isinstance(shot.force, ForceChannel)
+        recording = shot.force.recording
+        zero, step = shot.force.baseline_volts().mean(), float(np.diff(recording.time).mean())
+        volts = zero + change(recording.value - zero, step)
+        return replace(shot, force=replace(shot.force, recording=replace(recording, value=volts)))
+
+    return _changed(changed)
+
+
+def _other_channel(folder: Path) -> Shot:
+    """The flyer's transducer is declared as the one behind the specimen."""
+    return _edited(folder, 'voltage = { column = "CH1 incident (V)", unit = "V" }')
+
+
+def _droop(volts: FloatArray, step: float) -> FloatArray:
+    """A charge that leaks in 3 ms."""
+    return np.asarray(volts - low_pass(volts, step, 1.0 / (2.0 * np.pi * 3e-3)))
+
+
 def _voltage(folder: Path) -> Shot:
     """The recorder's time column is declared as the voltage."""
+    return _edited(folder, 'voltage = { column = "Time (s)", unit = "V" }')
+
+
+def _edited(folder: Path, voltage: str) -> Shot:
+    """The shot with another voltage of its force."""
     lines = (folder / "shot.toml").read_text("utf-8").splitlines()
     at = lines.index("[force]")
     for i in range(at + 1, len(lines)):
         if lines[i].startswith("voltage"):
-            lines[i] = 'voltage = { column = "Time (s)", unit = "V" }'
+            lines[i] = voltage
             break
     with TemporaryDirectory() as place:
         for file in folder.iterdir():
@@ -128,30 +235,60 @@ def _voltage(folder: Path) -> Shot:
         return load_shot(Path(place))
 
 
+CURVES = ("curve.stress", "curve.strain", "curve shape")
+"""Keys of a curve's shape: a wrong definition is a wrong shape too."""
+
 ROWS: tuple[Row, ...] = (
-    Row(RIGHT, "", load_shot),
-    Row(f"{RIGHT}, nu and beta free", "", load_shot, free=True),
-    Row("sensitivity x 1/2", SENSITIVITY, _gain(0.5)),
-    Row("sensitivity x 1/2, nu and beta free", SENSITIVITY, _gain(0.5), free=True),
-    Row("sensitivity x 2", SENSITIVITY, _gain(2.0)),
-    Row("force x 10", SENSITIVITY, _gain(0.1)),
-    Row("beta = 0", DAMPING, _damping(0.0)),
-    Row("beta x 2", DAMPING, _damping(2.0)),
-    Row("beta x 4", DAMPING, _damping(4.0)),
-    Row("1 - 2 nu x 1/10", POISSON, _poisson(0.1)),
-    Row("1 - 2 nu x 5", POISSON, _poisson(5.0)),
-    Row("flyer 20 us late", "flyer.time", _late(20e-6)),
-    Row("flyer 20 us late, nu and beta free", "flyer.time", _late(20e-6), free=True),
-    Row("length -1.5 %", "specimen.length", _specimen("length", 0.985)),
-    Row("length -1.5 %, nu and beta free", "specimen.length", _specimen("length", 0.985), free=True),
-    Row("density +5 %", DENSITY, _specimen("density", 1.05), names=(SENSITIVITY,)),
-    Row("density -10 %", DENSITY, _specimen("density", 0.9), names=(SENSITIVITY,)),
-    Row(CURVE, "", _curve(0.95)),
-    Row("y + 100 um", "centre_line.y_offset", _outline("y", 1e-4)),
-    Row("Z + 20 um", "centre_line.Z_offset", _outline("Z", 2e-5)),
-    Row(VOLTAGE, "", _voltage),
-    Row("force 20 us late, nu and beta free", "force.clock_offset", _late_force(20e-6), free=True),
-    Row("outline 20 us late, nu and beta free", "centre_line.time", _late_outline(20e-6), free=True),
-    Row("outline 20 us early, nu and beta free", "centre_line.time", _late_outline(-20e-6), free=True),
+    Row(RIGHT, "", load_shot, free=True),
+    Row("sensitivity x 1/2", SENSITIVITY, _gain(0.5), free=True, names=(DENSITY,)),
+    Row("sensitivity x 2", SENSITIVITY, _gain(2.0), free=True, names=(DENSITY,)),
+    Row("force x 10", SENSITIVITY, _gain(0.1), free=True, names=(DENSITY,)),
+    Row("beta = 0, held", DAMPING, _damping(0.0)),
+    Row("beta x 4, held", DAMPING, _damping(4.0)),
+    Row("1 - 2 nu x 1/10, held", POISSON, _poisson(0.1)),
+    Row("1 - 2 nu x 5, held", POISSON, _poisson(5.0)),
+    Row("flyer 20 us late", "flyer.time", _late(20e-6), free=True),
+    Row("force 20 us late", "force.clock_offset", _late_force(20e-6), free=True),
+    Row("outline 20 us late", "centre_line.time", _late_outline(20e-6), free=True),
+    Row("outline 20 us early", "centre_line.time", _late_outline(-20e-6), free=True),
+    Row("length -1.5 %", "specimen.length", _specimen("length", 0.985), free=True),
+    Row("length x 2", "specimen.length", _specimen("length", 2.0), free=True),
+    Row("diameter -2 %", "specimen.diameter", _specimen("diameter", 0.98), free=True),
+    Row("diameter x 1/2", "specimen.diameter", _specimen("diameter", 0.5), free=True),
+    Row("density x 1/2", DENSITY, _specimen("density", 0.5), free=True, names=(SENSITIVITY,)),
+    Row("density x 2", DENSITY, _specimen("density", 2.0), free=True, names=(SENSITIVITY,)),
+    Row("density -10 %", DENSITY, _specimen("density", 0.9), free=True, names=(SENSITIVITY,)),
+    Row("y + 100 um", "centre_line.y_offset", _outline("y", 1e-4), free=True),
+    Row("Z + 20 um", "centre_line.Z_offset", _outline("Z", 2e-5), free=True),
+    Row("y from the other end", "centre_line.y", _changed(_mirrored), free=True),
+    Row("pictures x 1.02", "pictures.scale", _pictures(1.02), free=True),
+    Row("flyer x 1.03", "flyer.displacement", _motion(1.03), free=True),
+    Row("frames x 1.0084", "frames.time", _film(1.0084), free=True),
+    Row("frames x 0.97", "frames.time", _film(0.97), free=True),
+    Row("amplifier of 2 kHz", "force.bandwidth", _recorded(lambda v, h: low_pass(v, h, 2e3)), free=True),
+    Row("charge leaks in 3 ms", "force.time_constant", _recorded(_droop), free=True),
+    Row("baseline off by 5 %", "force.baseline", _changed(_zero), free=True),
+    Row("other bar's channel", "force.voltage", _other_channel, free=True),
+    Row(VOLTAGE, "", _voltage, free=True),
+    Row(CURVE, "", _curve(0.95), free=True),
+    Row("curve x 4", CURVE_SCALE, _curve(4.0), free=True),
+    Row("curve of true stress", "curve.stress", _form("true stress", 1.0), free=True, names=CURVES),
+    Row("curve of true strain", "curve.strain", _form("true strain", 1.0), free=True, names=CURVES),
+    Row("curve + 25 % curvature", "curve shape", _form("tilt", 0.25), free=True, names=CURVES),
+    Row("curve of the other branch", "curve.branch", _form("branch", 1.0), free=True, names=CURVES),
+    Row(
+        "sensitivity x 1/2, flyer 20 us late",
+        SENSITIVITY,
+        _changed(lambda s: _moved_clock(_scaled(s, 0.5), 20e-6)),
+        free=True,
+        names=("flyer.time", DENSITY),
+    ),
+    Row(
+        "Z + 40 um, force 20 us late",
+        "centre_line.Z_offset",
+        _changed(lambda s: _late_clock(_placed(s, "Z", 4e-5), 20e-6)),
+        free=True,
+        names=("force.clock_offset",),
+    ),
 )
 """Every row of the study, in the order of its table."""

@@ -93,23 +93,61 @@ def run(job: Job) -> dict[str, Any]:
     }
 
 
+CONFIDENT = 0.01
+"""Error of m from which on an answer without a warning is confident and wrong, if its interval excludes the
+truth too: below it the wrong input does not matter."""
+
+
 def judged(row: Row, said: dict[str, Any]) -> str:
-    """How a job ended: "refused", "not identified", "named", "other named", "silent"; of a right shot "quiet"
-    or "alarm"; of the curve's scale "said" or "silent"."""
+    """How a job ended.
+
+    Of a right shot "quiet" or "alarm". Of the curve's scale "said" or "silent". Else "first" or "second", the
+    right cause's place among the likely ones; "refused" with the right key in the message; "other" cause or
+    "none" named and the value withheld; "harmless", answered with the truth inside; "confident", answered
+    and wrong.
+    """
+    right = {row.key, *row.names} - {""}
     if said["refused"]:
-        return "refused"
-    named = [cause for cause in said["causes"] if cause["named"]]
+        known = not right or any(key in said["refused"] for key in right)
+        return "refused" if known else "other"
+    named = [cause["key"] for cause in said["causes"] if cause["named"]]
     if row.name.startswith(RIGHT):
         return "alarm" if named or not said["identified"] else "quiet"
     if row.name == CURVE:
         visible = said["curve_visible"]
         return "said" if visible is not None and visible < 0.05 else "silent"
-    right = {row.key, *row.names} - {""}
-    if named and right & {named[0]["key"], *named[0]["alike"]}:
-        return "named"
+    for place, word in enumerate(("first", "second")):
+        if right & set(named[place : place + 1]):
+            return word
     if not said["identified"]:
-        return "not identified"
-    return "other named" if named else "silent"
+        return "other" if named else "none"
+    error = said["value"] / said["truth"] - 1.0
+    beyond = abs(error) > max(CONFIDENT, 2.0 * said["sigma"] / said["truth"])
+    return "confident" if beyond and not named else "other" if beyond else "harmless"
+
+
+def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
+    """Shares of the wrong shots that matter, and counts.
+
+    "first", "first two": shares with the right cause there, a refusal that names it counted; "confident":
+    answered, wrong and nothing named; "harmless": left out of the shares; "right" shots and "alarms" of them.
+    """
+    rows = {row.name: row for row in ROWS}
+    ends = [(rows[said["row"]], judged(rows[said["row"]], said)) for said in jobs]
+    right = [end for row, end in ends if row.name.startswith(RIGHT)]
+    wrong = [end for row, end in ends if not row.name.startswith(RIGHT) and row.name != CURVE]
+    counted = [end for end in wrong if end != "harmless"]
+    n = max(len(counted), 1)
+    first = sum(end in ("first", "refused") for end in counted)
+    return {
+        "wrong": len(counted),
+        "first": first / n,
+        "first two": (first + counted.count("second")) / n,
+        "confident": wrong.count("confident"),
+        "harmless": wrong.count("harmless"),
+        "right": len(right),
+        "alarms": right.count("alarm"),
+    }
 
 
 def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -239,9 +277,12 @@ def main() -> int:
         ends = ", ".join(f"{n} {end}" for end, n in entry["ends"].items())
         strongest = sorted(round(x) for x in entry["evidence"] if x is not None)
         print(f"{entry['row']:38} {entry['shots']:3} {ends:40} evidence {strongest}")
+    kept = [one for one in each if "broke" not in one]
+    total = summary(kept)
+    print(", ".join(f"{word} {value:.3g}" for word, value in total.items()))
     if args.table is not None:
         about = {"population": Path(args.population).name, "seed": args.seed, "device": args.device}
-        write(args.table, finite({"about": about, "rows": rows}), indent=1)
+        write(args.table, finite({"about": about, "summary": total, "rows": rows}), indent=1)
     return 1 if broken else 0
 
 

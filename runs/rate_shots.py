@@ -32,8 +32,13 @@ def flyer(time: np.ndarray, speed: float, length: float) -> np.ndarray:
     return way * -np.expm1(-speed * ramp / way)
 
 
-def make(folder: Path, speed: float, m: float, *, seed: int, numerics: kolsky.Numerics = NUMERICS) -> None:
-    """Write one shot with the flyer's speed [m/s] and the stiffness factor m, of both elements' mean."""
+def make(
+    folder: Path, speed: float, m: float, *, seed: int, numerics: kolsky.Numerics = NUMERICS, **held: float
+) -> None:
+    """Write one shot with the flyer's speed [m/s] and the stiffness factor m, of both elements' mean.
+
+    ``held``: other parameters at other values than those of open-01, such as ``poisson=0.49998``.
+    """
     rng, origin = np.random.default_rng(seed), kolsky.load_shot(ORIGIN)
     length = origin.specimen.length
     interval = STRAIN * length * (1.0 + 0.5 * DRAG) / speed / FRAMES
@@ -47,7 +52,7 @@ def make(folder: Path, speed: float, m: float, *, seed: int, numerics: kolsky.Nu
     sampling = explicit.Sampling(force_times=scope[inside], surface_times=seen)
     forward = kolsky.Forward(origin, sampling, (path,), (kolsky.material_law(origin.curve),))
     runs = [
-        forward.run({"stiffness_factor": np.array([m])}, replace(numerics, element=element))
+        forward.run({"stiffness_factor": np.array([m]), **held}, replace(numerics, element=element))
         for element in ELEMENTS
     ]
     for run in runs:

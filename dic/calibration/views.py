@@ -15,6 +15,7 @@ from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from dic.outcome import Outcome
 from dic.processes import background_pool
+from dic.views import ResultViews
 
 
 def detect(picture: NDArray[np.generic], target: Target) -> Detection:
@@ -177,7 +178,7 @@ class Checks:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(ResultViews):
     """Two calibrated cameras and all that speaks for and against them."""
 
     rig: StereoRig

@@ -305,6 +305,16 @@ def measure_plane(
     ValueError
         Shapes that do not fit, a reference picture that cannot be used, no point in the mask, an extensometer
         beside all points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dic import measure_plane
+    >>> from scipy.ndimage import gaussian_filter
+    >>> speckles = gaussian_filter(np.random.default_rng(1).random((80, 80)), 1.5)
+    >>> field = measure_plane([speckles, np.roll(speckles, 1, axis=1)])
+    >>> bool(abs(np.nanmedian(field.surface.u[1, :, 0]) - 1.0) < 0.01)  # one pixel to the right
+    True
     """
     chosen = settings or FullFieldSettings()
     series = as_series(pictures)

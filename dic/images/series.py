@@ -77,7 +77,9 @@ class Pictures(Protocol):
         """
 
 
-Grey = NDArray[np.uint16] | NDArray[np.uint8]
+Bytes = NDArray[np.uint8]
+Words = NDArray[np.uint16]
+Grey = Words | Bytes
 
 LARGEST_SIDE = 32_768
 """Most rows or columns of a picture that are read [px]."""
@@ -183,11 +185,16 @@ def checked_frame(
 class PicturesInMemory:
     """Arrays as a series; see `dic.images.Pictures`.
 
-    Raises ValueError: no pictures, or one that is not of shape [rows, columns].
+    Floating-point pictures become 16-bit whole numbers, all of them with one scale: values from 0 to 1 times
+    65 535; of any other range the least value becomes 1 and the largest 65 534, so that no pixel counts as
+    saturated.
+
+    Raises ValueError: no pictures, one that is not of shape [rows, columns], or a floating-point value that
+    is not finite.
     """
 
     pictures: Sequence[NDArray[np.generic]]
-    """Grey values, 8 or 16-bit whole numbers, each of shape [rows, columns]."""
+    """Grey values, 8 or 16-bit whole numbers or floating-point ones, each of shape [rows, columns]."""
     bits: int = 0
     """Bits that carry the grey value; 0: those of the arrays' type."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
@@ -198,6 +205,8 @@ class PicturesInMemory:
     def __post_init__(self) -> None:
         if not len(self.pictures) or np.ndim(self.pictures[0]) != 2:
             raise ValueError("pictures in memory must be one array [rows, columns] or more")
+        if any(np.issubdtype(np.asarray(picture).dtype, np.floating) for picture in self.pictures):
+            object.__setattr__(self, "pictures", whole_numbers(self.pictures))
         if not self.bits:
             object.__setattr__(self, "bits", 8 * np.asarray(self.pictures[0]).dtype.itemsize)
 
@@ -221,6 +230,26 @@ class PicturesInMemory:
         """Grey values of one frame, shape [rows, columns]; a PictureError if it does not fit the first."""
         array = np.asarray(self.pictures[checked_index(self.n_frames, index)])
         return checked_frame(self.path, index, array, self.shape, self.bits)
+
+
+def whole_numbers(pictures: Sequence[NDArray[np.generic]]) -> tuple[Words, ...]:
+    """Floating-point pictures as 16-bit whole numbers by the rule of `PicturesInMemory`.
+
+    Raises ValueError if a value is not finite.
+    """
+    arrays = [np.asarray(picture, dtype=np.float64) for picture in pictures]
+    for frame, array in enumerate(arrays):
+        if not np.all(np.isfinite(array)):
+            row, column = np.argwhere(~np.isfinite(array))[0]
+            raise ValueError(
+                f"picture {frame}, row {row}, column {column} is {array[row, column]}: grey values must be "
+                "finite"
+            )
+    low, high = min(array.min() for array in arrays), max(array.max() for array in arrays)
+    if low >= 0.0 and high <= 1.0:
+        return tuple(np.rint(65_535.0 * array).astype(np.uint16) for array in arrays)
+    slope = 65_533.0 / (high - low) if high > low else 0.0
+    return tuple(np.rint(1.0 + slope * (array - low)).astype(np.uint16) for array in arrays)
 
 
 MOST_DECODED = 128 * 2**20
@@ -275,10 +304,6 @@ class DecodedPictures:
             if self._size + picture.nbytes <= self.most:
                 picture = self._keep(index, picture.copy())  # a memory map may change under the hand
         return picture
-
-
-Bytes = NDArray[np.uint8]
-Words = NDArray[np.uint16]
 
 
 def packed_size(values: int, bits: int) -> int:

@@ -44,6 +44,8 @@ _SLACK = 1_000_000
 _HARMLESS = 200_000_000
 """What strips may unpack to without a look before [bytes]; Deflate makes at most 1032 bytes of one."""
 _MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
+_FLOATING = 3
+"""`SampleFormat` of floating-point numbers."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +124,17 @@ def read(path: Path) -> TiffPictures:
             file.filehandle.seek(offsets[0])
             page = tifffile.TiffPage(file, 0)
             stored, rows, columns = page.bitspersample, page.imagelength, page.imagewidth
-            largest, description = page.tags.valueof(281), page.description
+            largest, description, form = page.tags.valueof(281), page.description, page.sampleformat
             stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
         raise PictureError(path, f"its first page cannot be read ({error})") from error
+    if form == _FLOATING:
+        raise PictureError(
+            path,
+            "its grey values are floating-point numbers, whose range only the whole series has",
+            cure="read the pictures with tifffile.imread and give their arrays to measure_plane, which "
+            "scales them together, or export grey values of 8 to 16 bits",
+        )
     if not isinstance(stored, int) or not 8 <= stored <= 16:
         raise PictureError(
             path,

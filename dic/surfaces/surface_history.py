@@ -10,10 +10,11 @@ from dic.basics import BoolArray, FloatArray, IntArray
 from dic.outcome import PointOutcome
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.cylinder import SpecimenFrame
+from dic.views import ResultViews
 
 
 @dataclass(frozen=True)
-class SurfaceHistory:
+class SurfaceHistory(ResultViews):
     """Points of a surface followed through the frames of a test.
 
     Components are (x, y, Z): y the compression axis from the transmission platen toward the flyer,

@@ -129,6 +129,14 @@ def wrong(name: str) -> str:
         span = f"{min(evidence):.0f} to {max(evidence):.0f}" if evidence else ""
         cells = [row["row"], row["shots"], ends, row["identified"], error, corrected, span]
         lines.append(f"| {' | '.join(map(str, cells))} |")
+    if "summary" in made:
+        of = made["summary"]
+        lines += [
+            "",
+            f"Of {of['wrong']} wrong shots that matter {100.0 * of['first']:.1f} % have the right cause "
+            f"first, {100.0 * of['first two']:.1f} % among the first two; {of['confident']} answers are "
+            f"confident and wrong. Of {of['right']} right shots {of['alarms']} raise an alarm.",
+        ]
     return "\n".join(lines)
 
 

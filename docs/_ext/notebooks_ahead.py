@@ -23,7 +23,7 @@ _SILENT = getLogger(f"{__name__}.runs")
 """Of what a run says; a failure is told once, by `run_all`."""
 _SILENT.addHandler(NullHandler())
 _SILENT.propagate = False
-LONGEST = ("tutorials/rate_study", "tutorials/pictures", "tutorials/first_shot")
+LONGEST = ("tutorials/rate_study", "tutorials/pictures", "tutorials/first_shot", "gallery/rate")
 """Begun first, so that no process waits for one of them in the end."""
 
 

@@ -29,6 +29,12 @@ def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
     ------
     ValueError
         If a number of levels is below 2 or their count is not that of the parameters.
+
+    Examples
+    --------
+    >>> from doe import Box, full_factorial
+    >>> len(full_factorial(Box.of({"a": (0.0, 1.0), "b": (0.0, 1.0)}), (2, 3)))
+    6
     """
     counts = (
         tuple(index(n) for n in levels) if isinstance(levels, Sequence) else (index(levels),) * box.dimension
@@ -65,6 +71,13 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
         If n is below 2.
     TypeError
         If `rng` is neither an integer nor a generator.
+
+    Examples
+    --------
+    >>> from doe import Box, latin_hypercube
+    >>> points = latin_hypercube(Box.of({"a": (0.0, 1.0)}), 4, rng=1).points
+    >>> sorted((4 * points[:, 0]).astype(int).tolist())  # one point in each quarter
+    [0, 1, 2, 3]
     """
     n = count_of(n)
     seed = seed_of(rng)
@@ -94,6 +107,12 @@ def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
         If n is below 2 or not a power of two; the message names the next one.
     TypeError
         If `rng` is neither an integer nor a generator.
+
+    Examples
+    --------
+    >>> from doe import Box, sobol
+    >>> sobol(Box.of({"a": (0.0, 1.0), "b": (0.0, 1.0)}), 8, rng=1).points.shape
+    (8, 2)
     """
     n = count_of(n)
     exponent = (n - 1).bit_length()

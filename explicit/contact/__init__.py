@@ -1,12 +1,7 @@
-"""Contact laws, one file each; a new law is one file and one line of `CONTACT_LAWS`."""
+"""Contact laws between a node and a rigid platen; a new law is a class and an entry of `CONTACT_LAWS`."""
 
 from explicit.contact.base import ContactLaw
-from explicit.contact.bonded import Bonded
-from explicit.contact.bonded_release import BondedRelease
-from explicit.contact.coulomb import Coulomb
-from explicit.contact.frictionless import Frictionless
-from explicit.contact.penalty import Penalty
-from explicit.contact.rough import Rough
+from explicit.contact.laws import Bonded, BondedRelease, Coulomb, Frictionless, Penalty, Rough
 
 CONTACT_LAWS: dict[str, ContactLaw] = {
     law.name: law for law in (Bonded(), BondedRelease(), Rough(), Coulomb(), Frictionless(), Penalty())

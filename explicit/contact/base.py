@@ -18,21 +18,21 @@ FREE, TOUCHED, RELEASED = 0, 1, 2
 
 
 class ContactLaw(Protocol):
-    """Interface of a contact law."""
+    """Interface of a contact law, and what holds of one that says nothing else."""
 
     name: str
     """Name at the API."""
-    needs_friction: bool
+    needs_friction: bool = False
     """Whether the law reads the friction coefficient, `explicit.Samples.friction`."""
-    needs_release_stress: bool
+    needs_release_stress: bool = False
     """Whether the law reads the tensile stress at which a bond breaks, `explicit.Samples.release_stress`."""
-    needs_stiffness: bool
+    needs_stiffness: bool = False
     """Whether the law reads the stiffness of its springs, `explicit.Samples.contact_stiffness`."""
-    carries_tension: bool
+    carries_tension: bool = False
     """Whether a node can be pulled by the platen."""
-    slides: bool
+    slides: bool = False
     """Whether a node can slip along the platen while it is pressed on it."""
-    remembers_slip: bool
+    remembers_slip: bool = False
     """Whether the law keeps a slip of each node from step to step."""
 
     def kernel_function(self, precision: Precision) -> Any:

@@ -189,7 +189,6 @@ class InvariantLaw(ClosedFormLaw):
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.law.MaterialLaw`."""
         law: Any = cls  # a class is hashable, whatever its metaclass is taken for
         return invariant_kernel_functions(law, precision)
 
@@ -202,21 +201,18 @@ class InvariantLaw(ClosedFormLaw):
     # ---- principal stretches -------------------------------------------------------------------------
 
     def strain_energy(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
-        """See `explicit.materials.law.Stretches`."""
         _, I1, I2 = _invariants(lam1, lam2, lam3)
         return self.W(I1, I2)
 
     def principal(
         self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.law.Stretches`."""
         lam, I1, I2 = _invariants(lam1, lam2, lam3)
         W1, W2 = self.dW_dI(I1, I2)
         slope = 2.0 * lam * (W1[..., None] + W2[..., None] * (I1[..., None] - lam**2))
         return slope[..., 0], slope[..., 1], slope[..., 2]
 
     def hessian(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
-        """See `explicit.materials.law.Stretches`."""
         lam, I1, I2 = _invariants(lam1, lam2, lam3)
         W1, W2 = (x[..., None, None] for x in self.dW_dI(I1, I2))
         W11, W12, W22 = (x[..., None, None] for x in self.d2W_dI2(I1, I2))
@@ -290,7 +286,6 @@ class StretchLaw(ClosedFormLaw):
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.law.MaterialLaw`."""
         raise NotImplementedError
 
     @classmethod
@@ -308,19 +303,16 @@ class StretchLaw(ClosedFormLaw):
     # ---- principal stretches -------------------------------------------------------------------------
 
     def strain_energy(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
-        """See `explicit.materials.law.Stretches`."""
         lam1, lam2, lam3 = _arrays(lam1, lam2, lam3)
         return self.w(lam1) + self.w(lam2) + self.w(lam3)
 
     def principal(
         self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.law.Stretches`."""
         lam1, lam2, lam3 = _arrays(lam1, lam2, lam3)
         return self.dw(lam1), self.dw(lam2), self.dw(lam3)
 
     def hessian(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
-        """See `explicit.materials.law.Stretches`."""
         lam = np.stack(_arrays(lam1, lam2, lam3), axis=-1)
         return np.asarray(np.eye(3) * self.d2w(lam)[..., None])
 

@@ -258,20 +258,10 @@ MODES = {
 
 
 def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
-    """First deformation at which the energy of a law is not above 0.
+    """Mode of deformation and stretch next to 1 at which the energy of a closed-form law is not above 0.
 
-    Parameters
-    ----------
-    law
-        A closed-form law. Past locking it has no energy, and nothing is asked of it there.
-    stretches : (float, float)
-        Range of the stretch along the load [-].
-
-    Returns
-    -------
-    (str, float) or None
-        The mode of deformation, and the stretch next to 1 at which the energy is 0 or below; None if it is
-        positive.
+    None if it is positive. Past locking a law has no energy, and nothing is asked of it there. ``stretches``:
+    range of the stretch along the load [-].
     """
     x = np.geomspace(stretches[0], stretches[1], 1201)
     x = x[np.abs(x - 1.0) > 1e-3]

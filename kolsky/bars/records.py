@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import Recording
@@ -246,7 +247,7 @@ class BudgetTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReducedTest:
+class ReducedTest(ResultViews):
     """A reduced test, however it was measured, with everything that its numbers rest on."""
 
     name: str

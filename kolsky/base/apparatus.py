@@ -12,6 +12,13 @@ LIFTING_LAW = "rough"
 """Contact law of faces that neither slide nor hold what moves away."""
 SLIDING_LAW = "coulomb"
 """Contact law of faces that slide."""
+LARGEST_POISSON = 0.49999
+"""Largest Poisson's ratio of a shot: the stable step goes with the root of 1 - 2 nu."""
+INCOMPRESSIBLE = 0.49998
+"""Poisson's ratio that stands for an incompressible specimen. The outline of open-01 is 0.07 um from that of
+`LARGEST_POISSON`, below what all its points resolve together, where 0.4999 is 0.6 um away."""
+INCOMPRESSIBLE_WORD = "incompressible"
+"""Its name in shot.toml and on the command line."""
 
 
 @dataclass(frozen=True)

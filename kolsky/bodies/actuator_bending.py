@@ -122,9 +122,10 @@ def path_angle(path: ArcPath) -> FloatArray:
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Steps from 0 to the largest pressure [Pa] that pass each of those given, and their places."""
+    """Steps from 0 to the largest pressure or suction [Pa] that pass each of those given, and their
+    places."""
     step = float(pressures[-1]) / _FILM_STEPS
-    ends = np.concatenate([[0.0], pressures[pressures > 0.0]])
+    ends = np.concatenate([[0.0], pressures[pressures != 0.0]])
     parts = [np.array([0.0])]
     for a, b in pairwise(ends):
         parts.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / step - 1e-9))) + 1)[1:])
@@ -186,9 +187,27 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
     return motions
 
 
+LARGEST_LOAD = 5.0
+"""Pressure over the shear modulus beyond which no soft actuator is used [-]: walls of half the chambers' width
+carry about twice the pressure, and rubbers tear at a few shear moduli."""
+
+
+def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
+    """A warning of a pressure [Pa] that no material of this shear modulus [Pa] carries; none of a usual one."""
+    share = abs(pressure) / shear_modulus
+    if share <= LARGEST_LOAD:
+        return []
+    return [
+        f"the largest pressure is {share:.3g} times the shear modulus, usual is at most {LARGEST_LOAD:g}: "
+        "check the units of pressures and of the constants"
+    ]
+
+
 def warnings_of(directions: list[Direction]) -> list[str]:
     """What a reader must know before using the bends."""
-    warnings = []
+    first = directions[0].pristine
+    model = first.solution.model
+    warnings = implausible_load(float(np.abs(first.pressures).max()), float(model.solid.shear_modulus))
     for one in directions:
         limits = np.array([]) if one.path is None else one.path.limits
         if limits.size:
@@ -258,24 +277,26 @@ def pressure_for(
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
     ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: wanted angle [rad].
-    ``most``: largest pressure [Pa].
+    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way: both angle and pressure
+    count with the other sign in the search, so that its function rises.
     """
     rest = actuator.simulate(gravity, np.zeros(1))
-    start = Search(angle, most, float(rest.angle[0]), 0.5 * most)
-    if not rest.solution.outcome.ok or angle < start.low_angle - TOLERANCE:
+    way = -1.0 if most < 0.0 else 1.0
+    start = Search(way * angle, way * most, way * float(rest.angle[0]), 0.5 * way * most)
+    if not rest.solution.outcome.ok or start.wanted < start.low_angle - TOLERANCE:
         ended = SearchEnd.BELOW if rest.solution.outcome.ok else SearchEnd.FAILED
         return _inversion(angle, rest, ended, 1)
     near = rest
     for n in range(2, ITERATIONS + 2):
-        near = _next_equilibrium(actuator, gravity, near, start.pressure)
+        near = _next_equilibrium(actuator, gravity, near, way * start.pressure)
         if not near.solution.outcome.ok:
             return _inversion(angle, near, SearchEnd.FAILED, n)
         value, slope = float(near.angle[-1]), float(near.slopes()[-1].sum())
         if abs(value - angle) <= TOLERANCE:
             return _inversion(angle, near, SearchEnd.YES, n)
-        if start.pressure == most and value < angle:
+        if start.pressure == start.most and way * value < start.wanted:
             return _inversion(angle, near, SearchEnd.ABOVE, n)
-        start.take(value, slope)
+        start.take(way * value, slope)
     return _inversion(angle, near, SearchEnd.NOT_CONVERGED, ITERATIONS + 1)
 
 
@@ -326,7 +347,7 @@ def pressures_for(
 ) -> Inversion:
     """Find the pressure of each cavity for a wanted angle, and position of the tip if there is one.
 
-    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies in [0, most]. ``angle``:
+    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies between 0 and most. ``angle``:
     wanted angle [rad]. ``tip``: wanted position of the tip from the origin [m], shape [3]; None: only the
     angle counts.
     """

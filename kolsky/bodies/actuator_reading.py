@@ -23,6 +23,8 @@ from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
+Gauge = Annotated[float, BeforeValidator(f.physical("Pa", what="a pressure over that outside"))]
+"""Below 0 it is suction."""
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 Count = Annotated[int, Field(ge=1, le=200)]
@@ -129,7 +131,7 @@ class InvertSection(Section):
     """[invert]: the wanted bend, and the largest pressure."""
 
     angles: Annotated[list[Angle], Field(min_length=1)]
-    most: Pressure
+    most: Gauge
     tip: Annotated[list[f.Offset], Field(min_length=3, max_length=3)] | None = None
 
 
@@ -172,7 +174,7 @@ class ActuatorFile(Section):
     geometry: GeometrySection = Field(default_factory=GeometrySection)
     material: MaterialSection
     gravity: dict[str, Vector]
-    pressures: Annotated[list[Pressure], Field(min_length=1)]
+    pressures: Annotated[list[Gauge], Field(min_length=1)]
     healed: dict[str, Any] | None = None
     contact: ContactSection | None = None
     path: PathSection | None = None
@@ -183,13 +185,23 @@ class ActuatorFile(Section):
 
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
-        if any(b <= a for a, b in zip(self.pressures[:-1], self.pressures[1:], strict=True)):
-            raise f.problem("do not rise", key="pressures", cure="list them from small to large")
+        sizes = [abs(one) for one in self.pressures]
+        if any(b <= a for a, b in zip(sizes[:-1], sizes[1:], strict=True)):
+            raise f.problem("do not rise", key="pressures", cure="list them from small to large, as suction too")
+        if min(self.pressures) < 0.0 < max(self.pressures):
+            raise f.problem(
+                "are of both signs", key="pressures", cure="simulate pressure and suction from two files"
+            )
+        if self.path is not None and self.pressures[-1] < 0.0:
+            raise f.problem("follows pressures above 0", key="path", cure="remove it for suction")
         if not self.gravity:
             raise f.problem("is empty", key="gravity", cure="write e.g. downward = [0.0, 0.0, -9.81]")
         return self
 
 
+SIZES = (1e-3, 3.0)
+"""Lengths of a soft actuator [m]: those made and published have some mm to 1 m; beyond, weight folds silicone,
+and a unit is wrong by a factor of ten or more."""
 NEEDED = ("clamp", "origin", "tip")
 """Sets that a mesh from a file must have, beside "cavity" or "cavity_1" and so on."""
 
@@ -248,6 +260,14 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
                 cure='name the points in Gmsh\'s physical groups, or point data "set:clamp" of a VTU file',
             )
         _check_closed(toml, mesh, cavities)
+    size = float(np.ptp(mesh.points, axis=0).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise toml.error(
+            "geometry",
+            f"makes an actuator that is {1e3 * size:.4g} mm long",
+            allowed=f"{1e3 * SIZES[0]:g} mm to {SIZES[1]:g} m",
+            cure="check mesh_unit, or the units of the dimensions",
+        )
     given = declared.material.constants
     solid = _solid(toml, declared, "material.constants", given, declared.material.D1)
     healed = None

@@ -155,7 +155,7 @@ class Sheet:
     axis: int = 0
     """Direction of the pull."""
     regions: IntArray | None = None
-    """Region of each cell; 0 is fitted, the others are held, shape [m]. None: one material."""
+    """Region of each cell, the fitted ones first, shape [m]. None: one material."""
     held: Mapping[int, Solid] = field(default_factory=dict)
     """Materials of the held regions."""
     device: str = "cpu"
@@ -179,14 +179,15 @@ class Sheet:
             device=self.device,
         )
 
-    def parameters(self, solid: Solid) -> FloatArray:
-        """Constants of all regions, shape [n_regions, n_parameters]."""
-        n = 1 if self.regions is None else int(self.regions.max()) + 1
-        return np.array([self.held.get(r, solid).parameters() for r in range(n)])
+    def simulate(self, solid: Solid, pad: FloatArray, *further: Solid) -> Solution:
+        """Equilibria at displacements of the moving pad [m], shape [n].
 
-    def simulate(self, solid: Solid, pad: FloatArray) -> Solution:
-        """Equilibria at displacements of the moving pad [m], shape [n]."""
-        return solve(self.model(solid), {ENDS: pad}, self.parameters(solid))
+        ``solid``: the material of the first region. ``further``: those of the next ones that are fitted.
+        """
+        n = 1 if self.regions is None else int(self.regions.max()) + 1
+        fitted = dict(enumerate((solid, *further)))
+        rows = [self.held.get(r, fitted.get(r, solid)).parameters() for r in range(n)]
+        return solve(self.model(solid), {ENDS: pad}, np.array(rows))
 
     def force(self, solution: Solution) -> FloatArray:
         """Force on the body at the moving pad along the pull [N], shape [n]."""
@@ -214,16 +215,16 @@ class SheetState:
 def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray) -> SheetState | str:
     """Simulate a sheet and differentiate it, or say why it cannot be done."""
     try:
-        solid = constants.solid(free)
+        solids = constants.solids(free)
     except ValueError as error:
         return str(error)
-    solution = sheet.simulate(solid, pad)
+    solution = sheet.simulate(solids[0], pad, *solids[1:])
     if not solution.outcome.ok:
         at = 1e3 * pad[solution.reached]
         return f"the sheet at {at:.4g} mm: {solution.outcome.cause}; {solution.outcome.cure}"
     slopes = direct(solution)
     chain = constants.chain(free)
-    n_own = len(chain)  # region 0 comes first
+    n_own = len(chain)  # the fitted regions come first
     by = np.einsum("npai,pq->nqai", slopes.displacements[:, :n_own], chain)
     force = sheet.force(solution)
     by_force = slopes.reaction(sheet.moving)[:, :n_own, sheet.axis]

@@ -28,7 +28,7 @@ from scipy.spatial import cKDTree
 from dic.basics import MAD
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.bodies.sheet_fit import EXPLAINED_SHARE, FieldData, FieldFit, FieldProblem, fit_field
-from kolsky.bodies.sheet_reading import MeasuredField, keeping
+from kolsky.bodies.sheet_reading import MeasuredField, keeping, mesh_scale
 from kolsky.equilibrium.meshes import Mesh
 
 _CELLS = 16
@@ -39,12 +39,17 @@ _NEWTON_STEPS = 8
 """Steps of the inverse map; a straight cell takes one, a bent one four or five."""
 _PASSES = 4
 """Most fits with points that were taken back."""
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]."""
 FORCE_FACTORS = {
     -1.0: "its sign is reversed",
     1e3: "its unit is 1000 times larger, as N for mN",
     1e-3: "its unit is 1000 times smaller, as mN for N",
     2.0: "it is that of half of the sheet",
     0.5: "it is that of two sheets",
+    STANDARD_GRAVITY: "it is in kgf or kg, not in N",
+    1e-3 * STANDARD_GRAVITY: "it is in gf or g, not in N",
+    1.0 / STANDARD_GRAVITY: "it was multiplied by the acceleration of gravity once too often",
 }
 """Factor that a measured force lacks -> what is wrong with it."""
 FIELD_FACTORS = {
@@ -109,7 +114,8 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
     mesh = found.problem.sheet.mesh
     nodal = np.moveaxis(found.cost.state.displacements, 0, 1).reshape(len(mesh.points), -1)
     simulated, cell = interpolated(mesh, nodal, measured.points)
-    own = np.moveaxis(measured.displacements, 0, 1).reshape(len(measured.points), -1)
+    moved = measured.displacements - found.translation
+    own = np.moveaxis(moved, 0, 1).reshape(len(measured.points), -1)
     apart = np.abs(own - simulated)
     inside = cell >= 0
     if not inside.any():
@@ -164,13 +170,15 @@ def lacking_factor(
     return LackingFactor(k, float(np.sqrt(own)) / size)
 
 
-def one_change(problem: FieldProblem, found: FieldFit) -> str:
-    """The one factor of force or displacements with which the sheet explains both, in words; empty if none.
+def one_change(measured: MeasuredField, found: FieldFit) -> str:
+    """The one change of the data with which the sheet explains field and force, in words; empty if none.
 
-    ``problem``: with the constants to begin at. ``found``: its fit. A usual factor is confirmed by a fit.
+    ``measured``: with the constants to begin at. ``found``: its fit. Tried are usual factors of the force, the
+    displacements and the mesh, and mirrored axes; each is confirmed by a fit.
     """
     if found.explained:
         return ""
+    problem = measured.problem
     data = problem.data
     near = list(FORCE_FACTORS)
     try:
@@ -192,7 +200,50 @@ def one_change(problem: FieldProblem, found: FieldFit) -> str:
             moved = replace(data, displacements=factor * data.displacements, sigma_displacement=sigma)
             if _explains(problem, moved):
                 return _words("displacements", "field.points.ux and uy", cause, factor)
+    return "" if found.adequate else _change_of_place(measured, found)
+
+
+def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
+    """A reversed component, a wrong unit of the mesh, or a mirrored axis that would explain the field."""
+    problem = measured.problem
+    data, state = problem.data, found.cost.state
+    both = np.einsum("nai,nai->i", found.problem.loaded(data.displacements), state.displacements)
+    for axis, name in enumerate("xy"):
+        sides = np.where(np.arange(2) == axis, -1.0, 1.0)
+        if both[axis] < 0.0 and _explains(problem, replace(data, displacements=sides * data.displacements)):
+            return (
+                f"one change of the displacements would explain the field and the force: u{name} has the "
+                f"wrong sign, as where {name} is counted the other way (field.points.u{name} times -1)"
+            )
+    mesh = problem.sheet.mesh
+    scale = mesh_scale(mesh.points, measured.points)
+    if scale is not None:
+        sheet = replace(problem.sheet, mesh=replace(mesh, points=scale * mesh.points))
+        scaled = replace(measured, problem=FieldProblem(sheet, data, problem.constants))
+        if _explains_again(scaled):
+            return (
+                f"one change of the mesh would explain the field and the force: {scale:g} times its size; "
+                "check field.mesh_unit"
+            )
+    for axis, name in enumerate("xy"):
+        sides = np.where(np.arange(2) == axis, -1.0, 1.0)
+        ends = mesh.points[:, axis].min() + mesh.points[:, axis].max()
+        points = measured.points * sides + np.where(np.arange(2) == axis, ends, 0.0)
+        if _explains_again(replace(measured, points=points, displacements=sides * measured.displacements)):
+            return (
+                f"one change of the mesh would explain the field and the force: its axis {name} is mirrored "
+                f"against that of the points; count {name} the same way in both"
+            )
     return ""
+
+
+def _explains_again(measured: MeasuredField) -> bool:
+    """Whether a sheet with other points or another mesh is explained."""
+    try:
+        problem = keeping(measured, measured.left_out).problem
+    except ValueError:
+        return False
+    return bool(problem.data.cells.any()) and _explains(problem, problem.data)
 
 
 def _words(what: str, key: str, cause: str, factor: float) -> str:
@@ -209,8 +260,8 @@ _MUTE = 1e9
 
 def _field_factor(found: FieldFit) -> float:
     """Factor of the displacements that meets the simulated ones best [-]."""
-    mass, data, state = found.problem.mass, found.problem.data, found.cost.state
-    loaded = [mass @ one for one in data.displacements]
+    data, state = found.problem.data, found.cost.state
+    loaded = found.problem.loaded(data.displacements)
     both = sum(float(np.sum(a * b)) for a, b in zip(loaded, state.displacements, strict=True))
     own = sum(float(np.sum(a * b)) for a, b in zip(loaded, data.displacements, strict=True))
     return both / own if own > 0.0 else 1.0

@@ -12,6 +12,11 @@ derivatives. Their w is a matter of taste. Here it makes both parts count by the
 independent point for the area a and the deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J
 / (a sigma_u^2) is a chi-square.
 
+Where the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k. The
+best one for any m is the mean of u_msr - u over the measured region, so that in all integrals above
+
+    u_k(m) - u_msr,k  becomes  u_k(m) - u_msr,k - mean(u_k(m) - u_msr,k).                   (F.1)
+
 At the minimum of the cost J(m, v) over the constants m a changed measurement v moves them by
 
     dm/dv = -[d2J/dm2]^-1 d2J/dm dv                                                         (K.18, K.19)
@@ -20,7 +25,7 @@ which gives variances (K.20-25), sensitivity fields on the mesh (K.26, K.27), an
 made a map of where a displacement would tell most (K.28-36).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -52,6 +57,8 @@ class FieldData:
     """Standard deviation of a force [N]."""
     area: float
     """Area of one independent point [m^2]."""
+    floating: bool = False
+    """Whether each step's field has a translation that is not measured."""
 
     @property
     def weight(self) -> float:
@@ -61,14 +68,8 @@ class FieldData:
     def only(self, step: int) -> "FieldData":
         """The data of one step."""
         chosen = slice(step, step + 1)
-        return FieldData(
-            self.pad[chosen],
-            self.force[chosen],
-            self.displacements[chosen],
-            self.cells,
-            self.sigma_displacement,
-            self.sigma_force,
-            self.area,
+        return replace(
+            self, pad=self.pad[chosen], force=self.force[chosen], displacements=self.displacements[chosen]
         )
 
 
@@ -108,6 +109,21 @@ class FieldProblem:
         """Mass matrix of the measured region, one component, shape [nodes, nodes]."""
         return mass_matrix(self.sheet.mesh, self.data.cells)
 
+    def mean(self, fields: FloatArray) -> FloatArray:
+        """Mean of nodal fields over the measured region, shape [..., 1, 2] of [..., nodes, 2]."""
+        weights = np.asarray(self.mass.sum(axis=0)).ravel()
+        return np.asarray((weights @ fields / weights.sum())[..., None, :])
+
+    def loaded(self, fields: FloatArray) -> FloatArray:
+        """Mass matrix times nodal fields of shape [..., nodes, 2].
+
+        Where the translation of a field is not measured, the one that fits best is taken out (F.1).
+        """
+        if self.data.floating:
+            fields = fields - self.mean(fields)
+        flat = fields.reshape(-1, *fields.shape[-2:])
+        return np.stack([self.mass @ one for one in flat]).reshape(fields.shape)
+
     def cost(self, free: FloatArray) -> Cost | str:
         """Eqs. (K.3-K.6) with derivatives from du/dm, or why there are none."""
         state = sheet_state(self.sheet, self.constants, free, self.data.pad)
@@ -115,9 +131,10 @@ class FieldProblem:
             return state
         data, w = self.data, self.data.weight
         apart = state.displacements - data.displacements
-        loaded = np.stack([self.mass @ one for one in apart])
+        apart = apart - self.mean(apart) if data.floating else apart
+        loaded = self.loaded(apart)
         misfit = state.force - data.force
-        moved = np.stack([[self.mass @ one for one in by] for by in state.by_constants])
+        moved = self.loaded(state.by_constants)
         gradients = np.einsum("nai,npai->np", loaded, state.by_constants)
         gradients += w * misfit[:, None] * state.force_by_constants
         curvature = np.einsum("npai,nqai->pq", moved, state.by_constants)
@@ -138,18 +155,18 @@ class FieldProblem:
         if isinstance(cost, str):
             raise ValueError(f"second derivatives need a simulation: {cost}")
         state, data = cost.state, self.data
-        twice = second(state.slopes)
         chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
-        own = len(chain)  # region 0 comes first
+        own = len(chain)  # the fitted regions come first
+        twice = second(state.slopes, first=own)
         # of u and f by the energy's constants, then by what is fitted
-        u_pq, u_p = twice.displacements[:, :own, :own], state.slopes.displacements[:, :own]
+        u_pq, u_p = twice.displacements, state.slopes.displacements[:, :own]
         u_ij = np.einsum("npqad,pi,qj->nijad", u_pq, chain, chain, optimize=True)
         u_ij += np.einsum("npad,pij->nijad", u_p, bent)
         axis, moving = self.sheet.axis, self.sheet.moving
-        f_pq = twice.reaction(moving)[:, :own, :own, axis]
+        f_pq = twice.reaction(moving)[..., axis]
         f_p = state.slopes.reaction(moving)[:, :own, axis]
         f_ij = np.einsum("npq,pi,qj->nij", f_pq, chain, chain) + np.einsum("np,pij->nij", f_p, bent)
-        loaded = np.stack([self.mass @ one for one in state.displacements - data.displacements])
+        loaded = self.loaded(state.displacements - data.displacements)
         left = np.einsum("nad,nijad->ij", loaded, u_ij)
         left += data.weight * np.einsum("n,nij->ij", state.force - data.force, f_ij)
         return np.asarray(cost.gauss_newton + left)
@@ -292,17 +309,25 @@ class FieldFit:
     @property
     def misfit(self) -> FloatArray:
         """Displacements' misfit over their size, of each step [-], shape [n]."""
-        mass, data = self.problem.mass, self.problem.data
-        size = np.array([np.einsum("ai,ai->", mass @ one, one) for one in data.displacements])
-        return np.asarray(np.sqrt(2.0 * self.cost.displacement / size))
+        return np.asarray(np.sqrt(2.0 * self.cost.displacement / self._sizes))
+
+    @property
+    def translation(self) -> FloatArray:
+        """Translation of the measured field of each step that fits best, Eq. (F.1) [m], shape [n, 1, 2]."""
+        apart = self.problem.data.displacements - self.cost.state.displacements
+        return self.problem.mean(apart) * float(self.problem.data.floating)
+
+    @property
+    def _sizes(self) -> FloatArray:
+        """int u . u dA of the measured field of each step, less its translation [m^4], shape [n]."""
+        mass, own = self.problem.mass, self.problem.data.displacements - self.translation
+        return np.array([np.einsum("ai,ai->", mass @ one, one) for one in own])
 
     @property
     def noise(self) -> FloatArray:
         """The misfit that the noise of the points alone would make [-], shape [n]."""
-        mass, data = self.problem.mass, self.problem.data
-        size = np.array([np.einsum("ai,ai->", mass @ one, one) for one in data.displacements])
-        area = float(mass.sum())
-        return np.asarray(np.sqrt(2.0 * area) * data.sigma_displacement / np.sqrt(size))
+        area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
+        return np.asarray(np.sqrt(2.0 * area) * sigma / np.sqrt(self._sizes))
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -310,6 +335,7 @@ class FieldFit:
         [-]."""
         data = self.problem.data
         displacements = 2.0 * len(data.pad) * float(self.problem.mass.sum()) / data.area
+        displacements -= 2.0 * len(data.pad) * data.floating
         of_field = 2.0 * self.cost.displacement.sum() / (data.area * data.sigma_displacement**2)
         of_force = 2.0 * self.cost.force.sum() / data.sigma_force**2
         field = max(1.0, float(of_field) / max(displacements - len(self.values), 1.0))
@@ -463,14 +489,14 @@ def fit_field(problem: FieldProblem) -> FieldFit:
             hessian, exact = problem.hessian(free), True
         elif not near:
             hessian = here.gauss_newton
-    fitted = Constants(problem.constants.law, problem.constants.all(free), problem.constants.free)
+    fitted = replace(problem.constants, values=problem.constants.all(free))
     own = FieldProblem(problem.sheet, problem.data, fitted)
     final = own.hessian(free)
     held = _at_bounds(free, here.gradients.sum(axis=0), low, high)
     seen = np.flatnonzero(~held)
     own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
-    mixed = -np.stack([[own.mass @ one for one in by] for by in here.state.by_constants])
+    mixed = -own.loaded(here.state.by_constants)
     by_displacement, by_force = np.zeros((n, p, nodes * d)), np.zeros((n, p))
     for k, (field, force) in enumerate(zip(mixed, here.state.force_by_constants, strict=True)):
         by_displacement[k, seen] = parameter_change(own_final, field.reshape(p, -1)[seen])

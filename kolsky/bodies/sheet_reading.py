@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
 from kolsky.base.units import UnitError, quantity
@@ -52,6 +52,8 @@ class MeasuredField:
     """SHA-256 of the files, by name."""
     declared_sigma: float | None = None
     """Declared standard deviation of a point's displacement [m]; None: that which the points show."""
+    turned: int = 0
+    """Cells that run clockwise in the mesh's file and were turned."""
 
 
 def read_field(spec: Specification) -> MeasuredField:
@@ -60,7 +62,7 @@ def read_field(spec: Specification) -> MeasuredField:
     assert section is not None  # whoever calls this has looked
     folder = toml.path.parent
     raw = read_gmsh(folder / section.mesh)
-    sheet = _sheet(toml, section, spec.constants, raw)
+    sheet, constants, turned = _sheet(toml, section, spec.constants, raw)
     hashes: dict[str, str] = {}
     hashes[section.mesh] = raw.sha256
     points, displacements, hashes[section.points.file] = _points(toml, section)
@@ -77,13 +79,16 @@ def read_field(spec: Specification) -> MeasuredField:
         )
     every = np.ones(len(sheet.mesh.cells), dtype=np.bool_)
     data = FieldData(
-        pad, force, displacements[:, :0], every, declared or 0.0, section.sigma_force, spacing(points) ** 2
-    )
-    problem = FieldProblem(sheet, data, spec.constants)
+        pad, force, displacements[:, :0], every, declared or 0.0, section.sigma_force, spacing(points) ** 2,
+        section.relative_to == "camera",
+    )  # fmt: skip
+    problem = FieldProblem(sheet, data, constants)
     frames = tuple(section.frames)
-    measured = keeping(MeasuredField(problem, points, bad, displacements, frames, hashes, declared), bad)
+    measured = keeping(
+        MeasuredField(problem, points, bad, displacements, frames, hashes, declared, turned), bad
+    )
     if not measured.problem.data.cells.any():
-        scale = _mesh_scale(sheet.mesh.points, points)
+        scale = mesh_scale(sheet.mesh.points, points)
         unit = f"; the mesh would hold them if it were {scale:g} times as large" if scale else ""
         raise toml.error(
             "field.points",
@@ -112,7 +117,7 @@ def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
         )
 
 
-def _mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
+def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
     """Usual factor of lengths with which the nodes' box holds the points and is at most twice as large."""
     size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
     for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):
@@ -146,35 +151,90 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
     return replace(measured, problem=changed, left_out=left_out)
 
 
-def _sheet(toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh) -> Sheet:
-    groups, curves, cells = raw.cell_groups, raw.point_groups, raw.cells
-    for key, name in (("moving", section.moving), ("fixed", section.fixed)):
-        if name not in curves:
-            raise toml.error(f"field.{key}", "is no group of curves of the mesh", allowed=", ".join(curves))
-    mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], curves)
+def _sheet(
+    toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh
+) -> tuple[Sheet, Constants, int]:
+    """The sheet, the constants with those of its other regions, and the cells that were turned."""
+    groups, curves = raw.cell_groups, raw.point_groups
+    sets = {}
+    for key, names in (("moving", section.moving), ("fixed", section.fixed)):
+        for name in names:
+            if name not in curves:
+                raise toml.error(
+                    f"field.{key}", f"names {name!r}, no group of curves of the mesh", allowed=", ".join(curves)
+                )
+        sets[f"the {key} pad"] = np.unique(np.concatenate([curves[name] for name in names]))
+    moving, fixed = sets
+    if np.isin(sets[moving], sets[fixed]).any():
+        raise toml.error("field.moving", "shares points with field.fixed", cure="name two pads that are apart")
+    cells, turned = counterclockwise(raw.points, raw.cells)
+    mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], sets)
     regions = None
     held: dict[int, Solid] = {}
     if section.region is not None:
         if section.region not in groups:
             raise toml.error("field.region", "is no group of surfaces", allowed=", ".join(groups))
+        constants, held = _further(toml, section, constants, [n for n in groups if n != section.region])
         regions = np.zeros(len(cells), dtype=np.int64)
-        for number, name in enumerate((n for n in groups if n != section.region), start=1):
-            if name not in section.held:
-                raise toml.error("field.held", f"says nothing of the region {name}")
+        order = [*constants.regions, *(n for n in groups if n not in (section.region, *constants.regions))]
+        for number, name in enumerate(order, start=1):
             regions[groups[name]] = number
-            held[number] = solid_of(
-                constants.law, _fixed_constants(toml, constants.law, name, section.held[name])
+    elif section.held or section.regions:
+        raise toml.error("field.region", "is missing", cure="name the group of surfaces that [material] is of")
+    axis = "xy".index(section.axis)
+    sheet = Sheet(mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held)
+    return sheet, constants, turned
+
+
+MIRRORED = {
+    "tri3": (0, 2, 1), "quad4": (0, 3, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad8": (0, 3, 2, 1, 7, 6, 5, 4),
+    "quad9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
+}  # fmt: skip
+"""Points of a cell in the other sense, by its element."""
+
+
+def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
+    """Cells that all run counter-clockwise, and how many were turned for it; the bodies are the same."""
+    kind = KINDS[cells.shape[1]]
+    corners = points[cells[:, : 3 if kind.startswith("tri") else 4]]
+    later = np.roll(corners, -1, axis=1)
+    area = 0.5 * (corners[..., 0] * later[..., 1] - corners[..., 1] * later[..., 0]).sum(axis=1)
+    clockwise = area < 0.0
+    turned = cells.copy()
+    turned[clockwise] = cells[clockwise][:, list(MIRRORED[kind])]
+    return turned, int(clockwise.sum())
+
+
+def _further(
+    toml: TomlFile, section: FieldSection, constants: Constants, names: list[str]
+) -> tuple[Constants, dict[int, Solid]]:
+    """The constants with those of other regions that are free, and the materials of the held ones."""
+    law, values, free, regions = constants.law, dict(constants.values), list(constants.free), []
+    fixed = {}
+    for name in names:
+        if name in section.held:
+            fixed[name] = _fixed_constants(toml, law, name, section.held[name])
+            continue
+        if name not in section.regions:
+            raise toml.error(
+                "field.held", f"says nothing of the region {name}", cure=f"add it, or [field.regions.{name}]"
             )
-    return Sheet(
-        mesh,
-        section.kinematics,
-        section.thickness,
-        section.moving,
-        section.fixed,
-        "xy".index(section.axis),
-        regions,
-        held,
-    )
+        own = section.regions[name]
+        key = f"field.regions.{name}"
+        given = read_constants(toml, f"{key}.constants", law, own.constants) | {POISSON: own.poisson}
+        if not own.free:
+            fixed[name] = given
+            continue
+        for free_name in own.free:
+            if free_name not in given:
+                raise toml.error(f"{key}.free", f"names {free_name!r}", allowed=", ".join(given))
+        regions.append(name)
+        values |= {f"{name}.{one}": value for one, value in given.items()}
+        free += [f"{name}.{one}" for one in own.free]
+    held = {
+        len(regions) + k: solid_of(law, given) for k, given in enumerate(fixed.values(), start=1)
+    }
+    return Constants(law, values, tuple(free), tuple(regions)), held
 
 
 def _fixed_constants(toml: TomlFile, law: str, name: str, given: object) -> dict[str, float]:

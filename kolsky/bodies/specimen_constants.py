@@ -17,7 +17,7 @@ Their D1 is K/2. Three kinds of law are offered:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -94,6 +94,8 @@ class Constants:
     """Every constant, SI."""
     free: tuple[str, ...]
     """Names of those that are fitted."""
+    regions: tuple[str, ...] = ()
+    """Further regions of the same law; their constants are named "skin.E" and so on."""
 
     def __post_init__(self) -> None:
         names = [spec.name for spec in self.specs]
@@ -115,7 +117,9 @@ class Constants:
     @property
     def specs(self) -> tuple[ConstantSpec, ...]:
         """All constants."""
-        return constants_of(self.law)
+        own = constants_of(self.law)
+        further = (replace(spec, name=f"{name}.{spec.name}") for name in self.regions for spec in own)
+        return (*own, *further)
 
     @property
     def free_specs(self) -> tuple[ConstantSpec, ...]:
@@ -148,10 +152,17 @@ class Constants:
 
     def solid(self, free: Sequence[float] | FloatArray) -> Solid:
         """The material with these values of the free constants."""
-        return solid_of(self.law, self.all(free))
+        return self.solids(free)[0]
+
+    def solids(self, free: Sequence[float] | FloatArray) -> tuple[Solid, ...]:
+        """The same of the first region and of the further ones."""
+        values, names = self.all(free), [spec.name for spec in constants_of(self.law)]
+        heads = ("", *(f"{region}." for region in self.regions))
+        return tuple(solid_of(self.law, {name: values[head + name] for name in names}) for head in heads)
 
     def chain(self, free: Sequence[float] | FloatArray) -> FloatArray:
-        """Derivative of the material's own parameters by the free constants, shape [n_parameters, n_free].
+        """Derivative of the materials' own parameters, region by region, by the free constants, shape
+        [n_parameters, n_free].
 
         A force's slope by what is fitted is its slope by the energy's constants times this. Central
         differences of the closed form; one-sided where the other side is no law.
@@ -166,12 +177,16 @@ class Constants:
                 moved = at.copy()
                 moved[j] += sign * step
                 try:
-                    ends.append((moved[j], self.solid(moved).parameters()))
+                    ends.append((moved[j], self._parameters(moved)))
                 except ValueError:
-                    ends.append((at[j], self.solid(at).parameters()))
+                    ends.append((at[j], self._parameters(at)))
             (up, above), (down, below) = ends
             columns.append((above - below) / (up - down))
         return np.stack(columns, axis=-1)
+
+    def _parameters(self, free: FloatArray) -> FloatArray:
+        """The materials' own parameters, region by region."""
+        return np.concatenate([solid.parameters() for solid in self.solids(free)])
 
     def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
         """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].

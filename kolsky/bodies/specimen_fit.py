@@ -21,6 +21,7 @@ from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import qmc
 from scipy.stats import t as student
 
+from dic.views import ResultViews
 from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import (
@@ -327,7 +328,7 @@ class TestFit:
 
 
 @dataclass(frozen=True)
-class SpecimenFit:
+class SpecimenFit(ResultViews):
     """One set of constants for some tests."""
 
     name: str

@@ -33,11 +33,11 @@ class Shape:
     """Form, bonds and mesh of a specimen."""
 
     kind: str
-    """"strip", "dog_bone" or "cross"."""
+    """"strip", "dog_bone", "cross" or "block"."""
     size: tuple[float, float, float]
     """Length, width (of a cross: both are its whole length), thickness [m]."""
     bond: float
-    """Bonded length at each end [m]."""
+    """Bonded length at each end [m]; of a block 0: its whole end faces are bonded."""
     elements: tuple[int, int, int]
     """Elements along each edge of the whole specimen."""
     arm: float | None = None
@@ -56,6 +56,8 @@ class Shape:
     """Mass density [kg/m^3], where there is gravity."""
     symmetry: bool = True
     """Whether to simulate an eighth where nothing is against it."""
+    load: str = "axial"
+    """"axial", or "shear" of a block: its end faces move along y."""
 
     @property
     def ends(self) -> int:
@@ -65,7 +67,12 @@ class Shape:
     @property
     def eighth(self) -> bool:
         """Whether an eighth is simulated: even numbers of elements, and no gravity."""
-        return self.symmetry and self.gravity is None and all(n % 2 == 0 for n in self.elements)
+        even = all(n % 2 == 0 for n in self.elements)
+        return self.symmetry and self.gravity is None and self.load == "axial" and even
+
+    def along(self, end: int) -> int:
+        """Axis along which an end moves and its force is measured."""
+        return 1 if self.load == "shear" else end
 
     @property
     def multiplicity(self) -> float:
@@ -78,6 +85,8 @@ class Shape:
         Raises ValueError if the bond is only one element long.
         """
         step = self.size[0] / self.elements[0]
+        if self.kind == "block":
+            raise ValueError("a block has no bonded length that could be shorter")
         if self.bond < 1.5 * step:
             raise ValueError(
                 f"the bond is {self.bond / step:.1f} elements long; it takes at least 2 to shorten it by one"
@@ -108,6 +117,7 @@ class Shape:
         points, cells = points[used], cells.reshape(-1, mesh.cells.shape[1])
         sets = {}
         on_face = np.abs(np.abs(points[:, 2]) - 0.5 * self.size[2]) < TIGHT * self.size[0]
+        on_face |= self.kind == "block"
         for axis in range(self.ends):
             for sign, name in ((1.0, "+"), (-1.0, "-")):
                 along = sign * points[:, axis] >= 0.5 * self.size[axis] - self.bond - TIGHT * self.size[0]
@@ -127,12 +137,13 @@ class Shape:
         conditions: list[Condition] = []
         if self.eighth:
             conditions += [Fixed(f"plane_{axis}", (axis,)) for axis in range(3)]
-        for axis in range(self.ends):
+        for end in range(self.ends):
+            axis = self.along(end)
             others = tuple(other for other in range(3) if other != axis)
             for name, factor in (("+", 0.5), ("-", -0.5)):
-                where = f"bond_{AXES[axis]}{name}"
+                where = f"bond_{AXES[end]}{name}"
                 if where in mesh.sets:
-                    conditions += [Prescribed(where, axis, f"d_{AXES[axis]}", factor), Fixed(where, others)]
+                    conditions += [Prescribed(where, axis, f"d_{AXES[end]}", factor), Fixed(where, others)]
         if self.gravity is not None and self.density is not None:
             conditions.append(Gravity(self.density, self.gravity))
         return Model(mesh, solid, tuple(conditions), gauss=self.gauss, device=device)
@@ -153,7 +164,7 @@ def shape_of(
     return Shape(
         section.shape,
         (length, width, thickness),
-        section.bond,
+        section.bond or 0.0,
         (nx, ny, nz),
         section.arm,
         section.waist,
@@ -163,6 +174,7 @@ def shape_of(
         None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2]),
         density if section.gravity is not None else None,
         symmetry,
+        section.load,
     )
 
 
@@ -189,8 +201,8 @@ class SpecimenModel:
         """Force on each end, tension positive [N], shape [n, ends]."""
         return np.stack(
             [
-                self.shape.multiplicity * solution.reaction(f"bond_{AXES[axis]}+")[:, axis]
-                for axis in range(self.shape.ends)
+                self.shape.multiplicity * solution.reaction(f"bond_{AXES[end]}+")[:, self.shape.along(end)]
+                for end in range(self.shape.ends)
             ],
             axis=-1,
         )
@@ -219,8 +231,8 @@ class SpecimenModel:
         n_own = slopes.displacements.shape[1] - len(histories)
         by_all = np.stack(
             [
-                self.shape.multiplicity * slopes.reaction(f"bond_{AXES[axis]}+")[:, :, axis]
-                for axis in range(self.shape.ends)
+                self.shape.multiplicity * slopes.reaction(f"bond_{AXES[end]}+")[:, :, self.shape.along(end)]
+                for end in range(self.shape.ends)
             ],
             axis=1,
         )[back]

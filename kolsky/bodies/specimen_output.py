@@ -77,8 +77,12 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
     """Write the tables, with the lines of a shot.toml that name the laws' curves, and specimen.h5."""
     write_tables(folder, tables(*fits))
-    said = "# Use one of the two, with its file beside shot.toml. The tests were in tension.\n\n"
     for found in fits:
+        pull, push = largest_strains(found)
+        said = (
+            "# Use one of the two, with its file beside shot.toml. The tests reached "
+            f"{100.0 * pull:.3g} % in tension and {100.0 * push:.3g} % in compression.\n\n"
+        )
         lines = [shot_lines(curve, f"{name}.csv") for name, curve in _law_curves(found).items()]
         (folder / "curves" / f"{found.name}_shot.toml").write_text(said + "\n".join(lines), encoding="utf-8")
     _write_hdf5(folder / "specimen.h5", fits)
@@ -129,20 +133,25 @@ def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
         }
 
 
-def largest_strain(found: SpecimenFit) -> float:
-    """Largest stroke of the fitted tests over the free length between the bonds [-]."""
-    return max(
-        float(one.test.samples.displacement.max())
-        / (one.test.model.shape.size[0] - 2.0 * one.test.model.shape.bond)
-        for one in found.tests
-        if one.fitted
-    )
+def largest_strains(found: SpecimenFit) -> tuple[float, float]:
+    """Largest pull and push of the fitted tests over the free length between the bonds, both >= 0 [-]; a
+    shear counts as either."""
+    pulls, pushes = [0.0], [0.0]
+    for one in found.tests:
+        if one.fitted:
+            shape = one.test.model.shape
+            strain = one.test.samples.displacement / (shape.size[0] - 2.0 * shape.bond)
+            sheared = float(np.abs(strain).max()) if shape.load == "shear" else 0.0
+            pulls.append(max(float(strain.max()), sheared))
+            pushes.append(max(float(-strain.min()), sheared))
+    return max(pulls), max(pushes)
 
 
 def _law_curves(found: SpecimenFit) -> dict[str, LawCurve]:
     """The fitted law as curves of both branches, by the names of their tables."""
     constants, covariance = found.constants, found.intervals.covariance
-    tension = law_curve(constants, covariance, branch="tension", largest_strain=largest_strain(found))
+    pull, push = largest_strains(found)
+    tension = law_curve(constants, covariance, branch="tension", largest_strain=pull or push)
     compression = law_curve(constants, covariance, branch="compression", largest_strain=_LARGEST_COMPRESSION)
     return {f"{found.name}_tension": tension, f"{found.name}_compression": compression}
 

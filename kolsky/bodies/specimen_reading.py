@@ -136,14 +136,22 @@ def _samples(toml: TomlFile, section: TestSection) -> tuple[Samples, str]:
         raise InputError(
             path, f"has {len(force)} samples; it must be at least {FEWEST}", cure="export more of the test"
         )
-    back = np.flatnonzero((np.diff(displacement, axis=0) <= 0.0).any(axis=1))
-    if back.size or (displacement[0] < 0.0).any():
+    away = displacement * np.where(displacement[-1] < 0.0, -1.0, 1.0)
+    back = np.flatnonzero((np.diff(away, axis=0) <= 0.0).any(axis=1))
+    if back.size or (away[0] < 0.0).any():
         row = int(back[0]) + 1 if back.size else 0
         raise InputError(
             path,
-            f"the displacement does not rise: {1e3 * displacement[row].max():g} mm",
+            f"the displacement turns back: {1e3 * displacement[row, int(np.argmin(away[row]))]:g} mm",
             line=table.first_line + row,
-            cure="keep one pull from rest outward; first and last pull are two tests",
+            cure="keep one pull or one push from rest; first and last pull are two tests",
+        )
+    if np.sum(force * displacement) <= 0.0:
+        raise InputError(
+            path,
+            "force and displacement have opposite signs",
+            allowed="both are > 0 in a pull and < 0 in a push, or the other way round in both",
+            cure="change the sign of one column",
         )
     return Samples(displacement, force, section.sigma_displacement, section.sigma_force), table.sha256
 

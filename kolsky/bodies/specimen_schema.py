@@ -55,9 +55,10 @@ class NumericsSection(Section):
 class TestSection(Section):
     """[tests.NAME]: a specimen, how it is held, and what was measured."""
 
-    shape: Literal["strip", "dog_bone", "cross"] = "strip"
+    shape: Literal["strip", "dog_bone", "cross", "block"] = "strip"
+    load: Literal["axial", "shear"] = "axial"
     size: Annotated[list[f.Length], Field(min_length=3, max_length=3)]
-    bond: f.Length
+    bond: f.Length | None = None
     elements: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=3, max_length=3)]
     arm: f.Length | None = None
     waist: f.Length | None = None
@@ -91,7 +92,12 @@ class TestSection(Section):
                     raise f.problem(
                         f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
                     )
-        if 2.0 * self.bond >= self.size[0]:
+        if (self.bond is None) != (self.shape == "block"):
+            problem = "has no effect on a block, whose end faces are glued" if self.bond else "is missing"
+            raise f.problem(problem, key="bond", cure="remove it" if self.bond else 'write e.g. "10 mm"')
+        if self.load == "shear" and self.shape != "block":
+            raise f.problem('is "shear"', key="load", cure='it belongs to shape = "block"')
+        if self.bond is not None and 2.0 * self.bond >= self.size[0]:
             raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
         return self
 
@@ -130,6 +136,20 @@ class PadSection(Section):
     force: ForceColumn
 
 
+class RegionSection(Section):
+    """[field.regions.NAME]: another material of the sheet, the same law with constants of its own."""
+
+    constants: dict[str, Any]
+    poisson: f.Poisson
+    free: list[f.Name] = Field(default_factory=list)
+
+
+Groups = Annotated[
+    list[f.Name], Field(min_length=1), BeforeValidator(lambda given: [given] if isinstance(given, str) else given)
+]
+"""One group of a mesh, or a list of them."""
+
+
 class FieldSection(Section):
     """[field]: a sheet pulled between two pads, its displacement field and the force on a pad."""
 
@@ -137,9 +157,10 @@ class FieldSection(Section):
     mesh_unit: f.LengthUnit
     thickness: f.Length
     kinematics: Literal["plane_stress", "plane_strain"]
-    moving: f.Name
-    fixed: f.Name
+    moving: Groups
+    fixed: Groups
     axis: Literal["x", "y"] = "x"
+    relative_to: Literal["fixed_pad", "camera"] = "fixed_pad"
     points: PointsSection
     pad: PadSection
     frames: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
@@ -147,6 +168,7 @@ class FieldSection(Section):
     sigma_force: ForceDeviation
     region: f.Name | None = None
     held: dict[str, Any] = Field(default_factory=dict)
+    regions: dict[f.Name, RegionSection] = Field(default_factory=dict)
 
 
 class FitSection(Section):

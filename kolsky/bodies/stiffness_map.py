@@ -113,7 +113,7 @@ class _Blocks:
         if not solution.outcome.ok:
             return FAILED, np.zeros(self.n)
         apart = solution.displacements - data.displacements
-        loaded = np.stack([problem.mass @ one for one in apart])
+        loaded = problem.loaded(apart)
         misfit = self.sheet.force(solution) - data.force
         by_forces = np.zeros_like(loaded)
         moving = self.sheet.mesh.nodes(self.sheet.moving)

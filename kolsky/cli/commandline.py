@@ -27,6 +27,7 @@ from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
 from kolsky.cli.new import new
+from kolsky.cli.open import open_pages
 from kolsky.cli.options import with_settings
 from kolsky.cli.plan import plan
 from kolsky.cli.predict import predict
@@ -41,6 +42,7 @@ Command = Callable[..., None]
 
 COMMANDS: dict[str, Command] = {
     "new": new,
+    "open": open_pages,
     "check": check,
     "channels": channels,
     "dic": dic,
@@ -91,6 +93,7 @@ BROUGHT_BY = {
     "RigolWFM": "RigolWFM",
     "imageio": "kolsky[film]",
     "imageio_ffmpeg": "kolsky[film]",
+    "nicegui": "kolsky[app]",
     "emcee": "kolsky[bayes]",
     "distributed": "kolsky[cluster]",
     "pyamg": "kolsky[amg]",

@@ -27,7 +27,7 @@ def dic(
     csv: Annotated[bool, Option("Also write the points of every frame as CSV.")] = False,
     vtp: Annotated[bool, Option("Also write the surfaces for ParaView (VTU files for a dic.toml).")] = False,
     regions: Annotated[
-        bool, Option("Draw the regions by hand in a page on this computer, and save them in the file.")
+        bool, Option("Draw the regions by hand in the page of `kolsky open`, and save them in the file.")
     ] = False,
     grid: Annotated[
         bool, Option("Write pictures with a grid, to enter the regions by hand without a page.")
@@ -127,24 +127,21 @@ def _measure_pictures(
 
 
 def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
-    """Regions by hand: with a grid, or in the page."""
+    """Regions by hand: with a grid, or in the pages of `kolsky open`."""
     from kolsky.base.files import usable_folder
-    from kolsky.pictures.region_server import RegionServer
     from kolsky.pictures.regions import write_grids
+    from kolsky.schema.shot_file import folder_of
     from kolsky.shot.dic import frames_to_show, open_region_session
 
-    session = open_region_session(source)
+    session = open_region_session(source)  # bad input is refused before a page is opened
     if grid:
         folder = usable_folder(out or session.path.parent / "results" / "regions")
         for path in write_grids(folder, session, frames_to_show(session)):
             typer.echo(path)
         return
-    server = RegionServer(session)
-    typer.echo(f"Draw the regions at {server.url}")
-    typer.echo("The page is on this computer alone; End on the page, or Ctrl+C here, ends it.", err=True)
-    server.run()
-    saved = ", ".join(session.saved)
-    typer.echo(f"saved into {session.path}: {saved}" if saved else f"{session.path} was left as it is")
+    from kolsky.app.server import serve
+
+    serve(folder_of(source), first="/pictures?shot=.")
 
 
 _RIG_FILE = "rig.yml"

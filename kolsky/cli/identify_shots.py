@@ -89,6 +89,7 @@ def identify_shots(
     from kolsky.shot.load import load_shot
 
     chosen = options.settings(settings)
+    require_one_material(paths)
     shots = []
     for path in paths:
         shot = load_shot(path)
@@ -112,6 +113,26 @@ def identify_shots(
         files={"report": folder / "joint.html"},
         warnings=result.warnings,
     )
+
+
+def require_one_material(paths: Sequence[Path]) -> None:
+    """Refuse shots that declare different materials.
+
+    Raises InputError if two shot files name a different `material`, or one cannot be read.
+    """
+    from kolsky.base.errors import InputError
+    from kolsky.studies.rates.rate import declarations
+
+    named = [(file, said.material) for file, said in map(declarations, paths) if said.material is not None]
+    for file, material in named[1:]:
+        if material != named[0][1]:
+            raise InputError(
+                file.path,
+                f"is {material!r}, but {named[0][0].path} has {named[0][1]!r}: a joint answer is of "
+                "one material",
+                key="material",
+                cure="identify them apart with --each, or correct the name",
+            )
 
 
 def answer_lines(result: "JointResult") -> list[str]:
@@ -153,8 +174,6 @@ def _verdict_line(result: "JointResult") -> str:
     if not fits:
         return f"verdict: {result.verdict}"
     name, worst = max(fits, key=lambda one: one[1].excess / one[1].limit)
-    if worst.limit == float("inf"):
-        return "verdict: the fit was not judged (no replicates of the flyer's noise)"
     return f"verdict: {result.verdict} (largest residual over expected: {worst.excess:.2g} of {name})"
 
 
@@ -169,6 +188,7 @@ def _excesses(fits: "Sequence[FitQuality]") -> str:
 
 def _result_rows(result: "JointResult") -> dict[str, Any]:
     """Names and values below the answer."""
+    from kolsky.diagnosis.joint_fit import cause_sentence
     from kolsky.inverse.parameters import reference_words
 
     rows: dict[str, Any] = {"shots": len(result.shots)}
@@ -190,6 +210,8 @@ def _result_rows(result: "JointResult") -> dict[str, Any]:
     rows |= {f"{fit.channel}, residual over expected": _excesses((fit,)) for fit in result.slow_fit}
     if result.agreement is not None:
         rows["agreement of the shots"] = result.agreement.sentence
+    if result.causes:
+        rows["cause of the misfit"] = cause_sentence(result.causes)
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):

@@ -6,7 +6,6 @@ An existing file is left unchanged.
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +17,6 @@ from kolsky.cli.terminal import as_json, print_json
 
 if TYPE_CHECKING:
     from kolsky.survey.pictures import PictureSurvey
-    from kolsky.survey.surface import SurfaceSurvey
     from kolsky.survey.tables import Survey
 
 
@@ -59,6 +57,7 @@ def new(
 
     An existing file is left unchanged.
     """
+    from kolsky.survey.blank_file import new_text
     from kolsky.survey.tables import survey
 
     if sum((bars, pictures, previous is not None)) > 1:
@@ -68,7 +67,7 @@ def new(
     with beginning(path):
         contents = survey(folder)
         series = _pictures(folder, contents) if pictures else None
-        text = written(contents, folder, bars=bars, pictures=series, last=last)
+        text = new_text(contents, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     if as_json():
@@ -131,71 +130,6 @@ def _found_lines(
         "doubtful": {name: why for name, why in contents.doubtful.items() if name not in recordings},
         "to_fill_in": list(blanks(tomllib.loads(text))),
     }
-
-
-def written(
-    contents: "Survey",
-    folder: Path,
-    *,
-    bars: bool = False,
-    pictures: "PictureSurvey | None" = None,
-    last: str | None = None,
-) -> str:
-    """The text of the new shot file: the blank one, or the last shot's, with what the files say."""
-    from kolsky.survey.new_file import fill_in, next_of_series, notes_of, values_of, with_notes
-
-    if last is not None:
-        return with_notes(next_of_series(last, folder, contents), notes_of(contents))
-    text = template(bars=bars, pictures=pictures is not None)
-    if bars:
-        from kolsky.survey.new_file import with_recordings
-
-        return with_recordings(text, contents)
-    from kolsky.survey.evidence import evidence
-
-    motion = None
-    if pictures is not None:
-        from kolsky.survey.pictures import first_change
-
-        motion = first_change(folder, pictures)
-    shown = evidence(contents, motion)
-    values, notes = {**values_of(contents), **shown.values}, {**notes_of(contents), **shown.notes}
-    if pictures is None:
-        text = with_surface(text, contents.surface)
-        values = {key: value for key, value in values.items() if f"\n[{key.partition('.')[0]}]" in text}
-    else:
-        from kolsky.survey.pictures import picture_notes, picture_values
-
-        others = ("flyer.", "centre_line.", "surface.")
-        values = {key: value for key, value in values.items() if not key.startswith(others)}
-        values |= picture_values(pictures)
-        notes |= picture_notes(pictures)
-        if pictures.target:
-            text = text.replace("# [calibration.target]", "[calibration.target]", 1)
-    return with_notes(fill_in(text, values), notes)
-
-
-def with_surface(text: str, found: "SurfaceSurvey") -> str:
-    """The blank file with [surface] in place of what its exports give: [centre_line], and [flyer] with it."""
-    if found.specimen is None:
-        return text
-    text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]
-    if found.flyer is not None:
-        text = text[: text.index("[flyer]")] + text[text.index("[surface]") :]
-    return text
-
-
-def template(*, bars: bool = False, pictures: bool = False) -> str:
-    """The blank shot.toml that every new shot begins with: with exports, with pictures, or between bars."""
-    text = _resource("bars.toml" if bars else "shot.toml")
-    if not pictures:
-        return text
-    before, after = text.index("[flyer]"), text.index("# [reporting]")
-    return text[:before] + _resource("pictures.toml") + text[after:]
-
-
-def _resource(name: str) -> str:
-    return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
 
 
 def _text_of(series: Path) -> str:

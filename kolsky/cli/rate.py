@@ -105,6 +105,9 @@ def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
         value, half = numbers.measured(group.pooled.mean, 0.5 * (high - low))
         rows[f"{prefix}mean m"] = f"{plain_sentence(value)} ± {plain_sentence(half)} (95 %)"
         rows[f"{prefix}scatter between shots"] = f"{group.pooled.fit.between:.2g}"
+        low, high = (100.0 * share for share in group.own_range)
+        rows[f"{prefix}in common (u of m)"] = ", ".join(group.in_common) or "nothing"
+        rows[f"{prefix}each shot's own (u of m)"] = f"{low:.2g} to {high:.2g} %"
         rows[f"{prefix}U = 2s"] = f"{2.0 * group.pooled.scatter:.2g}"
     line = group.slope
     if line is not None:

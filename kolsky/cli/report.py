@@ -57,7 +57,7 @@ _SERIES = "vtu"
 
 def film(
     shot: ShotPath,
-    field: Annotated[str, Option("Field of the colours: stretch, pressure or energy.")] = "stretch",
+    field: Annotated[str, Option("Field of the colours: stretch, pressure, stress or energy.")] = "stretch",
     formats: Annotated[
         str,
         Option(
@@ -97,11 +97,12 @@ def film(
     from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
     from kolsky.report.scene.film import write_film, write_stills
-    from kolsky.report.scene.scene_data import scene_of, solid_of
+    from kolsky.report.scene.scene_data import mesh_of, scene_of, solid_of
     from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / RESULT_FILE)
-    solid = solid_of(loaded.curve, result)
+    values = {name: estimate.value for name, estimate in result.estimates.items()}
+    solid = solid_of(loaded.curve, {**result.fixed, **values})
     cannot_draw = texts.refused(cure="`kolsky doctor` lists missing packages", errors=(CannotRender,))
     written: list[str] = []
     with usable(loaded), filling(folder / "film") as partial, progress_bars() as progress:
@@ -115,7 +116,7 @@ def film(
                 path = partial / f"{field}.{name}"
                 written.append(write_film(path, stage, every=every, rate=rate, progress=report).name)
         if _SERIES in wanted:
-            series = write_vtu(partial, result.response, stage.mesh.quads, every=every)
+            series = write_vtu(partial, result.response, mesh_of(result), solid, every=every)
             written.append(f"{series[-1].name} and {len(series) - 1} meshes")
     summary = {"shot": loaded.name, "field": field, "folder": str(folder / "film"), "files": written}
     print_result({**summary, "files": ", ".join(written)}, summary)

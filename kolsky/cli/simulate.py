@@ -89,9 +89,13 @@ def simulate(
     with filling(folder) as partial:
         simulation.write_simulation(partial, run)
         if vtu:
+            from kolsky.inverse.parameters import PARAMETERS
             from kolsky.report.paraview import write_vtu
+            from kolsky.report.scene.scene_data import solid_of
 
-            write_vtu(partial, run.response, run.prepared.forward.mesh(numerics).quads)
+            values = {name: PARAMETERS[name].held(loaded) for name in ("stiffness_factor", "poisson")}
+            solid = solid_of(loaded.curve, {**values, **parameter})
+            write_vtu(partial, run.response, run.prepared.forward.mesh(numerics), solid)
     share, ending = float(run.response.extrapolated_share[0]), run.response.ending(0)
     warnings = [
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),

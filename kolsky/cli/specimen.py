@@ -165,7 +165,7 @@ def _fit_sheet(
     assert section is not None  # `read_field` refuses a file without it
     with read.toml.refusing("field", "cannot be fitted"):
         measured, result = fit_measured(measured, gate=section.points.gate)
-        change = one_change(measured.problem, result)
+        change = one_change(measured, result)
     steps = fit_steps(result.problem) if each_step else []
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
@@ -274,14 +274,15 @@ def specimen_plan(
 
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "plan")
-    free = read.constants.free
+    problem = None if read.declared.field is None else read_field(read).problem
+    free = (read if problem is None else problem).constants.free
     names = texts.listed(wanted) or tuple(read.declared.plan.wanted)
     for name in names:
         if name not in free:
             raise read.toml.error("plan.wanted", f"names {name!r}", allowed=", ".join(free))
-    if read.declared.field is not None:
+    if problem is not None:
         with read.toml.refusing("field", "cannot be simulated"):
-            choices = plan_sheet(read_field(read).problem, wanted=names)
+            choices = plan_sheet(problem, wanted=names)
     else:
         choices = _plan_tests(read, names)
     content = specimen_output.plan_json(choices, free)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from doe import Box, Design
     from doe.box import Constraint
     from doe.designs import DesignKind
+    from kolsky.base.apparatus import Interface
 
 
 _NUMERICS = Numerics(mesh=(16, 22))
@@ -49,13 +50,16 @@ def sweep(
     from kolsky.cli.terminal import print_result, sweep_progress
 
     loaded, folder = load(shot, out)
+    if (vary := choice.vary_of(loaded.interface)) != choice.vary:
+        chosen = replace(choice, vary=vary).design()
+        part = records.part(chosen)
     numerics = replace(numerics, threads=workers.threads(numerics.threads))
     place = records.place(folder)
     from kolsky.base.files import jsonable
     from kolsky.report.result_folder import write_sweep_results
     from kolsky.results.tables import failed_runs
     from kolsky.studies import sweep as sweeping
-    from kolsky.studies.sweep_analysis import analyse_sweep, surface_optimum
+    from kolsky.studies.sweep_analysis import analyse_sweep, forces_along, surface_optimum
     from kolsky.uncertainty.warnings import lost_runs, rerun_advice, sliding_warning
 
     with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
@@ -75,7 +79,9 @@ def sweep(
         *lost_runs(result.table),
         *sliding_warning(loaded.interface, [*result.table.names, *parameter]),
     ]
-    analysis = analyse_sweep(result.shot, chosen.box, result.table)
+    with usable(loaded):
+        forces = forces_along(loaded, result, numerics)
+    analysis = replace(analyse_sweep(result.shot, chosen.box, result.table), forces=forces)
     write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=figures)
     summary = {
         "shot": result.shot,
@@ -93,8 +99,8 @@ def sweep(
 
 _DEFAULT_BOUNDS = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}
 """Bounds of a sweep without `--vary`."""
-_DEFAULT_LEVELS = 10
-"""Levels of each parameter then."""
+_DEFAULT_LEVELS, _LEVELS_ALONE = 10, 16
+"""Levels of each parameter then, and of one alone, as Mates et al. (2012) have them."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,8 @@ class DesignChoice:
         Option(
             "A parameter to vary; repeat for more. LEVELS belong to a factorial.",
             metavar="NAME=LOW:HIGH[:LEVELS]",
-            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each",
+            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each; "
+            "the second alone, 16 levels, where nothing slides",
         ),
     ] = ()
     kind: Annotated[
@@ -143,6 +150,18 @@ class DesignChoice:
             return texts.levels("--vary", self.vary)
         bounds = texts.spans("--vary", self.vary) if self.vary else _DEFAULT_BOUNDS
         return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
+
+    def vary_of(self, interface: "Interface") -> tuple[str, ...]:
+        """What to vary; by default no friction where nothing of the shot slides."""
+        from explicit.contact import contact_law
+
+        slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
+        if self.vary or self.points is not None or self.generators or slides:
+            return self.vary
+        from doe.designs import design_kind
+
+        levels = f":{_LEVELS_ALONE}" if "levels" in design_kind(self.kind).needs else ""
+        return (f"stiffness_factor=0.75:1.25{levels}",)
 
     def design(self) -> "Design":
         """The points.

@@ -5,6 +5,7 @@ come from files and folders of anybody: a character that would steer the termina
 """
 
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -32,8 +33,8 @@ class _Printing:
 
 _OUTSIDE = _Printing()
 _PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
-_EVERY = 60.0
-"""Least time between two lines of progress where the output is no terminal [s]."""
+_EVERY = float(os.environ.get("KOLSKY_PROGRESS_EVERY", "60"))
+"""Least time between two lines of progress where the output is no terminal [s]; `kolsky open` asks for 1."""
 
 
 def is_quiet() -> bool:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 
-from kolsky.base.apparatus import RelaxationKind
+from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, RelaxationKind
 from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
 
@@ -280,6 +280,8 @@ def _value(option: str, whole: str, name: str, text: str) -> float:
     from kolsky.inverse.parameters import checked_value
 
     unit = _known(option, whole, name)
+    if (name, text.strip()) == ("poisson", INCOMPRESSIBLE_WORD):
+        return INCOMPRESSIBLE
     with refused(f"{option} {whole!r}: ", cure=_WITH_UNIT):
         try:
             number = float(text)

@@ -7,14 +7,16 @@ prediction late by L, and needs no other run. So do scales and offsets of what w
 from __future__ import annotations
 
 from dataclasses import replace
-from math import hypot, isfinite, nan
+from math import hypot, isfinite, isnan, nan, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from explicit import Response
+from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 from kolsky.inverse.observations import Observations, radius_at
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.result import COVERAGE, CauseFinding
@@ -56,13 +58,31 @@ def _force(change: Change, response: Response, edges: FloatArray, sample: int, w
     impulse, force = response.impulse_transmission[sample], response.force_transmission[sample]
     if which == "flyer":
         impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
+    elif change.flyer_share != 0.0:
+        # The channel's own force goes on evenly where that of the other end does.
+        share = change.flyer_share
+        impulse = (1.0 - share) * impulse + share * response.impulse_flyer[sample]
+        force = (1.0 - share) * force + share * response.force_flyer[sample]
+    if which != "flyer":
+        impulse = _through_amplifier(change, t, impulse)
     lags, weights = contact_spread(change.spread) if change.spread > 0.0 else (np.zeros(1), np.ones(1))
     mean = np.zeros(len(edges) - 1)
     for lag, weight in zip(lags, weights, strict=True):
-        at = edges - change.force_lag - lag
+        at = edges - change.force_lag - lag + (1.0 - change.film) * t[0]
         known = np.interp(at, t, impulse) + np.maximum(at - t[-1], 0.0) * force[-1]
         mean += weight * np.diff(known) / np.diff(edges)
     return mean if which == "flyer" else np.asarray(change.force_factor * mean + change.force_offset)
+
+
+def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> FloatArray:
+    """An impulse as a slow amplifier and a leaking charge would show it: both are linear."""
+    if change.time_constant > 0.0 or change.leak > 0.0:
+        step = (t[-1] - t[0]) / (len(t) - 1)
+        if change.time_constant > 0.0:
+            impulse = low_pass(impulse, step, 1.0 / (2.0 * pi * change.time_constant))
+        if change.leak > 0.0:
+            impulse = impulse - low_pass(impulse, step, change.leak / (2.0 * pi))
+    return impulse
 
 
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
@@ -72,18 +92,22 @@ def radii(change: Change, response: Response, observations: Observations, sample
         return np.zeros(0)
     line, times = observations.centre_line, response.surface_times
     r, y = response.surface_r[sample], response.surface_y[sample]
-    at = np.maximum(line.time - change.outline_lag, times[0])
+    # The run begins with the window; the film's times are stretched from the shot's zero on.
+    at = times[0] + change.film * (line.time - times[0]) - change.outline_lag
+    at = np.maximum(at, times[0])
     row = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     part = (at - times[row]) / (times[row + 1] - times[row])
     exact = np.abs(part - np.rint(part)) < 1e-6
     part = np.where(exact, np.rint(part), part)
-    height = line.y + change.y_offset
+    height = change.picture * line.y + change.y_offset
+    if not isnan(change.mirror):
+        height = y[0].max() + change.mirror - height
     found = np.zeros(len(height))
     for step, weight in ((0, 1.0 - part), (1, part)):
         use = weight != 0.0
         radius, _ = radius_at(r, y, row[use] + step, height[use])
         found[use] += weight[use] * radius
-    return found
+    return found / change.picture
 
 
 def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
@@ -105,6 +129,10 @@ def can_be_tried(c: Cause, problem: InverseProblem) -> bool:
         return problem.observations.has_shape
     if c.needs == "force channel":
         return isinstance(shot.force, ForceChannel)
+    if c.needs == "film of the flyer":
+        return isinstance(shot.flyer, FlyerMotion)
+    if c.needs == "curve":
+        return shot.curve.law is None
     if c.needs == "faces that stick":
         slides = any_slides([*problem.box.names, *settings.held])
         return not slides and shot.interface.faces != SLIDING_LAW
@@ -139,6 +167,21 @@ def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
     low, high = (min(max(v, ends[0]), ends[1]) for v in (middle - half, middle + half))
     one, other = sorted((c.coordinate(low), c.coordinate(high)))
     return (one, other) if one < other else None
+
+
+MOST_COMPRESSION = 0.8
+"""Nominal compression from which on a value is not tried: elements collapse, and the time step with them."""
+
+
+def leaves_length(runner: Runner, change: Change) -> bool:
+    """True if the flyer, as changed, leaves the specimen, as changed, some of its length."""
+    motion, factor = change.motion * change.picture, change.specimen.get("length", 1.0)
+    if motion <= factor:
+        return True  # no more than as declared
+    path = runner.front.path
+    travel = motion * float(np.max(path.position(path.knots)))
+    length = factor * runner.problem.shot.specimen.length
+    return travel < MOST_COMPRESSION * length
 
 
 WITHOUT_TRACE = (

@@ -11,12 +11,13 @@ from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import changed_vector, radii
-from kolsky.inverse.forward import Forward
+from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
+from kolsky.shot.curve_changes import changed_curve
 from kolsky.shot.inputs import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
@@ -150,16 +151,21 @@ class CauseModel:
 
     def _launch(self, points: Sequence[Point], numerics: Numerics | None = None) -> Launch:
         problem, path = self.runner.problem, self.runner.front.path
-        factors = {point.changed.motion: None for point in points}
-        paths = tuple(path if f == 1.0 else path.scaled(f) for f in factors)
-        forward = replace(_forward(self.runner.forward, points[0].changed.specimen), paths=paths)
+        motions = {point.changed.path: None for point in points}
+        paths = tuple(path if m == (1.0, 1.0) else path.scaled(m[0]).faster(1.0 / m[1]) for m in motions)
+        curves = {tuple(sorted(point.changed.curve.items())): None for point in points}
+        forward = _forward(self.runner.forward, points[0].changed.specimen)
+        curve = forward.shot.curve
+        laws = tuple(material_law(changed_curve(curve, dict(c))) if c else forward.laws[0] for c in curves)
+        forward = replace(forward, paths=paths, laws=laws)
         numerics = numerics or problem.numerics
         at = self.runner.solver_values(np.array([p.x for p in points]), numerics.mesh)
         rows = [{**problem.point(x), **p.changed.values} for p, x in zip(points, at, strict=True)]
         named = {name for row in rows for name in row}
         values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
-        motion = [list(factors).index(point.changed.motion) for point in points]
-        return Launch(forward, values, numerics, motion)
+        motion = [list(motions).index(point.changed.path) for point in points]
+        material = [list(curves).index(tuple(sorted(point.changed.curve.items()))) for point in points]
+        return Launch(forward, values, numerics, motion, material)
 
     def slopes(self, x: FloatArray, changed: Change) -> list[Point]:
         """The points beside one, a step along each free parameter, for `columns`."""
@@ -206,8 +212,11 @@ def _declared(forward: Forward, name: str) -> float:
 def _key(runner: Runner, point: Point) -> tuple[object, object]:
     """What tells a run from all others: what all runs of its launch have in common, and what they do not."""
     named = [*runner.problem.settings.held, *runner.problem.box.names, *point.changed.values]
-    launch = (tuple(sorted(point.changed.specimen.items())), any_slides(named))
-    run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
+    change = point.changed
+    # A law in closed form and a table do not run in one launch.
+    launch = (tuple(sorted(change.specimen.items())), any_slides(named), bool(change.curve))
+    values, curve = (tuple(sorted(one.items())) for one in (change.values, change.curve))
+    run = (tuple(point.x.tolist()), values, change.path, curve)
     return launch, run
 
 

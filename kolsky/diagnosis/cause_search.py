@@ -21,7 +21,7 @@ from kolsky.diagnosis.cause_fit import (
     fit_linear,
     solve_linear,
 )
-from kolsky.diagnosis.cause_inputs import declared_span, start_of
+from kolsky.diagnosis.cause_inputs import declared_span, leaves_length, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.result import COVERAGE
 from kolsky.inverse.runner import Runner
@@ -321,7 +321,8 @@ def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]
 
     All of them are one launch; finer values about the best of narrow basins follow.
     """
-    trials = _trials(search, _within_bounds([(c, u) for c in candidates for u in c.scan]))
+    values = _within_bounds([(c, u) for c in candidates for u in c.scan])
+    trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
     basins = _best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
     steps = range(-FINER, FINER + 1)
     about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 
+from doe import Box
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
@@ -23,7 +24,8 @@ from kolsky.diagnosis.cause_search import (
     valley_is_free,
     without_change,
 )
-from kolsky.diagnosis.fit_quality import UNEXPLAINED
+from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.runner import Runner
 from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
@@ -125,13 +127,35 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
-    """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
+    """`strangeness` of the change beside what is declared or granted, or what is usual if that is more."""
     c, declared = t.candidate, search.problem.shot.uncertainty
     scale = declared_sigma(c, search.runner)
     if not declared.get(c.declared, 0.0) > 0.0:
         scale = max(scale, c.typical)
-    start = held_value(t.candidate, search.problem)
-    return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
+    return strangeness(c, t.value, t.sigma, start=held_value(c, search.problem), scale=scale)
+
+
+MISTAKE = 2.0
+"""A usual mistake, a factor of two or another definition, is as strange as so many standard uncertainties:
+one input in twenty."""
+NEAR = 0.05
+"""Share of a mistake's size within which a value is that mistake: other inputs are off by as much."""
+
+
+def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
+    """Size of a change in its usual standard uncertainty [-]; at most `MISTAKE` where it is a usual mistake.
+
+    ``value``, ``sigma``: what the data prefer. ``start``: what is declared, NaN if that is no number.
+    ``scale``: the usual standard uncertainty.
+    """
+    known = isfinite(start)
+    away = abs(value - start) / scale if known and isfinite(scale) else inf
+    wide = 2.0 * sigma if isfinite(sigma) else 0.0
+    for mistake in c.mistakes:
+        reach = max(wide, NEAR * abs(mistake - start) if known else c.typical)
+        if abs(value - mistake) <= reach:
+            away = min(away, MISTAKE)
+    return away
 
 
 def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:
@@ -270,11 +294,13 @@ def _analysed(
     other: OtherStart | None,
     explained: bool,
 ) -> CauseAnalysis:
-    candidates = [c for c in causes() if can_be_tried(c, runner.problem)]
+    ends = stiffness_at_bound(runner.problem.box, x)
+    tried = [c for c in causes() if ends or c.needs != "stiffness at its bound"]
+    candidates = [c for c in tried if can_be_tried(c, runner.problem)]
     search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
-    if other is not None:
+    if other is not None and not any(solved(t) for t in trials):
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
         model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
         second = _search_from(model, candidates, counted=search.use)
@@ -284,6 +310,23 @@ def _analysed(
         more = _findings(second, best_of_each(both, second), candidates)
         found = more if more and more[0].named else found
     return CauseAnalysis(found, search.before)
+
+
+SOLVED = 1.5
+"""Misfit of both channels with a cause at which no other start is searched: the largest that is left of right
+shots of seed 4181 with their wrong input put right is below, and 1 is what a right model leaves."""
+
+
+def solved(t: Trial) -> bool:
+    """True if a cause leaves what a right model does, so that no other valley can explain more."""
+    return not t.lost and bool((t.misfits <= SOLVED).all())
+
+
+def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
+    """True if the stiffness factor ends at a bound: the curve's scale is seen then."""
+    ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
+    value, low, high = ends.get(MOVED, (0.0, -inf, inf))
+    return min(value - low, high - value) <= EDGE * (high - low) < inf
 
 
 def _search_from(

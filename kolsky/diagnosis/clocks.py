@@ -14,10 +14,10 @@ from scipy.interpolate import CubicSpline
 from explicit import Response
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.fit_quality import LATE, fit_quality
+from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME, radius_at
-from kolsky.inverse.result import ClockLag
+from kolsky.inverse.result import LATE, ClockLag
 from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 

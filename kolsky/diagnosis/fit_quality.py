@@ -16,8 +16,10 @@ from scipy.special import chdtrc
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.result import (
+    DECLARED,
     FLYER,
     FORCE,
+    LATE,
     MESH,
     NOISE,
     OUTLINE,
@@ -32,8 +34,6 @@ from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.input_changes import in_quadrature
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange
 
-DECLARED = "declared inputs"
-"""Everything that [uncertainty] of the shot file declares."""
 ORDER = 2.0
 """Order of the mesh error in the data vector: what rings comes in more slowly than the parameters do."""
 BETWEEN = 3.0**0.5
@@ -74,8 +74,6 @@ CHECKS = 2.0
 """But by itself it checks the value if its standard uncertainty is at most so many times the answer's."""
 CONTRADICTION = 4.0
 """Force and outline contradict each other beyond so many standard uncertainties of their difference."""
-LATE = 3.0
-"""A clock is wrong beyond so many standard uncertainties of its lag."""
 UNEXPLAINED = 2.5
 """Misfit of a channel from which on causes far away are tried; 1 is what a right model leaves, and below this
 a tangent reaches whatever is wrong."""

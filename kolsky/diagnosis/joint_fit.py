@@ -13,6 +13,11 @@ change of its stiffness,
 where C holds the noise, the shot's own patterns, its mesh error and the discrepancy of what a leaves. Q has
 the distribution of chi-square with n - 1 degrees of freedom where the shots agree. The bulk modulus stays as
 it is: two specimens of one material differ in stiffness, not in compressibility.
+
+Which input of which shot explains a misfit is judged by the likelihood: one change p of one shot's data is
+free in size beside the shared unknowns, in their linear model and with the discrepancies that it leaves,
+
+    Delta = min_x (-2 ln L) - min_x,c (-2 ln L with r + c p).
 """
 
 from __future__ import annotations
@@ -40,9 +45,10 @@ from kolsky.diagnosis.fit_quality import (
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
-from kolsky.inverse.joint_result import OwnStiffness, ShotAgreement
+from kolsky.inverse.joint_result import FORCE_OVER_OUTLINE, OwnStiffness, ShotAgreement, ShotCause
 from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, NOISE, OUTLINE, Estimate, FitQuality, Verdict
 from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
@@ -51,7 +57,9 @@ SLOW_TEST_LIMIT = 3.0
 """Largest residual of a slow test over what a right model leaves [-]: that of the force's bins."""
 UNLIKELY = 2.7e-3
 """Probability of the shots' differences below which they disagree, that of three standard deviations; each
-of the three tests takes a third of it."""
+of the `TESTS` takes a part of it."""
+TESTS = 4
+"""Tests of the shots' agreement: by all data, force, outline, and by the force over the outline."""
 LEAST_RATIO = 1.05
 """Stiffness of one shot over another's from which on they disagree where no scatter is in the interval [-]:
 on coarse meshes right shots of other speeds differ by up to 3 %."""
@@ -59,6 +67,15 @@ LARGEST_RATIO = 1.5
 """Stiffness of one shot over another's beyond which they are no specimens of one material that scatter [-].
 Cast specimens of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity,
 unit or material moves a shot by a factor of two or more."""
+ROUGH_LIMIT = 10.0
+"""Largest residual over the rest of what a right model leaves where the noise of front face and curve was not
+drawn [-]. That noise is at most some seven times the instruments' in right shots; a foreign curve or unit
+leaves a hundred."""
+LEAST_GAIN = 16.0
+"""Fall of -2 ln L by one input of one shot from which on it is named [-]: four standard deviations, for the
+likeliest of four inputs of a dozen shots."""
+LEAST_SHARE = 0.5
+"""Share of a channel's squared residual below which an input is said to be one of several causes [-]."""
 
 
 def residual_changes(
@@ -131,20 +148,24 @@ def joint_fits(
         }
         row = one.own.get(SCATTER)
         followed = vector if row is None else vector + scatters[k] * row[one.kept]
-        shots.append(
-            channel_fits(
-                objective,
-                followed,
-                left={source: change[..., part] for source, change in left.items()},
-                weights=information_shares(gain, spread, masks),
-                names=names,
-                judged=judged,
-            )
+        fits = channel_fits(
+            objective,
+            followed,
+            left={source: change[..., part] for source, change in left.items()},
+            weights=information_shares(gain, spread, masks),
+            names=names,
+            judged=judged,
         )
+        shots.append(fits if judged else tuple(roughly_judged(fit) for fit in fits))
     slow = tuple(
         _slow_fit(label, part, problem, optimum, left, judged=judged) for label, part in problem.slow_parts()
     )
     return tuple(shots), slow
+
+
+def roughly_judged(fit: FitQuality) -> FitQuality:
+    """A channel's fit with a limit where the noise of front face and curve is not known."""
+    return replace(fit, limit=ROUGH_LIMIT, slow_limit=ROUGH_LIMIT)
 
 
 def _slow_fit(
@@ -175,7 +196,7 @@ def slow_fit(
 
     ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: what a right model leaves
     by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: whether
-    a limit is set.
+    the noise of front face and curve is among them; else the limit is `ROUGH_LIMIT`.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
@@ -195,8 +216,8 @@ def slow_fit(
         discrepancy_share=0.0,
         correlation=correlation,
         whiteness=whiteness,
-        limit=SLOW_TEST_LIMIT if judged else inf,
-        slow_limit=SLOW_TEST_LIMIT if judged else inf,
+        limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
+        slow_limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
     )
 
 
@@ -264,25 +285,32 @@ def shot_agreement(
     """Whether the shots ask for one stiffness, and which does not; None for one shot.
 
     All data, the force and the outline are tested by themselves: the weights of a fit let a channel that
-    disagrees in one shot count for little. The channel that is least likely is given where one contradicts.
+    disagrees in one shot count for little. A stiffer specimen moves force and outline together, so that the
+    force's stiffness over the outline's does not scatter between specimens. The channel that is least likely
+    is given where one contradicts.
 
     ``names``: of the shots. ``stiffnesses``: what each asks for. ``scatter``: whether a scatter between them
     is in the interval: only what is no scatter of specimens contradicts then.
     """
+    force, outline = (
+        np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T
+        for channel in (FORCE, OUTLINE)
+    )
+    whole = np.array([(one.value, one.sigma) for one in stiffnesses]).T
+    apart = np.array([force[0] - outline[0], np.hypot(force[1], outline[1])])
     tested = []
-    for channel, value, sigma in (
-        ("", "value", "sigma"),
-        (FORCE, "force", "sigma_force"),
-        (OUTLINE, "outline", "sigma_outline"),
+    for channel, (a, s), scatters in (
+        ("", whole, scatter),
+        (FORCE, force, scatter),
+        (OUTLINE, outline, scatter),
+        (FORCE_OVER_OUTLINE, apart, False),
     ):
-        a = np.array([getattr(one, value) for one in stiffnesses])
-        s = np.array([getattr(one, sigma) for one in stiffnesses])
         use = np.flatnonzero(np.isfinite(a) & np.isfinite(s) & (s > 0.0))
         if len(use) >= 2:
             used_names = [names[k] for k in use.tolist()]
-            tested.append(_agreement(used_names, a[use], s[use], channel, scatter=scatter))
-    apart = [one for one in tested if one.apart]
-    return min(apart or tested, key=lambda one: one.probability, default=None)
+            tested.append(_agreement(used_names, a[use], s[use], channel, scatter=scatters))
+    contradicting = [one for one in tested if one.apart]
+    return min(contradicting or tested, key=lambda one: one.probability, default=None)
 
 
 def _agreement(
@@ -293,7 +321,7 @@ def _agreement(
     probability, ratio = float(chdtrc(freedom, chi2)), _ratio(a)
     least = LARGEST_RATIO if scatter else LEAST_RATIO
     culprits: tuple[str, ...] = ()
-    if probability < UNLIKELY / 3.0 and ratio > least:
+    if probability < UNLIKELY / TESTS and ratio > least:
         culprits = tuple(names) if len(a) == 2 else (names[_farthest(a, s)],)
     return ShotAgreement(chi2, freedom, probability, ratio, culprits, channel if culprits else "")
 
@@ -317,6 +345,123 @@ def _farthest(a: FloatArray, s: FloatArray) -> int:
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
 
+def without_scatter(stack: Stack) -> Stack:
+    """The stack as if neither shots nor slow tests scattered in stiffness."""
+    shots = tuple(
+        replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
+        for one in stack.shots
+    )
+    return replace(stack, shots=shots, slow_scatter=None)
+
+
+def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...]:
+    """What each input of each shot explains of the misfit by itself, the likeliest first."""
+    stack = problem.stack
+    bare = without_scatter(stack)
+    residual = optimum.vector - stack.data
+    stiffer = None
+    if MOVED in problem.unknowns.names or problem.unknowns.nodes:
+        stiffer = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
+    before = explained_by(bare, residual, optimum.slopes.T)[2]
+    found = []
+    for k, prepared in enumerate(problem.runs.prepared):
+        lag = likely_lag(bare, k, optimum.vector)
+        late = shifted_force(bare, k, optimum.vector, lag)
+        for key, change in input_changes(bare, k, optimum.vector, late, stiffer).items():
+            start = lag if key == "clock_offset" else 0.0
+            first = residual + late - optimum.vector if key == "clock_offset" else residual
+            amount, sigma, after, left = explained_by(
+                bare, first, np.concatenate([optimum.slopes.T, change[None]])
+            )
+            share = explained_share(*(stack.parts(r)[k] for r in (residual, left)), bare.shots[k])
+            name = prepared.forward.shot.name
+            found.append(ShotCause(name, key, start + amount, sigma, before - after, share))
+    return tuple(sorted(found, key=lambda cause: -cause.gain))
+
+
+def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
+    """Share of a channel's squared residual that is explained, of the channel where it is larger [-].
+
+    A specimen of another stiffness rings otherwise, which no linear change explains, while its outline does.
+    """
+    n = one.objective.n_force
+    channels = [slice(0, n), slice(n, None)][: 1 + (len(before) > n)]
+    return max(1.0 - float((after[c] ** 2).sum() / (before[c] ** 2).sum()) for c in channels)
+
+
+LARGEST_LAG = 0.2
+"""Largest error of a force record's clock that is looked for, over the duration of the record [-]."""
+
+
+def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
+    """All data with the force of one shot later by a lag [s], shape [k]."""
+    found, start = vector.copy(), stack.ends[k - 1] if k else 0
+    for bins in stack.shots[k].observations.forces:
+        part = slice(start, start + len(bins.mean))
+        found[part] = np.interp(bins.centres - lag, bins.centres, vector[part])
+        start = part.stop
+    return found
+
+
+def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
+    """The lag at which the predicted force of one shot is nearest to the measured one [s].
+
+    The force rings, so that a lag of a whole bin or more is searched, half a bin apart.
+    """
+    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
+    force = slice(start, start + one.objective.n_force)
+    times = one.observations.bins.edges
+    width, reach = float(np.diff(times).mean()), LARGEST_LAG * float(times[-1] - times[0])
+    lags = 0.5 * width * np.arange(-int(2.0 * reach / width), int(2.0 * reach / width) + 1)
+    apart = [((shifted_force(stack, k, vector, lag) - stack.data)[force] ** 2).sum() for lag in lags]
+    return float(lags[int(np.argmin(apart))])
+
+
+def input_changes(
+    stack: Stack, k: int, vector: FloatArray, late: FloatArray, stiffer: FloatArray | None
+) -> dict[str, FloatArray]:
+    """Changes of all data by a unit of each input of a shot that needs no run, shape [k] each.
+
+    ``late``: the data with the force at its likely lag, about which the clock is linear. ``stiffer``: change
+    of all data by a relative change of the stiffness; None where that is not shared.
+    """
+    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
+    end, n = stack.ends[k], one.objective.n_force
+    force, clock, lengths = (np.zeros_like(vector) for _ in range(3))
+    force[start : start + n] = vector[start : start + n]
+    first = start
+    for bins in one.observations.forces:
+        part = slice(first, first + len(bins.mean))
+        clock[part] = -np.gradient(late[part], bins.centres)
+        first = part.stop
+    lengths[start + n : end] = vector[start + n : end]
+    found = {"sensitivity": force, "clock_offset": clock}
+    found |= {} if end == start + n else {"lengths of the outline": lengths}
+    return found if stiffer is None else {**found, "material": stack.of_shot(k, stiffer)}
+
+
+def explained_by(
+    stack: Stack, residual: FloatArray, patterns: FloatArray
+) -> tuple[float, float, float, FloatArray]:
+    """Fit patterns of free size to a residual, each with the weights of what they leave of it.
+
+    ``residual``: prediction less data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
+    Returns: size and standard uncertainty of the last one, -2 ln L, and what is left of the residual, [k].
+    """
+    left, amounts, sigma = residual, np.zeros(len(patterns)), 0.0
+    for _ in range(ROUNDS):
+        whitening = stack.weighting(left)
+        rows, r = whitening.apply(patterns), whitening.apply(residual)
+        size = np.maximum(np.linalg.norm(rows, axis=1), np.finfo(float).tiny)
+        scaled = (rows / size[:, None]).T
+        amounts = -np.linalg.lstsq(scaled, r, rcond=None)[0] / size
+        sigma = float(np.sqrt(np.linalg.pinv(scaled.T @ scaled)[-1, -1]) / size[-1])
+        left = residual + amounts @ patterns
+    whitening = stack.weighting(left)
+    deviance = float((whitening.apply(left) ** 2).sum()) + whitening.log_determinant
+    return float(amounts[-1]), sigma, deviance, left
+
+
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:
     """A shared value with the verdict that fit and agreement allow, gravest first."""
     if e.outcome not in WITHHELD:
@@ -333,6 +478,7 @@ def joint_fit_warnings(
     shots: Sequence[tuple[FitQuality, ...]],
     slow: Sequence[FitQuality],
     agreement: ShotAgreement | None,
+    causes: Sequence[ShotCause] = (),
 ) -> list[str]:
     """Why the answer is withheld, a sentence a cause."""
     said = [
@@ -348,4 +494,18 @@ def joint_fit_warnings(
     ]
     if agreement is not None and agreement.apart:
         said.append(agreement.sentence)
+    if causes:
+        said.append(cause_sentence(causes))
     return said
+
+
+def cause_sentence(causes: Sequence[ShotCause]) -> str:
+    """Which input of which shot explains the misfit, and what comes next; causes as of `shot_causes`."""
+    named = [one for one in causes if one.gain >= LEAST_GAIN]
+    if not named:
+        return "no single input of one shot explains the misfit: identify each shot by itself"
+    first, rest = named[0], named[1:]
+    numbers = f"explains {100.0 * first.share:.0f} % of a squared residual; -2 ln L falls by {first.gain:.3g}"
+    following = f"; next: {rest[0].words} ({rest[0].gain:.3g})" if rest else ""
+    partly = "" if first.share >= LEAST_SHARE else "; it leaves the most: expect a second cause"
+    return f"the likeliest cause is {first.words} ({numbers}){following}{partly}"

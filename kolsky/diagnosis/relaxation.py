@@ -315,15 +315,19 @@ def shot_branch_test(
 
 TRY = (
     "if no input is wrong, identify again with --relaxation prony, best several shots of different speeds "
-    "together with slow tests; m is then that of the long-term curve"
+    "together with slow tests; m is then that of the long-term curve. A second shot at a third of the speed "
+    "settles it: m of an elastic model falls with the speed if the material relaxes, and stays if an input "
+    "of the rig is wrong"
 )
 
 
-def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[str, ...]:
+def rate_advice(
+    test: BranchTest | None, fit: BranchFit | None = None, *, least: float = 0.0
+) -> tuple[str, ...]:
     """Say that a branch would explain what an elastic material leaves; nothing where chance does.
 
     ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, where that is not
-    significant.
+    significant. ``least``: share of the misfit that a likely input explains, which that branch must exceed.
     """
     if test is not None and test.significant:
         chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
@@ -331,7 +335,7 @@ def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[
             f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of what this "
             f"elastic material leaves ({chance}): {TRY}",
         )
-    if fit is not None and fit.asked_for:
+    if fit is not None and fit.asked_for and fit.share > least:
         return (
             f"with a branch of the strength {fit.strength:.2g} that relaxes in about {1e6 * fit.time:.2g} us "
             f"the model explains {100.0 * fit.share:.0f} % of what this elastic material leaves (AIC "

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from explicit.arrays import FloatArray
 from kolsky.equilibrium.body import Body, BodyState
-from kolsky.equilibrium.linear.base import Factors
+from kolsky.equilibrium.linear.base import Factors, LinearSolver
 from kolsky.equilibrium.linear.solvers import BridgedSolver, linear_solver
 from kolsky.equilibrium.loads import FollowerPressure, PlaneContact, nodal_forces, weight
 from kolsky.equilibrium.model import Model, Pressure, RigidPlane
@@ -51,16 +52,29 @@ class Equations:
         self.contacts = [PlaneContact(model, c) for c in model.conditions if isinstance(c, RigidPlane)]
         self.surfaces = surface_contacts(model)
         self.symmetric = not self.pressures
-        self.solver = linear_solver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
+        self.linear = linear
         self.smooth = not (self.contacts or self.surfaces)
         """Whether a tangent tells of states near its own: where points touch and part it does not."""
-        self.worth = self.solver.worth if self.smooth else 1
-        """Iterations with a kept tangent that take about the time of a factorisation."""
-        self._bridged = BridgedSolver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
         self.floor = 1e-13 * model.solid.shear_modulus * size * depth
         """Residual of rounding at rest, where there are no forces to compare with [N]."""
+
+    @cached_property
+    def solver(self) -> LinearSolver:
+        """The linear solver; forces alone take none."""
+        mesh = self.model.mesh
+        return linear_solver(self.linear, self.body.pattern, mesh.points, mesh.cells)
+
+    @cached_property
+    def _bridged(self) -> BridgedSolver:
+        mesh = self.model.mesh
+        return BridgedSolver(self.linear, self.body.pattern, mesh.points, mesh.cells)
+
+    @property
+    def worth(self) -> int:
+        """Iterations with a kept tangent that take about the time of a factorisation."""
+        return self.solver.worth if self.smooth else 1
 
     def with_prescribed(self, u: FloatArray, at: Mapping[str, float]) -> FloatArray:
         """Displacements with the prescribed components of a moment, shape [n d]."""

@@ -174,8 +174,8 @@ class SecondDerivatives:
         return np.asarray(self.forces[:, :, :, mesh.nodes(where)].sum(axis=3))
 
 
-def second(sensitivities: Sensitivities) -> SecondDerivatives:
-    """Second derivatives by the constants of every region.
+def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondDerivatives:
+    """Second derivatives by the constants of every region, or by as many as ``first`` of them.
 
     Raises
     ------
@@ -185,25 +185,25 @@ def second(sensitivities: Sensitivities) -> SecondDerivatives:
     solution = sensitivities.solution
     model, table = solution.model, solution.parameters
     equations = Equations(model, table)
-    n = table.size
+    n = table.size if first is None else first
     if equations.contacts or equations.surfaces:
         raise ValueError(
             "second derivatives of a model with contact are not defined where a point comes or goes"
         )
-    if len(sensitivities.names) != n:
+    if len(sensitivities.names) != table.size:
         raise ValueError("second derivatives are by the constants: call direct without histories")
     shape = (len(solution.displacements), n, n, *model.mesh.points.shape)
     u2, f2 = np.full(shape, np.nan), np.full(shape, np.nan)
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
-        first = sensitivities.displacements[step].reshape(n, -1)
-        change = np.zeros((n, *first.shape))
+        by = sensitivities.displacements[step, :n].reshape(n, -1)
+        change = np.zeros((n, *by.shape))
         for q in range(n):
             h = STEP * max(abs(table.flat[q]), STEP)
             for at, weight in WEIGHTS:
                 moved = table.copy()
                 moved.flat[q] += at * h
-                along = _along(Equations(model, moved), state, state.u + at * h * first[q], first)
+                along = _along(Equations(model, moved), state, state.u + at * h * by[q], by)
                 change[q] += weight / h * along
         # both orders of p and q are the same derivative
         change = 0.5 * (change + change.swapaxes(0, 1)).reshape(n, n, -1)
@@ -215,8 +215,8 @@ def second(sensitivities: Sensitivities) -> SecondDerivatives:
     return SecondDerivatives(u2, f2, sensitivities)
 
 
-def _along(equations: Equations, like: State, u: FloatArray, first: FloatArray) -> FloatArray:
+def _along(equations: Equations, like: State, u: FloatArray, by: FloatArray) -> FloatArray:
     """K u_p + df/dp at displacements u, shape [n, n d]."""
     state = equations.evaluate(u, like.at, like=like)
-    own = equations.body.forces_by_parameters(state.body)
-    return own + equations.times(equations.stiffness(state), first)
+    own = equations.body.forces_by_parameters(state.body)[: len(by)]
+    return own + equations.times(equations.stiffness(state), by)

@@ -21,13 +21,9 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from doe import Box, from_points, latin_hypercube
-from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
-from kolsky.inverse.forward import coarser_graded
 from kolsky.inverse.objective import FrontNoise, Objective
-from kolsky.inverse.observations import Prediction
-from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
     FrontPath,
     MovedFront,
@@ -38,9 +34,10 @@ from kolsky.inverse.path_noise import (
     noise_of,
     rms_amplitude,
 )
-from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, run_refined
+from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, check_run
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
+from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 START_ORDER = 2.0
@@ -138,6 +135,8 @@ class RefinedRun:
     """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
     check: CompletedRuns
     """The run."""
+    numerics: Numerics
+    """Its numerical choices."""
     step: Step
     """To where the optimum should be instead."""
     missed: FloatArray
@@ -154,16 +153,18 @@ def judge_run(
     objective: Objective,
     slope: FloatArray,
     x: FloatArray,
-    check: CompletedRuns,
+    numerics: Numerics,
     before: RefinedRun | None,
+    check: CompletedRuns | None = None,
 ) -> RefinedRun:
-    """A run, and the step that it asks for."""
+    """A run, and the step that it asks for; it is made unless it is given."""
+    check = check or check_run(runner, x, numerics)
     vector = objective.reached(check.prediction)[0]
     missed = np.zeros(len(vector))
     if before is not None:
         missed = vector - before.vector - slope @ (x - before.x)
     step = gauss_newton_step(objective, slope, vector, x, runner.problem.box)
-    return RefinedRun(x, vector, check, step, missed)
+    return RefinedRun(x, vector, check, numerics, step, missed)
 
 
 def run_deviance(run: RefinedRun) -> float:
@@ -200,7 +201,8 @@ def descend(
         if own is None:
             break
         slope = own
-        last = replace(judge_run(runner, objective, slope, last.x, last.check, last), missed=last.missed)
+        again = judge_run(runner, objective, slope, last.x, last.numerics, last, last.check)
+        last = replace(again, missed=last.missed)
         if last.confirmed:
             break
         better = _downhill_run(runner, objective, slope, last)
@@ -214,7 +216,7 @@ def descend(
 def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> FloatArray | None:
     """Jacobian of the data vector at a run on the refined mesh, shape [k, d]; None if one run is lost."""
     up, down = difference_points(runner.problem.box, run.x, OWN_DIFFERENCE_STEP * run.step.sigma)
-    vectors = runner.vectors("check", np.concatenate([up, down]), runner.problem.refined, objective)
+    vectors = runner.vectors("check", np.concatenate([up, down]), run.numerics, objective)
     return differences(vectors, up, down) if np.isfinite(vectors).all() else None
 
 
@@ -227,10 +229,9 @@ def _downhill_run(
         x = np.clip(last.x + share * last.step.change, *_box_bounds(runner.problem.box))
         share *= 0.5
         try:
-            check = run_refined(runner, x[None])[0]
+            run = judge_run(runner, objective, slope, x, last.numerics, last)
         except ValueError:  # it did not complete: no better point
             continue
-        run = judge_run(runner, objective, slope, x, check, last)
         if run_deviance(run) <= run_deviance(last):
             return run
     return None
@@ -255,8 +256,10 @@ AMPLITUDES_STAY = 0.2
 """Root mean square of the amplitudes' changes, each standard normal beforehand, that are left [-]."""
 
 
-SearchUnderPath = Callable[[Runner, Objective, FloatArray, FloatArray], tuple[RefinedRun, FloatArray]]
-"""From slopes, shape [k, d], and a start, shape [d], to the optimum on the refined mesh and its slopes."""
+SearchUnderPath = Callable[
+    [Runner, Objective, FloatArray, FloatArray, Numerics], tuple[RefinedRun, FloatArray]
+]
+"""From slopes, shape [k, d], and a start, shape [d], to the optimum on a mesh and its slopes."""
 
 
 def follow_on_refined(
@@ -270,7 +273,7 @@ def follow_on_refined(
     path, before = runner.front, runner.front.moved
     if before is None or not last.confirmed:
         return last, slope, path
-    front = patterns_at_refined(runner, before, last.x) or before
+    front = patterns_at_refined(runner, before, last) or before
     vector = last.vector + (before.offset - front.offset)[last.step.objective.kept]
     for number in range(MOST_MOVES):
         amplitudes = _amplitudes_of_residual(front, last.step.objective, vector)
@@ -280,18 +283,18 @@ def follow_on_refined(
             break
         front = replace(front, amplitudes=amplitudes)
         path = FrontPath.following(front)
-        last, slope = search(runner.under(path), replace(objective, front=path.noise), slope, last.x)
+        under = replace(objective, front=path.noise)
+        last, slope = search(runner.under(path), under, slope, last.x, last.numerics)
         if not last.confirmed:
             break
         vector = last.vector
     return last, slope, path
 
 
-def patterns_at_refined(runner: Runner, front: MovedFront, point: FloatArray) -> MovedFront | None:
-    """The same path with patterns of its noise at a point; None if one of their runs does not complete."""
+def patterns_at_refined(runner: Runner, front: MovedFront, last: RefinedRun) -> MovedFront | None:
+    """The same path with patterns of its noise at a run; None if one of their runs does not complete."""
     deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
-    numerics = coarser_graded(runner.problem.numerics, runner.problem.settings.refined_mesh)
-    runs = runner.under_other_motions(point[None], one * deviations, numerics)[0]
+    runs = runner.under_other_motions(last.x[None], one * deviations, last.numerics)[0]
     if runs is None or len(runs.force_bins) <= len(deviations):
         return None
     modes = PathModes.of(data_change(runs)[1:] / one, noise_of(runner.problem.observations), deviations)
@@ -320,68 +323,46 @@ RUNS_PER_PARAMETER = 12
 """Runs of that surrogate for each parameter."""
 
 
-@dataclass(frozen=True)
-class ExtraRun:
-    """A run on the refined mesh at another point than those of the search."""
-
-    x: FloatArray
-    """Where, shape [d]."""
-    prediction: Prediction
-    """What it predicts, one row."""
-    response: Response
-    """The run, a batch of one."""
-
-
 def search_by_gauss_newton(
-    runner: Runner, optima: Mapping[Mesh, MeshOptimum], beside: FloatArray | None = None
-) -> tuple[CoarseOptimum, RefinedOptimum, ExtraRun | None]:
+    runner: Runner, optima: Mapping[Mesh, MeshOptimum]
+) -> tuple[CoarseOptimum, RefinedOptimum]:
     """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
+
+    The steps and the path go on a coarser graded mesh; a run on the refined mesh, or two, end them.
 
     Parameters
     ----------
     runner, optima
         Runs under the path that `kolsky.inverse.surrogate_mesh_search.search_meshes` gives, and its optima.
-    beside
-        Another point of the surrogate's mesh, shape [d], whose counterpart on the refined mesh is run too,
-        in a batch with the others: a second core has time for it.
 
     Raises
     ------
     ValueError
-        If a run on the refined mesh does not complete, or the data do not depend on a parameter.
+        If a run on one of these meshes does not complete, or the data do not depend on a parameter.
     """
-    numerics = runner.problem.numerics
-    coarse = optima[numerics.mesh]
-    blind = [
-        name for name, s in zip(runner.problem.box.names, coarse.sigma, strict=True) if not np.isfinite(s)
-    ]
+    problem = runner.problem
+    coarse = optima[problem.numerics.mesh]
+    blind = [name for name, s in zip(problem.box.names, coarse.sigma, strict=True) if not np.isfinite(s)]
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(runner, coarse)
-    start = np.clip(
-        extrapolated_start(optima, numerics.mesh, runner.problem.settings.refined_mesh),
-        *_box_bounds(runner.problem.box),
-    )
-    last, other = _chord_steps(runner, objective, slope, start, beside, shift=start - coarse.x)
-    last, slope = _converged(runner, objective, slope, last)
-    last, slope, front = follow_on_refined(runner, objective, slope, last, _search_under_path)
+    start = extrapolated_start(optima, problem.numerics.mesh, problem.settings.refined_mesh)
+    start = np.clip(start, *_box_bounds(problem.box))
+    last, slope = _search_on(runner, objective, slope, start, problem.halfway)
+    last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
+    if problem.halfway != problem.refined:
+        under = replace(objective, front=front.noise)
+        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined)
     runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
-    return *_with_surrogate(runner, last, slope, centre, coarse), other
+    return _with_surrogate(runner, last, slope, centre, coarse)
 
 
-def _converged(
-    runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
+def _search_on(
+    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray, numerics: Numerics
 ) -> tuple[RefinedRun, FloatArray]:
-    """The run, or where steps with the refined mesh's own slopes end, and the slopes that judge it."""
+    """The optimum on a mesh from a point near it, and the slopes that judge it, shape [k, d]."""
+    last = _chord_steps(runner, objective, slope, start, numerics)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
-
-
-def _search_under_path(
-    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray
-) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
-    last, _ = _chord_steps(runner, objective, slope, start, None, shift=np.zeros(len(start)))
-    return _converged(runner, objective, slope, last)
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
@@ -402,30 +383,14 @@ def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray
 
 
 def _chord_steps(
-    runner: Runner,
-    objective: Objective,
-    slope: FloatArray,
-    start: FloatArray,
-    beside: FloatArray | None,
-    *,
-    shift: FloatArray,
-) -> tuple[RefinedRun, ExtraRun | None]:
-    """Steps on the refined mesh until a run leaves the optimum where it is.
-
-    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
-    """
-    found, x, other, misled = None, start, None, 0
-    for number in range(MOST_RUNS):
-        points, moved = x[None], x - start + shift
-        if beside is not None and other is None and (number > 0 or moved.any()):
-            # The meshes' difference at the optimum is as good for a point not far away.
-            points = np.stack([_counterpart(runner, beside, moved), x])
-        check = run_refined(runner, points)
-        if len(check) == 2:
-            other = ExtraRun(points[0], check[0].prediction, check[0].response)
-        run = judge_run(runner, objective, slope, x, check[-1], found)
-        if run.confirmed and (beside is None or other is not None):
-            return run, other
+    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray, numerics: Numerics
+) -> RefinedRun:
+    """Steps on a mesh until a run leaves the optimum where it is."""
+    found, x, misled = None, start, 0
+    for _ in range(MOST_RUNS):
+        run = judge_run(runner, objective, slope, x, numerics, found)
+        if run.confirmed:
+            return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
             if misled == MISLED:
@@ -439,16 +404,7 @@ def _chord_steps(
                 factor = lengthening(*steps)
             found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(runner.problem.box))
     assert found is not None
-    return found, other
-
-
-def _counterpart(runner: Runner, point: FloatArray, shift: FloatArray) -> FloatArray:
-    """A point of the surrogate's mesh on the refined one: only what is searched for there is moved."""
-    moved = point.copy()
-    if MOVED in runner.problem.box.names:
-        i = runner.problem.box.names.index(MOVED)
-        moved[i] += shift[i]
-    return moved
+    return found
 
 
 def _with_surrogate(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, FitQuality, Verdict
@@ -86,6 +87,10 @@ class OwnStiffness:
     """Its standard uncertainty [-]."""
 
 
+FORCE_OVER_OUTLINE = "force over the outline"
+"""Name of the test by the force's stiffness over the outline's."""
+
+
 @dataclass(frozen=True)
 class ShotAgreement:
     """Whether the shots ask for one stiffness."""
@@ -116,11 +121,53 @@ class ShotAgreement:
             return f"the stiffest shot asks for {self.ratio:.3g} times the softest's stiffness ({numbers})"
         who = " and ".join(self.shots)
         verb = "contradict each other" if len(self.shots) > 1 else "contradicts the other shots"
-        by = f"the {self.channel} by itself" if self.channel else "all data"
+        by = "all data"
+        if self.channel:
+            by = f"the {self.channel}" + ("" if self.channel == FORCE_OVER_OUTLINE else " by itself")
         return (
             f"{who} {verb} by {by}: the stiffest shot asks for {self.ratio:.3g} "
-            f"times the softest's stiffness ({numbers}); check the sensitivity of the force, the reference "
-            "curve and the specimen of these shots, or identify each by itself"
+            f"times the softest's stiffness ({numbers})"
+        )
+
+
+CAUSE_WORDS = {
+    "sensitivity": "the force of {shot}, {factor:.4g} ± {both:.2g} times what all data predict: multiply its "
+    "sensitivity by this",
+    "clock_offset": "the force record of {shot}, {late:.3g} ± {both_late:.2g} us late: check its clock",
+    "lengths of the outline": "the lengths in the outline of {shot}, {factor:.4g} ± {both:.2g} times what "
+    "all data predict: check its scale",
+    "material": "the specimen or reference curve of {shot}, {factor:.4g} ± {both:.2g} times as stiff as the "
+    "others",
+}
+"""Input of a shot -> its words, with k = 2."""
+
+
+@dataclass(frozen=True)
+class ShotCause:
+    """One input of one shot, and what it explains of the misfit of all."""
+
+    shot: str
+    """The shot."""
+    key: str
+    """The input, a key of `CAUSE_WORDS`."""
+    amount: float
+    """Its error: relative, of the clock in s."""
+    sigma: float
+    """Standard uncertainty of it."""
+    gain: float
+    """Fall of -2 ln L by it [-]."""
+    share: float
+    """Share of a channel's squared residual that it explains, of the channel where it is larger [-]."""
+
+    @property
+    def words(self) -> str:
+        """What is wrong, with its size."""
+        return CAUSE_WORDS[self.key].format(
+            shot=self.shot,
+            factor=1.0 + self.amount,
+            both=2.0 * self.sigma,
+            late=1e6 * self.amount,
+            both_late=2e6 * self.sigma,
         )
 
 
@@ -211,7 +258,7 @@ class CurveFound:
 
 
 @dataclass(frozen=True)
-class JointResult:
+class JointResult(ResultViews):
     """Several shots identified together."""
 
     estimates: Mapping[str, Estimate]
@@ -245,6 +292,8 @@ class JointResult:
     """The slow tests' residuals beside what a right model leaves, in units of their sigma."""
     agreement: ShotAgreement | None = None
     """Whether the shots ask for one stiffness; None for one shot."""
+    causes: tuple[ShotCause, ...] = ()
+    """Where the answer is withheld: what each input of each shot explains, the likeliest first."""
 
     @property
     def explained(self) -> bool:

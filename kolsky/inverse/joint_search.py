@@ -350,6 +350,19 @@ def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     return float(stdtrit(freedom, ndtr(COVERAGE))) * sigma
 
 
+def between_variance(
+    whole: FloatArray, plain: FloatArray, without: FloatArray, no_scatter: FloatArray
+) -> FloatArray:
+    """Variance by the scatter between shots, shape [d].
+
+    At least as much as makes the whole as large as it is where the same residuals are no scatter. ``whole``:
+    variances with the scatter in the weights. ``plain``, ``without``: of independent residuals, with the
+    scatter and as if there were none with the same discrepancies. ``no_scatter``: where the discrepancies
+    explain the residuals in its place.
+    """
+    return np.asarray(np.maximum(plain - without, 0.0) + np.maximum(no_scatter - whole, 0.0))
+
+
 COARSE_PATTERNS = (
     "the weights know the flyers' noise as the mesh of the search rings with it: with patterns of a graded "
     "mesh the search on the refined one has not come to rest, so that Poisson's ratio and damping may be off "

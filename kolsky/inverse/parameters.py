@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from kolsky.base.apparatus import (
+    LARGEST_POISSON,
     MOST_BRANCHES,
     NETWORK_CONSTANTS,
     NETWORK_DEFAULTS,
@@ -228,7 +229,7 @@ PARAMETERS: dict[str, Parameter] = {
             tex=r"\nu",
             lower=0.49,
             upper=0.4999,
-            allowed=(0.0, 0.4999),
+            allowed=(0.0, LARGEST_POISSON),
             held=lambda shot: shot.model.poisson,
             uncertainty=True,
         ),

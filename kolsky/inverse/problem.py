@@ -29,7 +29,7 @@ from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, ForceHistory
-from kolsky.inverse.forward import Forward, curve_replicates, material_law
+from kolsky.inverse.forward import Forward, coarser_graded, curve_replicates, graded, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
 from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
@@ -162,7 +162,8 @@ ONE_FREE = ("stiffness_factor",)
 HELD_AS_ASKED, EXACT = "held as asked", "declared exact in [uncertainty]"
 NO_OUTLINE = "held because no outline was measured"
 SLIDES = "held because a surface slides or lets go"
-REASONS_BEFORE_RUNS = (HELD_AS_ASKED, EXACT, SLIDES, NO_OUTLINE)
+BEYOND = "declared beyond the range of the search"
+REASONS_BEFORE_RUNS = (HELD_AS_ASKED, EXACT, SLIDES, NO_OUTLINE, BEYOND)
 """Reasons to hold a parameter that are known before any run."""
 
 Bounds = tuple[float, float] | None
@@ -197,17 +198,19 @@ class Freed:
     def said(self, shot: Shot) -> Iterator[str]:
         """Say which parameters the data could not tell: one sentence each."""
         for name, why in self.reasons.items():
-            if why not in REASONS_BEFORE_RUNS:
+            if why not in REASONS_BEFORE_RUNS and name not in self.settings.held:
                 p = PARAMETERS[name]
                 value = f"{p.held(shot) * p.shown_factor:.6g}" + (
                     "" if p.shown_unit == "1" else f" {p.shown_unit}"
                 )
                 yield f"{name} = {value} as declared, {why}: the answer holds if that is right"
 
-    def holding(self, reasons: Mapping[str, str]) -> Freed:
-        """The same with parameters held at the shot's values, for a reason each."""
+    def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> Freed:
+        """The same with parameters held, for a reason each: at values, or at the shot's."""
         free = {name: bounds for name, bounds in self.free.items() if name not in reasons}
-        return replace(self, settings=replace(self.settings, free=free), reasons={**self.reasons, **reasons})
+        held = {**self.settings.held, **at}
+        settings = replace(self.settings, free=free, held=held)
+        return replace(self, settings=settings, reasons={**self.reasons, **reasons})
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
@@ -233,6 +236,8 @@ def choose(settings: Settings, shot: Shot) -> Freed:
     for name in default:
         if shot.uncertainty.get(name) == 0.0:
             reasons.setdefault(name, EXACT)
+    if "poisson" not in reasons and shot.model.poisson > PARAMETERS["poisson"].upper:
+        reasons["poisson"] = BEYOND
     if rough(shot, settings.held):
         for name in default:
             if name not in ONE_FREE:
@@ -282,9 +287,9 @@ class InverseProblem:
         """The problem of a prepared shot with what is free in it."""
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
 
-    def holding(self, reasons: Mapping[str, str]) -> InverseProblem:
-        """The same with parameters held at the shot's values, for a reason each."""
-        return self.freeing(self.prepared, self.freed.holding(reasons))
+    def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
+        """The same with parameters held, for a reason each: at values, or at the shot's."""
+        return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:
         """The same of one parameter by the data alone, the other free ones at the shot's values."""
@@ -313,8 +318,21 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Those of the refined mesh."""
+        """Those of the refined mesh: graded, but where single runs jump, since a surface slides, and where
+        runs are corrected for Poisson's ratio, since that correction has meshes of its own."""
+        if self._is_graded:
+            return graded(self.numerics, self.settings.refined_mesh)
         return self.numerics.with_mesh(self.settings.refined_mesh)
+
+    @property
+    def halfway(self) -> Numerics:
+        """Those of the steps to the refined mesh: a coarser graded one, or the refined mesh's own."""
+        return coarser_graded(self.numerics, self.settings.refined_mesh) if self._is_graded else self.refined
+
+    @property
+    def _is_graded(self) -> bool:
+        sliding = rough(self.shot, [*self.freed.free, *self.settings.held])
+        return self.numerics.compressible is None and not sliding
 
     @property
     def first(self) -> Numerics:

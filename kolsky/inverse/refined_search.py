@@ -87,12 +87,12 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
     return bool((np.abs(move) <= little).all())
 
 
-def run_refined(runner: Runner, points: FloatArray) -> list[CompletedRuns]:
-    """Runs on the refined mesh with all nodes, apart; raises ValueError if one of them does not complete."""
-    runs = runner.run("check", points, runner.problem.refined, all_nodes=True)
-    if len(runs.rows) < len(points):
+def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRuns:
+    """A run at a point with all nodes; raises ValueError if it does not complete."""
+    runs = runner.run("check", x[None], numerics, all_nodes=True)
+    if not len(runs.rows):
         raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
-    return runs.apart()
+    return runs.apart()[0]
 
 
 def slides(problem: InverseProblem) -> bool:
@@ -172,7 +172,7 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
     """
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
-    (check,) = run_refined(runner, x[None])
+    check = check_run(runner, x, runner.problem.refined)
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
     inside = not at_inner_face(x, found.surrogate.box, runner.problem.box)
@@ -218,7 +218,7 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     if slides(runner.problem):
         return coarse.x, EDGE
     own = _halved_box(runner, coarse)
-    (first,) = run_refined(runner, own.x[None])
+    first = check_run(runner, own.x, runner.problem.refined)
     change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
     guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
     return np.clip(guess, runner.problem.box.lower, runner.problem.box.upper), own.edge

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.views import ResultViews
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
@@ -112,6 +113,12 @@ FLYER, CURVE = "flyer motion", "material curve"
 """Keys of `FitQuality.predicted`: the noise of two inputs, as it moves the model's answer."""
 
 
+DECLARED = "declared inputs"
+"""Everything that [uncertainty] of the shot file declares."""
+LATE = 3.0
+"""A clock is wrong beyond so many standard uncertainties of its lag."""
+
+
 @dataclass(frozen=True)
 class FitQuality:
     """The residual of one channel at the optimum, beside what a right model would leave."""
@@ -189,6 +196,28 @@ class FitQuality:
         """True if the residual is what a right model leaves. An unknown residual is not explained."""
         return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
+    @property
+    def noticed(self) -> float:
+        """Root mean square residual beyond which the check fails, in `unit`."""
+        return self.limit * self.expected
+
+    @property
+    def noticed_without_declared(self) -> float:
+        """`noticed` if nothing were declared uncertain, in `unit`."""
+        declared = self.predicted.get(DECLARED, 0.0)
+        return self.limit * max(self.expected**2 - declared**2, 0.0) ** 0.5
+
+    @property
+    def testable(self) -> bool:
+        """False if the check passes because of what is declared uncertain alone.
+
+        What is declared then leaves more than the check without it lets pass, and the residual is more than
+        that too: any input may be wrong by its declared uncertainty, and no misfit that noise, flyer and mesh
+        exclude would fail.
+        """
+        bare = self.noticed_without_declared
+        return self.expected <= bare or self.residual <= bare
+
 
 @dataclass(frozen=True)
 class ClockLag:
@@ -213,6 +242,11 @@ class ClockLag:
     def significance(self) -> float:
         """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
         return abs(self.lag) / self.sigma if self.sigma > 0.0 else 0.0
+
+    @property
+    def noticed(self) -> float:
+        """Size of the lag beyond which the clock is late [s]; NaN if its uncertainty is not known."""
+        return LATE * self.sigma
 
 
 COVERAGE = 2.0
@@ -389,29 +423,6 @@ class PosteriorSummary:
     """The priors, in words."""
 
 
-@dataclass(frozen=True)
-class HeldAnswer:
-    """What one parameter would be with other free ones held at the values that the shot declares."""
-
-    name: str
-    """The parameter."""
-    held: Mapping[str, float]
-    """Value of each parameter that was held, in SI."""
-    value: float
-    """Its optimum, in SI."""
-    sigma: float
-    """Its standard uncertainty, in SI: residuals, noise of flyer and curve, mesh, and what the shot declares
-    of the held ones."""
-    chi2_force: float
-    """Mean square of the force's residual over its noise there [-]."""
-    chi2_shape: float
-    """The same of the outline [-]; NaN if none was measured."""
-    free_chi2_force: float
-    """The force's where all of them are free [-]."""
-    free_chi2_shape: float
-    """The outline's where all of them are free [-]; NaN if none was measured."""
-
-
 class Verdict(StrEnum):
     """The outcome of the search for one parameter."""
 
@@ -579,7 +590,7 @@ class SurrogateCurve:
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(ResultViews):
     """The result of an identification."""
 
     shot: str
@@ -627,8 +638,6 @@ class Identification:
     """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
     """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
-    held_answer: HeldAnswer | None = None
-    """What the stiffness factor would be with the other free parameters held; None if it was free alone."""
     causes: tuple[CauseFinding, ...] = ()
     """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
@@ -647,6 +656,23 @@ class Identification:
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
         fit = next((one for one in self.fit if one.channel == channel), None)
         return noise if fit is None else fit.spread(noise)
+
+    def lag_that_matters(self, recording: str) -> float:
+        """Lag of a recording that would matter to the answer [s]; infinite if none is known.
+
+        Of the force one that moves a free parameter by its k = 2 uncertainty, where that is known; else one
+        frame, by which the numbers of pictures are wrong at least.
+        """
+        found = [
+            abs(part.amount) * 2.0 * self.estimates[name].sigma / abs(move)
+            for part in self.systematic
+            if part.key == "clock_offset" and recording == FORCE
+            for name, move in part.moves.items()
+            if move != 0.0
+        ]
+        times = np.unique(self.comparison.centre_line.time)
+        frame = float(np.median(np.diff(times))) if times.size > 1 else inf
+        return min(found, default=frame)
 
     def __repr__(self) -> str:
         said = "; ".join(

@@ -4,40 +4,38 @@ The optimum of a specimen that keeps its hold is moved to the refined mesh by Ga
 (`kolsky.inverse.gauss_newton`), after the front face's path has been followed on the surrogate's mesh
 (`kolsky.inverse.surrogate_mesh_search`). Where a surface slides or lets go, a quadratic through many runs
 averages its jumps (`kolsky.inverse.refined_search`).
-
-`held_answer` gives the stiffness factor with the other free parameters held at the shot's values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from doe import Box
 from doe.surrogates import SurrogateError
-from kolsky.base.arrays import BoolArray, FloatArray
+from explicit import Response
+from kolsky.base.apparatus import INCOMPRESSIBLE
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
-    CorrectedSurrogate,
     front_with_noise,
-    jacobian,
     on_edge,
     search_coarse,
     weigh_front_noise,
 )
 from kolsky.inverse.estimates import paper_route
-from kolsky.inverse.gauss_newton import ExtraRun, linear_step, search_by_gauss_newton
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.gauss_newton import search_by_gauss_newton
+from kolsky.inverse.incompressible import AT_LIMIT, is_at_limit
 from kolsky.inverse.parameters import MOVED, PARAMETERS
-from kolsky.inverse.path_noise import replicate_uncertainty
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
-from kolsky.inverse.result import Estimate, HeldAnswer, Route
+from kolsky.inverse.result import Route
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
+from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
@@ -54,8 +52,6 @@ class HeldSearch:
     """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
     """Its optimum there."""
-    refined: ExtraRun | None = None
-    """The run at its counterpart on the refined mesh; None if there is none."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +83,19 @@ class Search:
         """The runs under other motions and curves."""
         return None if self.replication is None else self.replication()
 
+    def held_run(self) -> tuple[FloatArray, Response] | None:
+        """The counterpart on the refined mesh of the stiffness factor with the others held, [d], and its run.
+
+        None where the stiffness factor was alone, or the run does not complete.
+        """
+        if self.held is None:
+            return None
+        runner, i = self.runner, self.problem.box.names.index(MOVED)
+        x = self.problem.declared
+        x[i] = self.held.coarse.x[0] - runner.offset(self.problem.numerics.mesh)[i]
+        response = runner.respond("check", x[None], self.problem.refined)
+        return (x, response) if response.outcomes[0].ok else None
+
     def paper_route(self) -> Route | None:
         """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried.
 
@@ -115,7 +124,8 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
         search = _search_several(runner)
         if isinstance(search, Search):
             return search
-        problem = problem.holding(search)
+        limit = {VALLEY: INCOMPRESSIBLE} if search.get(VALLEY) == AT_LIMIT else {}
+        problem = problem.holding(search, limit)
 
 
 def _search_rough(runner: Runner) -> Search:
@@ -133,7 +143,7 @@ def _search_one(runner: Runner) -> Search:
     wide = search_coarse(runner)
     designs = _designs_so_far(runner)
     meshes = search_meshes_for_one(runner, wide)
-    coarse, fine, _ = search_by_gauss_newton(runner.under(meshes.front), meshes.optima)
+    coarse, fine = search_by_gauss_newton(runner.under(meshes.front), meshes.optima)
     return Search(runner.under(fine.front, fine.offsets), coarse, fine, meshes.replicates, designs=designs)
 
 
@@ -155,16 +165,17 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
     meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.sigma)
+    if by_default and is_at_limit(runner.under(meshes.front), coarse.x):
+        lost[VALLEY] = AT_LIMIT
     if by_default and lost:
         return lost
-    runner, beside = runner.under(meshes.front), None if held is None else start
-    optimum, fine, extra = search_by_gauss_newton(runner, meshes.optima, beside)
+    runner = runner.under(meshes.front)
+    optimum, fine = search_by_gauss_newton(runner, meshes.optima)
     lost = not_identifiable(box, fine.x, fine.sigma)
     if by_default and lost:
         return lost
     if held is not None:
         runner.table.take(held.runner.table, held.values)
-        held = replace(held, refined=extra)
     runner = runner.under(fine.front, fine.offsets)
     return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=meshes.valley_margin)
 
@@ -188,80 +199,3 @@ def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, st
         elif edge[i]:
             found[name] = f"held because its optimum lies at the bound {x[i]:.5g} of its design"
     return found
-
-
-def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
-    """The stiffness factor of one run with the others held, and a step from there; None if there is no run.
-
-    ``found``: the search; its runner have run the replicates. ``estimate``: the stiffness factor with all of
-    them free: the mesh's correction and the share of the numerics are taken from it.
-    """
-    held, fine = found.held, found.fine
-    if held is None or held.refined is None:
-        return None
-    prediction = held.refined.prediction
-    counted = fine.objective.counted & held.coarse.objective.counted & prediction.inside[0]
-    objective = replace(found.runner.objective(counted, slowly=True), prior=None)
-    vector = objective.vectors(prediction)[0]
-    i = found.problem.box.names.index(MOVED)
-    x = held.refined.x[[i]]
-    model = CorrectedSurrogate(held.coarse.surrogate).predict
-    slope = jacobian(model, held.coarse.box, held.coarse.x)[_entries_of(held.coarse.objective, counted)]
-    objective = objective.with_discrepancy(vector)
-    step = linear_step(objective, slope, vector, x)
-    vector = vector + slope @ step
-    objective = objective.with_discrepancy(vector)
-    parts = [
-        float(np.sqrt(objective.residual_covariance(slope, vector)[0, 0])),
-        estimate.sigma_numerical,
-        *_noise_sigmas(found.replicates, objective, slope),
-        *_declared_sigmas(found.problem, held, fine, objective, slope),
-    ]
-    return HeldAnswer(
-        name=MOVED,
-        held=dict(held.values),
-        value=float(x[0] + step[0]) + estimate.mesh_correction,
-        sigma=float(np.hypot.reduce(parts)),
-        **_mean_squares(objective, vector, ""),
-        **_mean_squares(fine.objective, fine.objective.vectors(fine.check.prediction)[0], "free_"),
-    )
-
-
-def _entries_of(objective: Objective, counted: BoolArray) -> BoolArray:
-    """Which entries of an objective's data vector are among the force bins and some outline points."""
-    force = np.ones(objective.n_force, dtype=np.bool_)
-    return np.concatenate([force, counted[objective.counted]])
-
-
-def _noise_sigmas(replicates: Replicates | None, objective: Objective, slope: FloatArray) -> list[float]:
-    """Standard uncertainties from the noise of flyer and curve; none without replicates."""
-    if replicates is None:
-        return []
-    vectors = objective.vectors(replicates.prediction)
-    moves = np.nan_to_num(vectors - vectors[0]) @ objective.gain(slope).T
-    rows = (replicates.flyer, replicates.curve)
-    return [float(replicate_uncertainty(moves[which])[0]) for which in rows if which.any()]
-
-
-def _declared_sigmas(
-    problem: InverseProblem, held: HeldSearch, fine: RefinedOptimum, objective: Objective, slope: FloatArray
-) -> list[float]:
-    """Standard uncertainties from what the shot declares of the held parameters."""
-    declared, names = problem.shot.uncertainty, problem.box.names
-    others = fine.jacobian[_entries_of(fine.objective, objective.counted)]
-    gain = objective.gain(slope)[0]
-    return [
-        abs(float(gain @ others[:, names.index(name)])) * declared[name]
-        for name in held.values
-        if declared.get(name, 0.0) > 0.0
-    ]
-
-
-def _mean_squares(objective: Objective, vector: FloatArray, prefix: str) -> dict[str, float]:
-    """Mean square of the residuals over the noise, of force and outline."""
-    square = ((vector - objective.data) / objective.noise) ** 2
-    force, shape = square[: objective.n_force], square[objective.n_force :]
-    return {
-        f"{prefix}chi2_force": float(force.mean()),
-        f"{prefix}chi2_shape": float(shape.mean()) if shape.size else float("nan"),
-    }

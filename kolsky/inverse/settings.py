@@ -139,7 +139,7 @@ class Settings:
     """The surrogate's mesh and the arithmetic."""
     refined_mesh: Annotated[
         tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY", panel=NUMERICAL)
-    ] = (64, 86)
+    ] = (48, 64)
     replicates: Annotated[
         int,
         Option("Random draws of the flyer's and the curve's noise, each; 0: none.", min=0, panel=ADVANCED),

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dic.views import ResultViews
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
@@ -73,7 +74,7 @@ class Treatment:
 
 
 @dataclass(frozen=True)
-class ReferenceCurve:
+class ReferenceCurve(ResultViews):
     """The curve of the material, and the steps that led to it."""
 
     pull: Pull

@@ -228,22 +228,6 @@ class Session:
     def __post_init__(self) -> None:
         self._text = self._read()
 
-    def state(self) -> dict[str, Any]:
-        """What a page needs to begin, as JSON can hold it."""
-        rows, columns = self.pictures.shape
-        return {
-            "name": self.path.parent.resolve().name,
-            "file": self.path.name,
-            "columns": columns,
-            "rows": rows,
-            "frames": self.pictures.n_frames,
-            "wanted": [vars(one) for one in self.wanted],
-            "drawn": {
-                key: [{"corners": [list(c) for c in one.corners], "frame": one.frame} for one in shapes]
-                for key, shapes in self.drawn.items()
-            },
-        }
-
     def problems(self, content: Any) -> list[str]:
         """What is wrong with what a page sends; empty if it can be saved."""
         try:
@@ -285,19 +269,22 @@ class Session:
         return []
 
     def png(self, frame: int) -> bytes | str:
-        """A frame as an 8-bit PNG, grey values stretched over its middle 99 %; or why there is none."""
-        from dic.basics import cv2
-
-        try:
-            picture = np.asarray(self.pictures.frame(frame), dtype=np.float64)
-        except (PictureError, IndexError) as error:
-            return str(error)
-        low, high = np.percentile(picture, [0.5, 99.5])
-        grey = np.clip(255.0 * (picture - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
-        return bytes(cv2.imencode(".png", grey)[1].tobytes())
+        """A frame as `png_of` shows it."""
+        return png_of(self.pictures, frame)
 
     def _read(self) -> str:
         return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
+
+
+def png_of(pictures: Pictures, frame: int) -> bytes | str:
+    """A frame as an 8-bit PNG, grey values stretched over its middle 99 %; or why there is none."""
+    try:
+        picture = np.asarray(pictures.frame(frame), dtype=np.float64)
+    except (PictureError, IndexError) as error:
+        return str(error)
+    low, high = np.percentile(picture, [0.5, 99.5])
+    grey = np.clip(255.0 * (picture - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
+    return bytes(cv2.imencode(".png", grey)[1].tobytes())
 
 
 LINES = 20

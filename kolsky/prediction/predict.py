@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import explicit
+from dic.views import ResultViews
 from explicit.bars import Apparatus, Joint, Section, find_events, integrate_test, simulate_test
 from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
@@ -122,7 +123,7 @@ class Numbers:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(ResultViews):
     """A planned test carried out."""
 
     test: PlannedTest
@@ -163,6 +164,14 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
         A test file read.
     quick
         True to let the specimen's static curve stand in for its finite elements: a second, for scans.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> test = kolsky.read_test("runs/predict/paper.toml")
+    >>> speed = kolsky.predict(test, quick=True).numbers.flyer_speed  # m/s
+    >>> 1.0 < speed < 10.0
+    True
     """
     run = test.declared.run
     try:

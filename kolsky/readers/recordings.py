@@ -65,7 +65,10 @@ FORMATS: Mapping[str, RecorderFormat] = {
     "scope": scope_binary,
     "delimited": delimited,
 }
-"""Name -> module, one file and one line here for each; text of any make comes last."""
+"""Name -> module, one file and one line here for each; text of any make comes last.
+
+:meta hide-value:
+"""
 
 
 SHORTEST_FLAT_TOP = 8

@@ -1,8 +1,14 @@
-"""Registration of the HTML views with IPython, by name of the type, so that nothing is imported early."""
+"""Registration of the views: with IPython by name of the type, and as methods of results.
 
+Nothing is imported before it is needed.
+"""
+
+import io
 import sys
 from collections.abc import Callable
 from typing import Any
+
+from dic import views
 
 __all__ = ["register"]
 
@@ -14,12 +20,19 @@ SHOWN = (
 """Module and name of every type with a view in `kolsky.report.notebook`; subclasses are shown alike."""
 
 
+PNG_DPI = 144.0
+"""Resolution of a figure in a notebook [dots per inch]: a journal's page is 960 px wide."""
+
+
 def register() -> None:
-    """Register the views with the running IPython, if there is one."""
+    """Register the views as methods of results, and with the running IPython, if there is one."""
+    views.MAKERS.append(_notebook)
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is not None:
-        register_with(shell.display_formatter.formatters["text/html"].for_type_by_name)
+        formatters = shell.display_formatter.formatters
+        register_with(formatters["text/html"].for_type_by_name)
+        formatters["image/png"].for_type_by_name("matplotlib.figure", "Figure", _png)
 
 
 def register_with(for_type_by_name: Callable[[str, str, Callable[[Any], str]], Any]) -> None:
@@ -28,7 +41,18 @@ def register_with(for_type_by_name: Callable[[str, str, Callable[[Any], str]], A
         for_type_by_name(module, name, _html)
 
 
-def _html(data: Any) -> str:
-    from kolsky.report.notebook import html  # loads much: when something is shown, not before
+def _notebook() -> Any:
+    from kolsky.report import notebook  # loads much: when something is shown, not before
 
-    return html(data)
+    return notebook
+
+
+def _html(data: Any) -> str:
+    return str(_notebook().html(data))
+
+
+def _png(figure: Any) -> bytes:
+    """A figure that is the value of a cell."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=PNG_DPI)
+    return picture.getvalue()

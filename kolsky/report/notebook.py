@@ -1,19 +1,21 @@
-"""Notebook views of any result: HTML for IPython, tables for pandas and xarray.
+"""Views of any result: HTML for IPython, a figure, tables for pandas and xarray.
 
 The tables are those of `kolsky.report.result_folder.tables_of`, by the names of the CSV files. The views are
-functions of the data, which do not import them; `kolsky.report.ipython` registers them.
+functions of the data, which do not import them; `kolsky.report.ipython` registers them, as the methods of
+`dic.views.ResultViews` too.
 """
 
 from __future__ import annotations
 
 from functools import singledispatch
 from math import nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dic import output as surface_views
 from dic.output import html_table, pandas, xarray
+from dic.result import FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.result_folder import has_tables, tables_of
@@ -21,7 +23,10 @@ from kolsky.results.printed import answer, details
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 
-__all__ = ["html", "to_dataframe", "to_xarray"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["html", "plot", "to_dataframe", "to_xarray"]
 
 
 @singledispatch
@@ -46,7 +51,8 @@ def to_dataframe(data: object, table: str = "") -> Any:
         Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy";
         the last four are the CSV files of the same names. Of any other result (waves, rates, several shots,
         a prediction, a plan, a sweep, a budget, constants, a reference curve, a displacement field) the name
-        of one of its CSV files, without ".csv"; the main one if left out.
+        of one of its CSV files, without ".csv"; the main one if left out. Of a displacement field also
+        "points", a row a point of a frame.
 
     Returns
     -------
@@ -60,9 +66,20 @@ def to_dataframe(data: object, table: str = "") -> Any:
         If it is something else.
     ImportError
         If pandas is not installed.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> frame = kolsky.to_dataframe(kolsky.waves("runs/bar-01"))
+    >>> "time (s)" in frame.columns
+    True
     """
     if not has_tables(data):
         raise TypeError(_no_view(data, "pandas"))
+    return _frame_of(data, table)
+
+
+def _frame_of(data: object, table: str) -> Any:
     reader = pandas()
     known = {name.rpartition("/")[2]: columns for name, columns in tables_of(data).items()}
     name = table or next(iter(known))
@@ -84,8 +101,9 @@ def to_xarray(data: object, table: str = "") -> Any:
 
     An identification has measured and simulated force over "force_time" [s], outline over "point", and the
     energies of the simulation over "surface_time" [s]; its attributes are the estimates. A surface has
-    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`. Of any other result
-    the `table` of `to_dataframe` is over "row".
+    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`. A displacement field
+    has u, v, w and the strains over "frame" and "point". Of any other result, and where `table` is given, the
+    table of `to_dataframe` is over "row".
 
     Parameters
     ----------
@@ -156,8 +174,22 @@ def _(data: SurfaceHistory, table: str = "") -> Any:
     return surface_views.to_xarray(data)
 
 
+@to_dataframe.register
+def _(data: FullField, table: str = "") -> Any:
+    if table == "points":
+        return surface_views.full_field_dataset(data).to_dataframe().reset_index()
+    return _frame_of(data, table)
+
+
+@to_xarray.register
+def _(data: FullField, table: str = "") -> Any:
+    return _dataset_of(data, table) if table else surface_views.full_field_dataset(data)
+
+
 @to_xarray.register
 def _(data: Identification, table: str = "") -> Any:
+    if table:
+        return _dataset_of(data, table)
     c, ledger = data.comparison, data.response.energy
     newton, metre = {"units": "N"}, {"units": "m"}
     energies = {
@@ -186,6 +218,72 @@ def _(data: Identification, table: str = "") -> Any:
             **{f"{name}_sigma": e.sigma for name, e in data.estimates.items()},
         },
     )
+
+
+def plot(data: object, figure: str = "") -> Figure:
+    """Draw a figure of a result, as the reports do.
+
+    Parameters
+    ----------
+    data
+        A shot or any result. A displacement field or a surface is drawn without its pictures, a rate report
+        by its first material, a sweep over the range of its points.
+    figure
+        Name of the figure, that of its file under ``--figures``; the first one if left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, with its caption as label.
+
+    Raises
+    ------
+    TypeError
+        If no figure shows such a result.
+    ValueError
+        If there is no figure of that name; the message has the names.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> kolsky.waves("runs/bar-01").plot("waves").axes[0].get_xlabel()
+    'Time at the gauge (µs)'
+    """
+    from kolsky.report.canvas import build
+    from kolsky.report.figures import figures_of
+
+    shown = _drawn(data)
+    known = {kind.name: kind for kind in figures_of(shown).values() if kind.applies(shown)}
+    name = figure or next(iter(known), "")
+    if name not in known:
+        raise ValueError(f"there is no figure {name!r}; choose from {', '.join(known) or 'none'}")
+    return build(known[name], shown)
+
+
+def _drawn(data: object) -> Any:
+    """What the figures of a result show: itself, or its view."""
+    from kolsky.report import picture_views
+
+    match type(data).__name__:
+        case "FullField":
+            return picture_views.full_field_view(data)
+        case "StereoResult":
+            return picture_views.surface_view(data)
+        case "RateReport":
+            return data.groups[0]
+        case "Sweep":
+            from doe import Box
+            from kolsky.studies.sweep_analysis import analyse_sweep
+
+            ends = zip(data.table.points.min(axis=0), data.table.points.max(axis=0), strict=True)
+            return analyse_sweep(
+                data.shot, Box.of(dict(zip(data.table.names, ends, strict=True))), data.table
+            )
+        case "SpecimenFit":
+            from kolsky.report.body_views import view_of
+
+            return view_of(data.tests[0].test.name, [data])
+    return data
 
 
 def _no_view(data: object, where: str) -> str:

@@ -13,7 +13,9 @@ from dic.files import replacing
 from dic.result import Body, FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from explicit import Response
+from explicit.mesh import Mesh, deformation_gradient
 from kolsky.base.arrays import FloatArray
+from kolsky.report.scene.scene_data import FIELDS, Solid, at_nodes
 
 QUAD, TRIANGLE = 9, 5
 """Numbers of two cell types in VTK."""
@@ -110,15 +112,16 @@ def _array_element(parent: Any, name: str, values: np.ndarray) -> None:
 
 
 def write_vtu(
-    folder: Path, response: Response, quads: NDArray[np.integer], *, sample: int = 0, every: int = 1
+    folder: Path, response: Response, mesh: Mesh, solid: Solid | None, *, sample: int = 0, every: int = 1
 ) -> list[Path]:
     """Write the mesh of one simulation at its surface times.
 
-    `mesh.pvd` lists the series with its times. ``response``: a batch that kept its nodes. ``quads``: corner
-    nodes of each element, shape [n_elements, 4]. ``every``: write one surface time in this many, the first
-    included. Returns: the VTU files written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement
-    [m] from the first surface time. The series ends where the simulation ended. Raises ValueError if the
-    response kept no nodes, `sample` or `every` is out of range, or `quads` names a node that does not exist.
+    `mesh.pvd` lists the series with its times. ``response``: a batch that kept its nodes. ``mesh``: its
+    undeformed mesh. ``solid``: the material; without it no pressure, stress and energy are written.
+    ``every``: write one surface time in this many, the first included. Returns: the VTU files written, then
+    `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from the first surface time and the
+    `FIELDS` of films. The series ends where the simulation ended. Raises ValueError if the response kept no
+    nodes, `sample` or `every` is out of range, or the mesh has other nodes.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; ask for them when the simulation is run")
@@ -127,12 +130,9 @@ def write_vtu(
     if every < 1:
         raise ValueError(f"every must be >= 1, got {every}")
     nodes = response.nodes[sample]
-    quads = np.asarray(quads)
-    if quads.ndim != 2 or quads.shape[1] != 4 or quads.min() < 0 or quads.max() >= nodes.shape[1]:
-        raise ValueError(
-            f"quads must have shape [n_elements, 4] and entries in [0, {nodes.shape[1] - 1}], "
-            f"got shape {quads.shape} and entries in [{quads.min()}, {quads.max()}]"
-        )
+    if nodes.shape[1] != mesh.n_nodes:
+        raise ValueError(f"the mesh has {mesh.n_nodes} nodes, the response {nodes.shape[1]}")
+    kinds = [kind for kind in FIELDS.values() if solid is not None or not kind.needs_solid]
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written, times = [], []
@@ -140,9 +140,10 @@ def write_vtu(
         if not np.isfinite(nodes[k]).all():
             break
         path = folder / f"mesh_{k:05d}.vtu"
-        write_grid(
-            path, _in_space(nodes[k]), quads, QUAD, {"displacement [m]": _in_space(nodes[k] - nodes[0])}
-        )
+        F = deformation_gradient(mesh, nodes[k])
+        fields = {kind.label: at_nodes(mesh, kind.values(F, solid)[None])[0] for kind in kinds}
+        displacement = {"displacement [m]": _in_space(nodes[k] - nodes[0])}
+        write_grid(path, _in_space(nodes[k]), mesh.quads, QUAD, displacement | fields)
         written.append(path)
         times.append(response.surface_times[k])
     listing = folder / "mesh.pvd"

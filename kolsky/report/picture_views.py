@@ -1,7 +1,7 @@
 """Pictures for the figures of a stereo or a full-field result: a few whole ones, and one column of all."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,11 +99,21 @@ def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> Fu
 
     ``name``: name of the measurement. ``result``: the result. ``pictures``: camera 0's series.
     """
+    shown = full_field_view(result, name)
+    try:
+        return replace(shown, picture=np.array(pictures.frame(shown.frame)))
+    except PictureError:
+        return shown
+
+
+def full_field_view(result: FullField, name: str = "") -> FullFieldView:
+    """Choose the frame to show; without a picture."""
     count = result.n_valid
     enough = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
     frame = int(enough[-1]) if enough.size else int(result.facts.get("reference", 0))
-    try:
-        picture = np.array(pictures.frame(frame))
-    except PictureError:
-        picture = None
-    return FullFieldView(name, result, frame, picture)
+    return FullFieldView(name, result, frame, None)
+
+
+def surface_view(result: StereoResult) -> SurfaceView:
+    """A stereo result without pictures."""
+    return SurfaceView("", result, {}, np.full((1, len(result.t)), np.nan))

@@ -17,8 +17,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_json, write_table, write_tables
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.results.tables import tables
+from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
+from kolsky.studies.rates.records import strain_history
 
 if TYPE_CHECKING:
     from dic.result import FullField
@@ -99,6 +100,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.output.write_hdf5",
             "plan.json": "kolsky.studies.planning.output.to_json",
+            "plan.html": "kolsky.report.pages.plan.write_page",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -134,6 +136,12 @@ def tables_of(result: Any, *more: Any) -> Tables:
     -------
     mapping of str to mapping
         Name of a table, that of its CSV file -> heading -> cells.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> next(iter(kolsky.tables_of(kolsky.waves("runs/bar-01"))))
+    'waves'
     """
     known = RESULTS[_type_name(result)]
     made = _function(known.tables)(result, *more)
@@ -187,6 +195,8 @@ def _function(name: str) -> Callable[..., Any]:
 
 
 RESULT_FILE = "identification.h5"
+SUMMARY = "summary"
+"""Stem of the table of one row, which `kolsky open` lists shots by."""
 PAGE = "report.html"
 MOST_DRAWING = 4
 """Largest number of processes that draw a page: the slowest figure takes a quarter of the time of all."""
@@ -235,10 +245,18 @@ def write_identify_results(
         write_identification(result, whole)
 
     with filling(folder) as partial:
-        write_tables(partial, tables(found))
+        write_tables(partial, {**tables(found), SUMMARY: summary_row(found, _nominal_rate(shot))})
         with background(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
             write_identify_page(partial, found, recordings, formats, processes=processes)
             written()
+
+
+def _nominal_rate(shot: Shot) -> float:
+    """Nominal strain rate of a shot in its window [1/s]; NaN if the specimen was hardly compressed."""
+    try:
+        return strain_history(shot).nominal_rate
+    except ValueError:
+        return float("nan")
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:

@@ -40,7 +40,6 @@ from kolsky.inverse.result import (
     Declaration,
     Estimate,
     FitQuality,
-    HeldAnswer,
     Identification,
     Method,
     PairMap,
@@ -54,20 +53,6 @@ from kolsky.inverse.result import (
 )
 from kolsky.inverse.run_table import DesignTable, Terms
 
-FIXED_PARAMETER = Record(
-    HeldAnswer,
-    COLLECTION,
-    {
-        "name": Text(),
-        "held": numbers("SI"),
-        "value": Floats("SI"),
-        "sigma": Floats("SI"),
-        "chi2_force": Floats("1"),
-        "chi2_shape": Floats("1"),
-        "free_chi2_force": Floats("1"),
-        "free_chi2_shape": Floats("1"),
-    },
-)
 FIT = Record(
     FitQuality,
     COLLECTION,
@@ -396,7 +381,6 @@ IDENTIFICATION = Record(
         "route_difference": Part(DIFFERENCE, optional=True, since=3),
         "fit": Parts(FIT, by="channel", since=3),
         "clocks": Parts(CLOCK, by="recording", since=3),
-        "held_answer": Part(FIXED_PARAMETER, at="knowledge/held_answer", optional=True),
         "causes": Parts(CAUSE, since=3),
         "image_correlation": numbers("SI", since=2, key=None),
     },

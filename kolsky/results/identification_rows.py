@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from kolsky.diagnosis.fit_quality import LATE
-from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.result import ClockLag, Declaration, FitQuality, HeldAnswer, Identification
+from kolsky.inverse.result import LATE, NOISE, ClockLag, Declaration, FitQuality, Identification
 from kolsky.results import numbers
-from kolsky.results.nomenclature import factor_of, name_of, typeset
+from kolsky.results.nomenclature import name_of, typeset
 from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.declarations import (
     INVISIBLE,
@@ -34,9 +32,49 @@ def fit_line(found: Identification) -> str:
     for f in found.fit:
         worst = max(((f.excess, f.limit), (f.slow_excess, f.slow_limit)), key=lambda pair: pair[0] / pair[1])
         limit = f" of at most {worst[1]:g}" if worst[1] < float("inf") else ", no limit"
-        state = "explained" if f.explained else "NOT EXPLAINED"
-        said.append(f"{f.channel} {state} ({worst[0]:.2g}{limit})")
+        said.append(f"{f.channel} {fit_state(f)} ({worst[0]:.2g}{limit})")
     return f"fit: {', '.join(said)}"
+
+
+NOT_TESTABLE = "not testable with the declared uncertainties"
+"""What a check says that passes by what is declared alone."""
+
+
+def fit_state(f: FitQuality) -> str:
+    """Return "explained" of a check that could have failed, or why it could not, or that it has."""
+    if not f.explained:
+        return "NOT EXPLAINED"
+    return "explained" if f.testable else NOT_TESTABLE
+
+
+def lag_state(result: Identification, lag: ClockLag) -> str:
+    """Return "late", or "on time" of a clock whose lag would be seen before it matters to the answer."""
+    if not lag.sigma >= 0.0:
+        return "not found"
+    if lag.significance > LATE:
+        return "late"
+    return "on time" if lag.noticed <= result.lag_that_matters(lag.recording) else "not testable"
+
+
+MANY_SIGMAS = 4.0
+"""Residual over the noise, squared, from which on a page explains it: twice the noise."""
+
+
+def why_beyond_noise(f: FitQuality) -> str:
+    """Return why a model is right whose residual is far above the noise; empty where it is not, or is not
+    explained."""
+    if not (f.explained and f.limit < float("inf") and f.chi2 > MANY_SIGMAS):
+        return ""
+    factor, unit = _CHANNEL_UNITS[f.unit]
+    others = {source: part for source, part in f.predicted.items() if source != NOISE}
+    if not others:
+        return ""
+    source = max(others, key=lambda name: others[name])
+    return (
+        f"The {f.channel}'s residual is {f.over_noise:.2g} times its noise. A right model leaves as much: "
+        f"{source} alone brings {factor * others[source]:.2g} {unit}, the noise "
+        f"{factor * f.predicted[NOISE]:.2g} {unit}. The band of the figure has all sources."
+    )
 
 
 def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, str]:
@@ -53,6 +91,8 @@ def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, 
         rows[f"{f.channel}, chi2/n"] = f"{f.chi2:.3g}, {tau}"
         rows[f"{f.channel}, over right model"] = _limited(f.excess, f.limit)
         rows[f"{f.channel}, the same, slow"] = _limited(f.slow_excess, f.slow_limit)
+        if f.limit < float("inf"):
+            rows[f"{f.channel}, would notice"] = f"a residual beyond {factor * f.noticed:.2g} {unit} rms"
         rows[f"{f.channel}, neighbours"] = (
             f"correlation {f.correlation:.2g}, white with p = {f.whiteness:.2g}"
         )
@@ -60,7 +100,10 @@ def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, 
             shares = (f"{100.0 * w:.2g} % of {symbols.get(name, name)}" for name, w in f.weight.items())
             rows[f"{f.channel}, information"] = ", ".join(shares)
     for lag in found.clocks:
-        rows[f"{lag.recording}, late by"] = f"{1e6 * lag.lag:.2f} ± {2e6 * lag.sigma:.2f} us (k = 2)"
+        rows[f"{lag.recording}, late by"] = (
+            f"{1e6 * lag.lag:.2f} ± {2e6 * lag.sigma:.2f} us (k = 2): {lag_state(found, lag)}, would notice "
+            f"{1e6 * lag.noticed:.2g} us"
+        )
     return rows
 
 
@@ -73,7 +116,7 @@ def fit_tables(result: Identification) -> dict[str, Any]:
     return {
         "symbols": [name_of(name).symbol for name in result.estimates],
         "channels": [_channel(result, f) for f in result.fit],
-        "clocks": [_clock(lag) for lag in result.clocks],
+        "clocks": [_clock(result, lag) for lag in result.clocks],
     }
 
 
@@ -84,6 +127,9 @@ def _channel(result: Identification, f: FitQuality) -> dict[str, Any]:
         "channel": f.channel,
         "words": f"{f.channel}, {f.values} values",
         "explained": f.explained,
+        "state": fit_state(f),
+        "noticed": f"{plain(factor * f.noticed, 2)} {unit}",
+        "why": why_beyond_noise(f),
         "residual": f"{plain(factor * f.residual, 3)} {unit}",
         "noise": plain(f.over_noise, 3),
         "peak": numbers.percent(f.over_peak),
@@ -105,38 +151,12 @@ def _channel(result: Identification, f: FitQuality) -> dict[str, Any]:
     }
 
 
-def _clock(lag: ClockLag) -> tuple[str, str, str]:
+def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
     value, U = numbers.measured(1e6 * lag.lag, 2e6 * lag.sigma)
-    state = "not found" if lag.sigma != lag.sigma else "late" if lag.significance > LATE else "on time"
+    state = lag_state(result, lag)
+    if state != "not found":
+        state += f"; would notice a lag beyond {1e6 * lag.noticed:.2g} µs"
     return lag.recording, f"{value} ± {U} µs", state
-
-
-def held_line(held: HeldAnswer, *, written: bool = False) -> str:
-    """Return the held answer with its k = 2 uncertainty, what was held, and the misfit there and when free.
-
-    ``held``: in SI. ``written``: symbols as pages write them; else as the command line does.
-    """
-    value, uncertainty = numbers.measured(held.value, 2.0 * held.sigma)
-    named = []
-    for name, number in held.held.items():
-        p = PARAMETERS[name]
-        unit = name_of(name, p.unit).unit
-        symbol = p.written if written else p.symbol
-        named.append(f"{symbol} = {number * factor_of(name):.6g}" + ("" if unit == "1" else f" {unit}"))
-    there, free = (
-        _held_misfits(*pair)
-        for pair in (
-            (held.chi2_force, held.chi2_shape),
-            (held.free_chi2_force, held.free_chi2_shape),
-        )
-    )
-    return f"{value} ± {uncertainty} with {', '.join(named)}; chi2/n {there} (free: {free})"
-
-
-def _held_misfits(force: float, shape: float) -> str:
-    """Chi-square a value of the force, and of the outline where there is one."""
-    said = f"force {force:.3g}"
-    return said if shape != shape else f"{said}, outline {shape:.3g}"
 
 
 def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:

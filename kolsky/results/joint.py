@@ -27,13 +27,14 @@ from kolsky.inverse.joint_result import (
     OwnStiffness,
     Scatter,
     ShotAgreement,
+    ShotCause,
     ShotPart,
     interval,
 )
 from kolsky.inverse.parameters import reference_words
 from kolsky.results.hdf5 import ESTIMATE, FIT
 
-FORMAT = Format("kolsky joint identification", version=5, readable=(3, 4, 5))
+FORMAT = Format("kolsky joint identification", version=6, readable=(3, 4, 5, 6))
 """Its first version is 3, that of an identification, whose records of a parameter it shares."""
 
 OWN = Record(
@@ -59,6 +60,19 @@ AGREEMENT = Record(
         "shots": Text("shots"),
         "channel": Text(),
         "sentence": Text(derived=True),
+    },
+)
+CAUSE = Record(
+    ShotCause,
+    COLLECTION,
+    {
+        "shot": Text(),
+        "key": Text(),
+        "amount": Floats("1"),
+        "sigma": Floats("1"),
+        "gain": Floats("1"),
+        "share": Floats("1"),
+        "words": Text(derived=True),
     },
 )
 SHOT = Record(
@@ -128,6 +142,7 @@ JOINT = Record(
         "warnings": Text("warnings"),
         "slow_fit": Parts(FIT, by="channel", since=5),
         "agreement": Part(AGREEMENT, optional=True, since=5),
+        "causes": Parts(CAUSE, since=6),
         "verdict": Text(derived=True),
     },
 )

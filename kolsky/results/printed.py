@@ -6,7 +6,7 @@ from kolsky.inverse.result import Estimate, Identification, Method, Route, Verdi
 from kolsky.pictures.specimen_length import LengthByPictures, length_words
 from kolsky.results import numbers
 from kolsky.results.display import estimate_in_display_units, in_display_units
-from kolsky.results.identification_rows import held_line, printed_fit, printed_sensitivities
+from kolsky.results.identification_rows import printed_fit, printed_sensitivities
 from kolsky.results.nomenclature import factor_of
 from kolsky.results.numbers import plain_sentence
 from kolsky.shot.inputs import INPUTS
@@ -109,8 +109,6 @@ def details(found: Identification) -> dict[str, str]:
         rows += [
             (f"{symbol}, {method.name}", _distant_lines(method, name, U)) for method in found.methods[1:]
         ]
-        if found.held_answer is not None and found.held_answer.name == name:
-            rows.append((f"{symbol}, others held", plain_sentence(held_line(found.held_answer))))
     symbols = {name: plain_symbol(name) for name in found.estimates}
     causes = _causes(found)
     return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}

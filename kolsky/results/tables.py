@@ -47,6 +47,19 @@ def all_tables(found: Identification) -> dict[str, dict[str, Any]]:
     }
 
 
+def summary_row(found: Identification, nominal_rate: float) -> dict[str, list[Any]]:
+    """The answer as one row, so that the rows of many shots make one table, SI.
+
+    Of each free parameter its value, U (k = 2) and verdict. ``nominal_rate``: of the strain [1/s]; NaN if it
+    is not known.
+    """
+    row: dict[str, Any] = {"shot": found.shot, "nominal strain rate (1/s)": nominal_rate}
+    for name, e in found.estimates.items():
+        row |= {f"{name} ({e.unit})": e.value, f"U {name} ({e.unit})": 2.0 * e.sigma}
+        row[f"verdict {name}"] = e.outcome.value
+    return {name: [value] for name, value in row.items()}
+
+
 def end_columns(design: DesignTable) -> dict[str, Any]:
     """Columns of a CSV table: the time a run reached and, if it failed, its element and what happened."""
     r, y = design.failed_places.T

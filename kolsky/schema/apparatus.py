@@ -207,7 +207,7 @@ class FlyerBodySection(Section):
 class ModelSection(Section):
     """[model]: material constants that the curve does not give."""
 
-    poisson: f.Poisson
+    poisson: f.SpecimenPoisson
     damping: f.Damping
     damping_kind: Literal["deviatoric", "full"]
     mass_damping: f.Rate = 0.0

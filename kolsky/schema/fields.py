@@ -8,6 +8,7 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
+from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, LARGEST_POISSON
 from kolsky.base.units import DIMENSIONS, LARGEST, UnitError, quantity, unit_factor
 from kolsky.readers.contents import Layout
 from kolsky.readers.header import si_unit
@@ -72,9 +73,6 @@ def alternatives(names: Iterable[str]) -> str:
     return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
-LARGEST_POISSON = 0.4999
-
-
 def seconds(text: object) -> float:
     """A written-out time [s]; a validator to build others on."""
     return physical("s")(text)
@@ -85,18 +83,27 @@ def length(text: object) -> float:
     return physical("m")(text)
 
 
-def _poisson(value: object) -> float:
+def _ratio(value: object, cure: str) -> float:
     if isinstance(value, str):
-        allowed = f"a number in [0, {LARGEST_POISSON}]"
-        raise problem("is not a number", allowed=allowed, cure="write a number without quotes or unit")
+        raise problem("is not a number", allowed=f"a number in [0, {LARGEST_POISSON}]", cure=cure)
     size = number(value)
     if not 0.0 <= size <= LARGEST_POISSON:
-        raise problem(
-            "is not allowed",
-            allowed=f"in [0, {LARGEST_POISSON}]",
-            cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
-        )
+        raise problem("is not allowed", allowed=f"in [0, {LARGEST_POISSON}]", cure=cure)
     return size
+
+
+def _poisson(value: object) -> float:
+    return _ratio(value, "write a number without quotes or unit")
+
+
+def _specimen_poisson(value: object) -> float:
+    if value == INCOMPRESSIBLE_WORD:
+        return INCOMPRESSIBLE
+    return _ratio(
+        value,
+        "write a number without quotes; the solver needs slight compressibility: 0.499 for a rubber-like "
+        f'material, or "{INCOMPRESSIBLE_WORD}"',
+    )
 
 
 def _deviation(value: object) -> float:
@@ -290,6 +297,7 @@ Deviation = Annotated[float, BeforeValidator(_deviation)]
 Number = Annotated[float, BeforeValidator(number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]
+SpecimenPoisson = Annotated[float, BeforeValidator(_specimen_poisson)]
 Friction = Annotated[float, BeforeValidator(_friction)]
 TimeUnit = Annotated[float, BeforeValidator(factor("s"))]
 LengthUnit = Annotated[float, BeforeValidator(factor("m"))]

@@ -124,6 +124,39 @@ def check_densities(e: Evidence) -> Iterator[Finding]:
             )
 
 
+OTHER_BAR = ("incident", "input bar", "striker", "reflected")
+"""Words in the heading of a channel that is not behind the specimen."""
+
+
+def check_channels(e: Evidence) -> Iterator[Finding]:
+    """The transmitted force is not the channel of the other bar."""
+    force, other = (e.file.content.get(key) for key in ("force", "incident_force"))
+    column = _voltage_column(force)
+    if column is None or not isinstance(force, dict):
+        return
+    if isinstance(other, dict) and _voltage_column(other) == column:
+        if other.get("file", force.get("file")) == force.get("file"):
+            yield e.finding(
+                "force.voltage",
+                f"is the column '{column}', which is incident_force.voltage too",
+                cure="name the channel behind the specimen",
+            )
+    elif any(word in column.lower() for word in OTHER_BAR):
+        yield e.finding(
+            "force.voltage",
+            f"is the column '{column}', whose heading is that of the other bar",
+            cure="name the channel behind the specimen, or correct the heading",
+            contradiction=False,
+        )
+
+
+def _voltage_column(section: Any) -> str | None:
+    """Heading of a channel's voltage; None where none is declared by its heading."""
+    voltage = section.get("voltage") if isinstance(section, dict) else None
+    column = voltage.get("column") if isinstance(voltage, dict) else None
+    return column if isinstance(column, str) else None
+
+
 def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
     """Dotted keys that end in a name, with their values in SI; what is no quantity is left to the schema."""
     if not isinstance(content, dict):

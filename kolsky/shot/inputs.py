@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from math import expm1, hypot, inf, log, log1p, nan
+from math import exp, expm1, hypot, inf, isnan, log, log1p, nan
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
+from kolsky.shot.curve_changes import changed_curve
 from kolsky.shot.records import ForceChannel, Shot
 
 RELATIVE = 0.0025
@@ -30,7 +31,15 @@ OFFSET = 1e-5
 SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
 """Factor and unit in which an amount or a value is written."""
 
-Needs = Literal["nothing", "force channel", "outline", "faces that stick"]
+Needs = Literal[
+    "nothing",
+    "force channel",
+    "outline",
+    "faces that stick",
+    "film of the flyer",
+    "curve",
+    "stiffness at its bound",
+]
 """What a shot must have for an input to have a part."""
 
 
@@ -77,6 +86,21 @@ class Change:
     """The outline's points lie so much higher than their file says [m]."""
     Z_offset: float = 0.0
     """And so much further from the axis [m]."""
+    mirror: float = nan
+    """Heights count down from the other end, which lies so much higher than the length at rest [m]; NaN if
+    they do not."""
+    film: float = 1.0
+    """Factor on the times of all frames, from the shot's zero on."""
+    picture: float = 1.0
+    """Factor on all lengths in the pictures: the flyer's motion and the outline."""
+    time_constant: float = 0.0
+    """Of a first-order low-pass of the force [s]."""
+    leak: float = 0.0
+    """Rate at which the charge of the force's transducer leaks [1/s]."""
+    flyer_share: float = 0.0
+    """Share of the force at the flyer's face in the transmitted force's channel [-]."""
+    curve: Mapping[str, float] = field(default_factory=dict)
+    """Changes of the quasi-static curve, see `kolsky.shot.curve_changes`."""
 
     def then(self, other: Change) -> Change:
         """Both at once: of a parameter the other's value holds, factors multiply, lags and offsets add,
@@ -95,17 +119,32 @@ class Change:
             outline_lag=self.outline_lag + other.outline_lag,
             y_offset=self.y_offset + other.y_offset,
             Z_offset=self.Z_offset + other.Z_offset,
+            mirror=self.mirror if isnan(other.mirror) else other.mirror,
+            film=self.film * other.film,
+            picture=self.picture * other.picture,
+            time_constant=self.time_constant + other.time_constant,
+            leak=self.leak + other.leak,
+            flyer_share=self.flyer_share + other.flyer_share,
+            curve={**self.curve, **other.curve},
         )
 
     @property
-    def sight(self) -> tuple[float, float]:
-        """What tells the radii that are seen of one run from those of another change: lag and height."""
-        return self.outline_lag, self.y_offset
+    def sight(self) -> tuple[float, ...]:
+        """What distinguishes the radii that are seen of one run: when and where points are looked for."""
+        mirror = inf if isnan(self.mirror) else self.mirror  # NaN is not equal to itself
+        return self.outline_lag, self.y_offset, mirror, self.film, self.picture
+
+    @property
+    def path(self) -> tuple[float, float]:
+        """What distinguishes the motion of the front face: factors on its displacement and on its times."""
+        return self.motion * self.picture, self.film
 
     @property
     def seen(self) -> tuple[float, ...]:
         """What tells the data that are made of one run from those of another change."""
-        return self.force_factor, self.force_offset, self.force_lag, self.spread, *self.sight, self.Z_offset
+        force = self.force_factor, self.force_offset, self.force_lag, self.spread
+        channel = self.time_constant, self.leak, self.flyer_share
+        return *force, *channel, *self.sight, self.Z_offset
 
 
 UNCHANGED = Change()
@@ -139,6 +178,8 @@ class Cause:
     typical: float
     """Standard uncertainty that is usual where none is declared, in the value's unit; orders what the data
     cannot tell apart."""
+    mistakes: tuple[float, ...] = ()
+    """Values of usual mistakes, in the value's unit: a factor of two or ten, another definition."""
     allowance: float = 0.0
     """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
     onset: bool = False
@@ -232,7 +273,15 @@ _FACTOR: dict[str, Any] = {
 }
 """A cause that is a factor on what is simulated; u is by how much it is not 1."""
 _SHARES = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
-_SIZE: dict[str, Any] = {"scan": _SHARES, "step": 2e-3, "lowest": -0.3, "highest": 0.3}
+_FACTORS = (0.1, 0.5, 2.0, 10.0)
+"""Usual mistakes of a scale: a radius for a diameter, a digit too many."""
+_SIZE: dict[str, Any] = {
+    "scan": (-0.5, *_SHARES, 1.0),
+    "step": 2e-3,
+    "lowest": -0.6,
+    "highest": 1.2,
+    "mistakes": _FACTORS,
+}
 _LAGS = tuple(5e-6 * n for n in range(-12, 13) if n)
 """Lags that are tried [s]."""
 _RATIOS = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.2, 1.45, 2.0, 3.0, 5.0, 10.0)
@@ -321,8 +370,59 @@ def _outline(name: str, sign: float = 1.0) -> Callable[[Shot, float], Shot]:
     return applied
 
 
+def _film(shot: Shot, factor: float) -> Shot:
+    """The frames' times, and a window that ends with them."""
+    motion, line = replace(shot.flyer, time=factor * shot.flyer.time), shot.centre_line
+    if line is not None:
+        line = replace(line, time=factor * line.time)
+    first, last = shot.window
+    return replace(shot, flyer=motion, centre_line=line, window=(first, min(last, float(motion.time[-1]))))
+
+
+def _pictures(shot: Shot, factor: float) -> Shot:
+    """Every length of the pictures, with its uncertainty as it is."""
+    line = shot.centre_line
+    if line is not None:
+        line = replace(line, y=factor * line.y, Z=factor * line.Z)
+    return replace(_motion(shot, factor), centre_line=line)
+
+
+def _mirrored(shot: Shot, offset: float) -> Shot:
+    line = shot.centre_line
+    assert line is not None  # it is not tried without one
+    return replace(shot, centre_line=replace(line, y=shot.specimen.length + offset - line.y))
+
+
+def _leak(shot: Shot, rate: float) -> Shot:
+    """The rate of a transducer whose charge is declared to leak already is added."""
+    force = shot.force
+    assert isinstance(force, ForceChannel)  # it is not tried on another
+    constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
+    return replace(shot, force=replace(force, transducer=replace(force.transducer, time_constant=constant)))
+
+
+def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried: Any) -> Input:
+    """A change of the reference curve, see `kolsky.shot.curve_changes`; u is its amount."""
+    return Input(
+        key=name,
+        words=words,
+        place="[curve]",
+        applied=lambda shot, amount: replace(shot, curve=changed_curve(shot.curve, {form: amount})),
+        cause=Cause(
+            key=key,
+            words=words,
+            check=check,
+            changed=lambda u: Change(curve={form: u}),
+            needs="curve",
+            simulated=True,
+            **{"step": 0.05, "typical": 0.1, **tried},
+        ),
+    )
+
+
 SENSITIVITY, DENSITY = "force.sensitivity", "specimen.density"
 POISSON, DAMPING = "model.poisson", "model.damping"
+CURVE_SCALE = "curve.stress, its scale"
 
 INPUTS: dict[str, Input] = {
     one.key: one
@@ -352,6 +452,7 @@ INPUTS: dict[str, Input] = {
                 lowest=0.01,
                 highest=100.0,
                 exact=1.0,
+                mistakes=(*_FACTORS, 0.25, 4.0),
             ),
             laboratory=Laboratory(
                 "imperfections.sensitivity", "1 %", 3, words="force transducer’s sensitivity"
@@ -555,8 +656,9 @@ INPUTS: dict[str, Input] = {
             shared="group",
             step=0.01,
             typical=0.01,
-            lowest=-0.9,
-            highest=9.0,
+            mistakes=_FACTORS,  # far values are started from those of the force's gain
+            lowest=-0.95,
+            highest=10.0,
         ),
         Input(
             key="y_offset",
@@ -636,6 +738,201 @@ INPUTS: dict[str, Input] = {
                 typical=inf,
                 lowest=0.0,
                 highest=3.0,
+                exact=nan,
+                simulated=True,
+            ),
+        ),
+        Input(
+            key="film",
+            words="rate of the camera",
+            place="[frames] time",
+            relative=True,
+            applied=_film,
+            cause=Cause(
+                key="frames.time",
+                words="a factor on the times of all frames",
+                check="check the camera's rate: frames.time, and its unit",
+                changed=lambda u: Change(film=1.0 + u),
+                needs="film of the flyer",
+                scan=(-0.5, -0.1, -0.05, -0.025, -0.01, 0.01, 0.025, 0.05, 0.1, 1.0),
+                step=1e-3,
+                typical=0.002,
+                lowest=-0.6,
+                highest=1.5,
+                mistakes=(0.5, 2.0),
+                **_FACTOR,
+            ),
+        ),
+        Input(
+            key="picture_scale",
+            words="scale of the pictures",
+            place="[pictures] scale",
+            relative=True,
+            applied=_pictures,
+            cause=Cause(
+                key="pictures.scale",
+                words="a factor on all lengths in the pictures",
+                check="check the scale of the pictures, mm per pixel: flyer and outline have it in common",
+                changed=lambda u: Change(picture=1.0 + u),
+                needs="film of the flyer",
+                scan=_SHARES,
+                step=2e-3,
+                typical=0.005,
+                lowest=-0.3,
+                highest=0.3,
+                **_FACTOR,
+            ),
+        ),
+        Input(
+            key="axis",
+            words="direction of the outline’s axis",
+            place="[centre_line] y",
+            unit="m",
+            applied=_mirrored,
+            cause=Cause(
+                key="centre_line.y",
+                words="heights that count from the other end, with an offset",
+                check="check centre_line.y: it counts from the fixed end toward the flyer",
+                changed=lambda u: Change(mirror=u),
+                needs="outline",
+                scan=(0.0,),
+                step=1e-5,
+                typical=1e-4,
+                lowest=-1e-3,
+                highest=1e-3,
+                exact=nan,
+                mistakes=(0.0,),
+            ),
+        ),
+        Input(
+            key="bandwidth",
+            words="bandwidth of the force’s amplifier",
+            unit="s",
+            cause=Cause(
+                key="force.bandwidth",
+                words="an amplifier with a time constant",
+                check="check the amplifier's bandwidth, 1 / (2 pi times the time constant), and its filter",
+                changed=lambda u: Change(time_constant=max(u, 0.0)),
+                needs="force channel",
+                scan=(5e-6, 1e-5, 2e-5, 4e-5, 8e-5, 1.6e-4, 3.2e-4),
+                step=1e-6,
+                typical=5e-6,
+                lowest=0.0,
+                highest=2e-3,
+            ),
+        ),
+        Input(
+            key="leak",
+            words="leak of the force’s charge",
+            place="[force] time_constant",
+            unit="1/s",
+            applied=_leak,
+            cause=Cause(
+                key="force.time_constant",
+                words="a charge that leaks at a rate",
+                check="declare force.time_constant, 1 / rate",
+                changed=lambda u: Change(leak=max(u, 0.0)),
+                needs="force channel",
+                scan=(30.0, 100.0, 300.0, 1000.0, 3000.0),
+                step=3.0,
+                typical=20.0,
+                lowest=0.0,
+                highest=1e4,
+            ),
+        ),
+        Input(
+            key="channel",
+            words="channel of the force",
+            place="[force] voltage",
+            cause=Cause(
+                key="force.voltage",
+                words="a share of the force at the flyer's end",
+                check="check force.voltage: is it the column of the other bar?",
+                changed=lambda u: Change(flyer_share=u),
+                needs="force channel",
+                scan=(1.0,),
+                step=0.01,
+                typical=0.05,
+                lowest=-0.5,
+                highest=1.5,
+                mistakes=(1.0,),
+            ),
+        ),
+        _of_curve(
+            "true_stress",
+            key="curve.stress",
+            words="a curve whose stress is true, not nominal, to a share",
+            check="check curve.stress: it must be force over the first area",
+            form="true stress",
+            scan=(1.0,),
+            mistakes=(1.0,),
+            lowest=-2.0,
+            highest=2.0,
+        ),
+        _of_curve(
+            "true_strain",
+            key="curve.strain",
+            words="a curve whose strain is logarithmic, not nominal, to a share",
+            check="check curve.strain: it must be the change of length over the first length",
+            form="true strain",
+            scan=(1.0,),
+            mistakes=(1.0,),
+            lowest=-1.0,
+            highest=1.5,
+        ),
+        _of_curve(
+            "curve_shape",
+            key="curve shape",
+            words="a curve that stiffens more toward its end by a share",
+            check="check the slow test of the curve: conditioning, rate, temperature, friction of its ends",
+            form="tilt",
+            scan=(-0.6, 0.6),
+            lowest=-1.5,
+            highest=1.9,
+        ),
+        _of_curve(
+            "curve_end",
+            key="curve past its end",
+            words="a curve that goes on stiffer past its last point by a share",
+            check="measure the curve to larger strain, or end the window before the curve ends",
+            form="past end",
+            scan=(-1.0, 3.0, 10.0),
+            lowest=-3.0,
+            highest=100.0,
+            typical=1.0,
+        ),
+        _of_curve(
+            "curve_branch",
+            key="curve.branch",
+            words="a curve of the other branch",
+            check="check curve.branch and curve.convention: tension or compression",
+            form="branch",
+            scan=(1.0,),
+            mistakes=(1.0,),
+            exact=nan,
+            lowest=0.0,
+            highest=1.0,
+        ),
+        Input(
+            key="curve_at_bound",
+            words="stiffness beyond its bound",
+            place="[curve] stress",
+            cause=Cause(
+                key=CURVE_SCALE,
+                words="a stiffness factor beyond its bound",
+                check="widen the bound if the material may be so; else suspect the scale of curve.stress: "
+                "its unit, its area (a factor of (D/d)²), or another material's curve",
+                changed=lambda u: Change(values={"stiffness_factor": exp(u)}),
+                needs="stiffness at its bound",
+                scan=tuple(
+                    log(v) for v in (0.01, 0.03, 0.1, 0.17, 0.25, 0.35, 0.5, 2.0, 3.0, 4.0, 6.0, 10.0)
+                ),
+                step=0.01,
+                typical=inf,
+                value=exp,
+                coordinate=log,
+                lowest=log(1e-3),
+                highest=log(1e3),
                 exact=nan,
                 simulated=True,
             ),

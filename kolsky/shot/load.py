@@ -121,6 +121,13 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     InputError
         If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
         declarations and recordings contradict each other.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> shot = kolsky.load_shot("runs/open-05")
+    >>> 1e3 * shot.specimen.length  # mm
+    6.5
     """
     file = parsed(source)
     if is_bar_driven(file):
@@ -176,6 +183,12 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     ------
     InputError
         As `load_shot`.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> kolsky.check_shot("runs/open-05").name
+    'open-05'
     """
     file = parsed(source)
     if is_bar_driven(file):

@@ -19,6 +19,7 @@ from kolsky.base.records import FlyerMotion, MaterialCurve
 from kolsky.shot.declared_values import (
     SPECIMEN_SIZES,
     check_bar_speeds,
+    check_channels,
     check_densities,
     check_specimen_size,
     check_unit_of_heading,
@@ -398,6 +399,7 @@ RULES: tuple[Rule, ...] = (
     check_densities,
     check_bar_speeds,
     check_specimen_size,
+    check_channels,
     _frame_rate,
     _clocks,
     _bar_clocks,

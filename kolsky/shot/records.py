@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from kolsky.bars.flyer.events import second_impact
 from kolsky.bars.flyer.front_path import BarForce, front_path
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
@@ -127,7 +128,7 @@ class IncidentForce:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ShotBase:
+class ShotBase(ResultViews):
     """A shot apart from its optical measurements (SI, one clock)."""
 
     name: str

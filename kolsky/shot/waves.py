@@ -85,6 +85,13 @@ def waves(
     ------
     InputError
         If the shot or its files cannot be used.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> result = kolsky.waves("runs/bar-01")
+    >>> result.analysis
+    'three waves'
     """
     file = parsed(shot)
     try:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.views import ResultViews
 from doe import Box, ResponseSurrogate, latin_hypercube
 from doe.sensitivity import (
     SILENT,
@@ -118,7 +119,7 @@ LARGEST_ERROR = 0.1
 
 
 @dataclass(frozen=True)
-class GlobalSensitivity:
+class GlobalSensitivity(ResultViews):
     """Shares of the parameters in the variance of misfits and histories over a box."""
 
     shot: str

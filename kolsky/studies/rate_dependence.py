@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from explicit.materials import MaterialLaw, neo_hookean
 from kolsky.inverse.slow_tests import SlowList
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
@@ -37,7 +38,7 @@ POINTS = 80
 
 
 @dataclass(frozen=True)
-class SlowDynamics:
+class SlowDynamics(ResultViews):
     """What slow tests and shots of one material tell of its rate dependence."""
 
     tests: tuple[Evidence, ...]

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from doe import Box, Design, from_points
 from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chunks
 from explicit import Outcome
@@ -47,7 +48,7 @@ CHUNK = {"cpu": 64, "cuda": 4096}
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(ResultViews):
     """Every run of a design."""
 
     shot: str
@@ -151,6 +152,16 @@ def sweep(
         If a ledger is none, is damaged or in use.
     OSError
         If the ledger's folder cannot be made.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> from doe import Box, full_factorial
+    >>> design = full_factorial(Box.of({"stiffness_factor": (1.0, 1.2)}), 3)
+    >>> shot = kolsky.load_shot("runs/open-05")
+    >>> swept = kolsky.sweep(shot, design, numerics=kolsky.Numerics(mesh=(8, 11)))
+    >>> swept.to_pandas()["outcome"].tolist()
+    ['COMPLETED', 'COMPLETED', 'COMPLETED']
     """
     numerics = numerics or Numerics()
     runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)

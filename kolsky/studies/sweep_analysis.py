@@ -4,13 +4,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dic.views import ResultViews
 from doe import Box, CostSurrogate, nelder_mead
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.observations import predict
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import DesignTable
-from kolsky.studies.sweep import misfit_sum
+from kolsky.inverse.settings import Numerics
+from kolsky.shot.records import Shot
+from kolsky.studies.sweep import Sweep, misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits looked at, Eqs. (M.3) to (M.5), and their units."""
@@ -21,6 +27,8 @@ LARGEST_ERROR = 0.2
 from it: its square, 4 % of the variance, is what the shares below cannot be trusted for."""
 LEVELS = 41
 """Points along each parameter of an effect and of a map."""
+MOST_FORCES = 64
+"""Most runs along one parameter whose forces are simulated once more: a second of work."""
 SAMPLE = 1024
 """Points of each sample of the indices."""
 
@@ -75,7 +83,23 @@ class SurfaceOptimum:
 
 
 @dataclass(frozen=True)
-class SweepAnalysis:
+class ForcesAlong:
+    """Forces and cost of runs along one parameter, those that completed."""
+
+    x: FloatArray
+    """Values of the parameter [SI], rising, shape [n]."""
+    steps: NDArray[np.int64]
+    """Time steps of each run, shape [n]."""
+    time: FloatArray
+    """Recorded times [s], shape [P]."""
+    force: FloatArray
+    """Simulated transmitted force [N], shape [n, P]."""
+    measured: FloatArray
+    """Measured force [N], shape [P]."""
+
+
+@dataclass(frozen=True)
+class SweepAnalysis(ResultViews):
     """A sweep looked at as a whole."""
 
     shot: str
@@ -90,6 +114,8 @@ class SweepAnalysis:
     """Run with the smallest Phi (Phi_F without an outline); None if none completed."""
     optimum: SurfaceOptimum | None = None
     """Where the interpolant of Phi (Phi_F without an outline) is least; None without a good one."""
+    forces: ForcesAlong | None = None
+    """Of a sweep over one parameter, if they were asked for; see `forces_along`."""
 
     @property
     def judged(self) -> str:
@@ -243,3 +269,20 @@ def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | N
         n=SAMPLE,
         rng=rng,
     )
+
+
+def forces_along(shot: Shot, swept: Sweep, numerics: Numerics) -> ForcesAlong | None:
+    """Simulate the levels of one parameter once more, for their forces: the ledger has misfits only.
+
+    Returns: None for several parameters, more than `MOST_FORCES` runs, or where none completed.
+    """
+    if len(swept.table.names) != 1 or len(swept.table.points) > MOST_FORCES:
+        return None
+    prepared, (name,) = prepare_shot(shot), swept.table.names
+    x = np.unique(swept.table.points[:, 0])
+    response = prepared.forward.run({**swept.held, name: x}, numerics)
+    rows = np.flatnonzero(response.completed)
+    if not rows.size:
+        return None
+    prediction, force = predict(response.select(rows), prepared.observations), prepared.observations.force
+    return ForcesAlong(x[rows], response.steps[rows], force.time, prediction.force, force.force)

@@ -149,7 +149,7 @@ def survey(folder: Path) -> Survey:
         if path in surface.files:
             continue
         try:
-            table = _read_table_entry(path)
+            table = read_entry(path)
         except InputError as error:
             doubtful[path.name] = str(error) if "DuoDIC" in error.message else error.message
             continue
@@ -249,8 +249,11 @@ def microseconds(seconds: float) -> str:
     return f"{1e6 * seconds:.6g} us"
 
 
-def _read_table_entry(path: Path) -> TableEntry:
-    """Read a file with the layout that is found in it."""
+def read_entry(path: Path) -> TableEntry:
+    """A file with the layout that is found in it.
+
+    Raises InputError if it cannot be read.
+    """
     contents = read_contents(path)
     form = contents.facts.get("format")
     if form not in ("delimited", *WORKBOOKS):

@@ -10,11 +10,11 @@ from kolsky.inverse.estimates import (
     search_routes,
     surrogate_quality,
 )
-from kolsky.inverse.parameters import MOVED, any_slides
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.problem import provenance
 from kolsky.inverse.result import Identification
 from kolsky.inverse.run_table import terms
-from kolsky.inverse.search import Search, held_answer
+from kolsky.inverse.search import Search
 from kolsky.uncertainty.budgets import Sources, budgeted, input_changes, noise_parts, route_difference
 from kolsky.uncertainty.input_changes import InputDirections, declared_changes
 from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
@@ -75,7 +75,6 @@ def budgeted_answer(found: Search, sources: Sources) -> Identification:
             runner, found.coarse, fine, valley_margin=found.valley_margin, lost=len(sources.mesh.lost)
         ),
         seconds=dict(runner.work.seconds),
-        held_answer=None if found.held is None else held_answer(found, answers[MOVED]),
         provenance=provenance(
             shot, settings, problem.prepared, sliding=any_slides([*box.names, *settings.held])
         ),

@@ -58,12 +58,12 @@ GRADED_ALONE_SHARE = 1.6
 class GradedChange:
     """Changes of the predicted data vector by meshes whose elements are small where faces end."""
 
-    graded: FloatArray
-    """Data on a graded mesh with as many elements as the refined one minus those on that, shape [k]."""
     coarser: FloatArray
     """Data on a coarser graded mesh minus those on the other, shape [k]."""
     ratio: float
-    """Elements across the radius of the one over those of the other [-], > 1."""
+    """Elements across the radius of the other over those of the coarser one [-], > 1."""
+    graded: FloatArray | float = 0.0
+    """Data on the finer graded mesh minus those on the refined one, shape [k]; 0 where it is that."""
 
     @property
     def left(self) -> FloatArray:
@@ -192,7 +192,7 @@ BOTH_ELEMENTS = 2
 
 
 def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
-    """Run the answer on the surrogate's mesh with both elements, and on two graded meshes.
+    """Run the answer on the surrogate's mesh with both elements, and on the graded mesh of the steps.
 
     Raises
     ------
@@ -205,16 +205,10 @@ def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
 
 
 def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
-    """Both elements on the surrogate's mesh, then the coarser and the finer graded mesh.
-
-    Graded ones are left out on purpose where a surface slides, since single runs jump, and where runs are
-    corrected for Poisson's ratio, since that correction has meshes of its own.
-    """
-    numerics, refined = runner.problem.numerics, runner.problem.settings.refined_mesh
-    found = [numerics, numerics.with_other_element()]
-    if fine.roughness is not None or numerics.compressible is not None:
-        return found
-    return [*found, coarser_graded(numerics, refined), graded(numerics, refined)]
+    """Both elements on the surrogate's mesh, then the graded mesh of the steps, if there is one."""
+    problem = runner.problem
+    found = [problem.numerics, problem.numerics.with_other_element()]
+    return found if problem.halfway == problem.refined else [*found, problem.halfway]
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
@@ -263,12 +257,10 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
     )
     if len(runs) == BOTH_ELEMENTS:
         return found
-    few, many = vectors[2:]
-    if few is None or many is None:
+    if vectors[2] is None:
         return found
-    ratio = runs[3].numerics.mesh[0] / runs[2].numerics.mesh[0]
-    change = GradedChange(np.nan_to_num(many - model), np.nan_to_num(few - many), ratio)
-    return replace(found, graded=change)
+    ratio = runner.problem.settings.refined_mesh[0] / runs[2].numerics.mesh[0]
+    return replace(found, graded=GradedChange(np.nan_to_num(vectors[2] - model), ratio))
 
 
 JOINT_ELEMENT_SHARE = 1.0
@@ -319,7 +311,7 @@ def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange |
     ]
     if lost:
         return None, lost
-    return GradedChange(same - found.vector, coarse - same, many.mesh[0] / few.mesh[0]), []
+    return GradedChange(coarse - same, many.mesh[0] / few.mesh[0], same - found.vector), []
 
 
 def _joint_lost(problem: JointProblem, numerics: Numerics, vector: FloatArray, *, is_graded: bool) -> LostRun:

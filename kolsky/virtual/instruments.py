@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
+from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.virtual.material import law_of, uniaxial_stress
@@ -24,17 +24,6 @@ from kolsky.virtual.specification import stream
 def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:
     """Force on the sensing plane [N]: that on the specimen and what moves the platen between, Eq. (E.5)."""
     return np.asarray(force + mass * acceleration)
-
-
-def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
-    """The signal after a first-order low-pass, Eq. (E.6)."""
-    x = 2.0 * np.pi * frequency * step
-    decay = np.exp(-x)
-    # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
-    share = -np.expm1(-x) / x
-    level = signal[0]
-    filtered = lfilter([1.0 - share, share - decay], [1.0, -decay], signal - level)
-    return np.asarray(filtered + level)
 
 
 def droop(signal: FloatArray, step: float, time_constant: float) -> FloatArray:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
+from kolsky.base.apparatus import LARGEST_POISSON
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.records import FlyerMotion, MaterialCurve
@@ -39,10 +40,10 @@ def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str,
     incident, transmitted = form.columns
     poisson = q.material.poisson + wrong.poisson
     damping = q.material.damping + wrong.damping
-    if not 0.0 <= poisson <= 0.4999 or damping < 0.0:
+    if not 0.0 <= poisson <= LARGEST_POISSON or damping < 0.0:
         raise ValueError(
             f"declared poisson = {poisson:g} and damping = {damping:g} s are not allowed; they must be in "
-            "[0, 0.4999] and >= 0 s: change [imperfections]"
+            f"[0, {LARGEST_POISSON}] and >= 0 s: change [imperfections]"
         )
     last_static = float(surface.time[q.frames.static - 1]) + wrong.trigger
     quiet = min(0.0, last_static, float(surface.time[q.frames.static - 1]) - QUIET)

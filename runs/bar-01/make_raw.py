@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar, Specimen
@@ -46,7 +46,8 @@ def at_gauge(wave: np.ndarray, distance: float) -> np.ndarray:
     quiet = np.zeros(500)
     signal = Signal(ARRIVAL - 500 * INTERVAL, INTERVAL, np.concatenate([quiet, wave, quiet]), 0.0, "1")
     guide = ElasticWaveguide(BAR)
-    return propagate(signal, guide, distance, band=150e3, start=START, samples=SAMPLES).value
+    way = propagation(signal, guide, distance, band=150e3, start=START, samples=SAMPLES)
+    return way.signal.value
 
 
 FILE = Path(__file__).with_name("tek0017.csv")

@@ -11,7 +11,9 @@ interpolated, so that the true match of a pixel is known in closed form.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -254,3 +256,28 @@ class Speckles:
                 over = (np.hypot(du, dv) - radius[a, b]) / self.softness
                 bright *= 1.0 / (1.0 + np.exp(-np.clip(over, -30.0, 30.0) * 2.0))
         return 0.15 + 0.7 * bright
+
+
+PLANE_TOML = """# a plane
+[dic]
+kind = "plane"
+region = { x = [16, 111], y = [16, 111] }
+scale = "0.01 mm"
+static = 2
+subset = 21
+
+[pictures]
+camera_0.pattern = "cam0_*.png"
+"""
+PLANE_SIDE = 128
+
+
+def plane(folder: Path) -> Path:
+    """Three pictures of a plane, two of them at rest."""
+    folder.mkdir(parents=True)
+    pattern = speckle_pattern((PLANE_SIDE, PLANE_SIDE), seed=3)
+    for k in range(3):
+        picture = render(pattern, (PLANE_SIDE, PLANE_SIDE), noise=2.0, bits=8, seed=k)
+        cv2.imwrite(str(folder / f"cam0_{k:03d}.png"), picture.astype(np.uint8))
+    (folder / "dic.toml").write_text(PLANE_TOML, encoding="utf-8")
+    return folder

@@ -24,6 +24,7 @@ COMMANDS = {
     "dic-alone": ("cli/test_dic_alone_command.py::test_files_tables_and_page_are_there", "results0/dic.html"),
     "calibration": ("cli/test_calibrate_command.py::test_the_files_say_the_same", "calibration.html"),
     "prediction": ("prediction/test_predict.py::test_the_command", "p/prediction.html"),
+    "plan": ("studies/test_plan.py::test_files_hold_the_map", "plan.html"),
     "check": ("cli/test_cli_new_check.py", "shot/results/check.html"),
     "waves": ("cli/test_bar_results.py", "results/waves.html"),
 }
@@ -70,12 +71,12 @@ def _rates(count: int) -> str:
     return render(compare(five(curve=0.004)[:count]))
 
 
-def _sweep() -> str:
-    from test_sweep_report import analysed
+def _sweep(*, one: bool) -> str:
+    from test_sweep_report import along, analysed
 
     from kolsky.report.pages.sweep import render
 
-    return render(analysed(n=512, lost=(5,)))
+    return render(along() if one else analysed(n=512, lost=(5,)))
 
 
 def _report(which: str) -> str:
@@ -90,7 +91,8 @@ RENDERED: dict[str, Callable[[], str]] = {
     "budget": _budget,
     "rates": lambda: _rates(5),
     "rates-one": lambda: _rates(1),
-    "sweep": _sweep,
+    "sweep": lambda: _sweep(one=False),
+    "sweep-one": lambda: _sweep(one=True),
     "report": lambda: _report("one"),
     "report-two": lambda: _report("two"),
 }

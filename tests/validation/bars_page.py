@@ -17,7 +17,7 @@ import matplotlib  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from pages import ON_SCREEN, PAGE_WIDTH, STYLE  # noqa: E402
-from real_bars import (  # noqa: E402
+from test_real_bars import (  # noqa: E402
     SHEET,
     Reduced,
     by_hand,

@@ -21,8 +21,6 @@ from populations.thesis_cylinder import FILE as THESIS
 from populations.thesis_cylinder import PLANTED
 
 ROOT = Path(__file__).resolve().parents[2]
-MESHES_AT = (0.1, 0.12, 0.14, 0.16, 0.2, 0.3, 0.4, 0.5)
-"""Compressions at which GetFEM's meshes are compared."""
 
 
 def page() -> str:
@@ -67,34 +65,10 @@ f = 0.3; the others are judged. Error of the nominal stress found, with the k = 
 Coverage: share of strains and of {draws} draws whose k = 2 band holds the truth. A draw is {SPECIMENS}
 specimens whose stiffness scatters by {100 * SCATTER:g} % and every sample by {100 * NOISE:g} %, taken through
 the derivative of the correction. The curves of a draw are off as a whole: a hundred draws leave 2 % of doubt
-about a coverage.
+about a coverage. GetFEM's forces are not in the table: its contact touches node by node, and with friction
+two of its meshes differ by more than 2 % where the side lands (`tests/reference/H_meshes.csv`).
 
 {verdict(done)}
-
-## What the mesh must not decide
-
-The side of a barrelling cylinder lands on the platen element by element, so that a coarse mesh's force is
-uneven there by a few parts in a thousand. That is as much as two laws differ by that are several per cent
-apart in the uniaxial stress. Every law that comes near the test is therefore simulated on a refined mesh
-too, moved there by one step of Gauss and Newton, and weighed by what is then left; half of the change from
-one mesh to the other, at each strain, is in the noise. While residuals of the coarse mesh decided, `ogden2`
-with f = 0.3 left its band further. A law is moved only in directions that the test tells.
-
-The contact of the side in the simulation decides likewise: touching node by node its force was up to 1.9 %
-off DOLFINx's where the side lands; at Gauss points, as now, it is within 0.5 %
-(`kolsky.material.end_friction.compression`).
-
-## Why GetFEM's forces are not in the table
-
-GetFEM's contact touches node by node. Its force over DOLFINx's, less 1, on two meshes each, beside half of
-the difference of DOLFINx's own two meshes [%] (tables H and I, `H_meshes.csv`):
-
-{getfem_rows()}
-
-With glued ends it converges to DOLFINx's force. With friction its two meshes differ by more than 2 % where
-the side lands, and one of its nodes jumps to another equilibrium (`snaps`); where its side has landed both
-programs agree. A force that is off by 2 % is a systematic error that no band of a friction's correction
-holds, so that such a test proves nothing about it.
 
 ## Constants of a thesis' cylinder
 
@@ -187,33 +161,6 @@ def outside(name: str, row: dict[str, Any]) -> str:
         f"- {name} leaves its band at {len(strains)} of {len(beyond)} strains, {100 * min(strains):.0f} to"
         f" {100 * max(strains):.0f} %, by\n  {100 * max(beyond):.2f} points at most."
     )
-
-
-def forces(table: str, start: str) -> dict[float, list[float]]:
-    """Compression -> what follows it in the rows of a reference table that begin so."""
-    lines = (ROOT / "tests" / "reference" / table).read_text(encoding="utf-8").splitlines()
-    rows = [line.removeprefix(start).split(",") for line in lines if line.startswith(start)]
-    return {round(float(row[0]), 4): [float(x) for x in row[1:]] for row in rows}
-
-
-def getfem_rows() -> str:
-    """GetFEM's force over DOLFINx's by mesh."""
-    rows = [
-        f"| specimen | by | {' | '.join(f'{100 * e:.0f} %' for e in MESHES_AT)} |",
-        f"| --- | --- | {' | '.join('---' for _ in MESHES_AT)} |",
-    ]
-    for law, ends, label, meshes in (
-        ("yeoh", "0.3", "0.3", (12, 16)),
-        ("mooney_rivlin", "bonded", "1000", (12, 20)),
-    ):
-        true = forces("I_force.csv", f"{law},{ends},")
-        for n in meshes:
-            mine = forces("H_meshes.csv", f"{law},{label},{n},")
-            cells = " | ".join(f"{100 * (mine[e][0] / true[e][0] - 1):+.2f}" for e in MESHES_AT)
-            rows.append(f"| {law}, {ends} | GetFEM, {n} elements | {cells} |")
-        cells = " | ".join(f"{100 * true[e][1] / true[e][0]:.2f}" for e in MESHES_AT)
-        rows.append(f"| {law}, {ends} | DOLFINx, half difference | {cells} |")
-    return "\n".join(rows)
 
 
 def thesis_rows() -> str:

@@ -13,7 +13,7 @@ for folder in (TESTS.parent, TESTS / "helpers", TESTS / "validation"):
         sys.path.insert(0, str(folder))
 
 import numpy as np  # noqa: E402
-from softlaws import (  # noqa: E402
+from test_soft_laws import (  # noqa: E402
     FITTED,
     KPA,
     OGDEN_1972,

@@ -1,8 +1,98 @@
-"""End friction in the quasi-static test goes straight into m, and its correction takes it out again."""
+"""A compression test with bonded ends, made for the shot open-01, and the m's that its curves lead to."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
-from baseline_on_shot import TRUE_M, bonded_tests, stiffness
+
+from kolsky.base.apparatus import Specimen
+from kolsky.base.records import MaterialCurve
+from kolsky.identification import identify
+from kolsky.inverse.forward import material_law
+from kolsky.inverse.result import Estimate
+from kolsky.inverse.settings import Numerics, Settings
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
+from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
+from kolsky.material.slow_compression import SlowNumerics, slow_tests
+from kolsky.material.uniaxial import CurveBand, UniaxialTest
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import Shot
+
+OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
+TRUE_M = 1.12
+"""The factor that the shot was made with (truth.json)."""
+STRAIN = np.linspace(0.02, 0.60, 59)
+"""Strains of the made tests."""
+SPECIMENS = (0.97, 0.985, 1.0, 1.015, 1.03)
+"""Stiffness of the specimens relative to the shot's curve: their mean is the curve."""
+NOISE = 2e-3
+"""Standard deviation of a sample relative to its stress."""
+SETTINGS = Settings(
+    free={"stiffness_factor": (0.7, 1.5)},
+    numerics=Numerics(mesh=(12, 16)),
+    refined_mesh=(18, 24),
+    replicates=8,
+    replicate_mesh=(12, 16),
+)
+"""Coarser than the defaults: the difference between two curves needs no fine mesh."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The curve analysed in two ways."""
+
+    shot: Shot
+    as_if_frictionless: ReferenceCurve
+    rightly: ReferenceCurve
+    truth: MaterialCurve
+
+
+@cache
+def bonded_tests() -> Compared:
+    """Make the tests from the shot's own curve, bonded ends, on a mesh that the correction does not use."""
+    shot = load_shot(OPEN_01)
+    size = Specimen(shot.specimen.diameter, shot.specimen.length, shot.specimen.density)
+    made = slow_tests(
+        [material_law(shot.curve)],
+        size,
+        STRAIN,
+        faces="bonded",
+        numerics=SlowNumerics(mesh=(32, 44), poisson=shot.model.poisson),
+    )
+    rng = np.random.default_rng(7)
+    tests = [
+        UniaxialTest(
+            name=f"specimen {number}",
+            strain=STRAIN,
+            stress=factor * made.stress[0] * (1.0 + NOISE * rng.standard_normal(STRAIN.size)),
+            compression=True,
+        )
+        for number, factor in enumerate(SPECIMENS, start=1)
+    ]
+    numerics = CorrectionNumerics(poisson=shot.model.poisson)
+    loose = Treatment(points=40)
+    bonded = replace(loose, specimen=size, ends=EndFriction("bonded"), numerics=numerics)
+    return Compared(shot, reference_curve(tests, loose), reference_curve(tests, bonded), shot.curve)
+
+
+def curve_of(band: CurveBand) -> MaterialCurve:
+    """The curve as a shot holds it, tension-positive."""
+    return MaterialCurve(1.0 - band.strain, -band.stress, band.noise, -band.modes)
+
+
+@cache
+def stiffness(which: str) -> Estimate:
+    """m of the shot with one of the curves: "as if frictionless", "rightly" or "truth"."""
+    compared = bonded_tests()
+    curves = {
+        "as if frictionless": lambda: curve_of(compared.as_if_frictionless.band),
+        "rightly": lambda: curve_of(compared.rightly.band),
+        "truth": lambda: compared.truth,
+    }
+    return identify(replace(compared.shot, curve=curves[which]()), SETTINGS).estimates["stiffness_factor"]
+
 
 pytestmark = pytest.mark.long
 

@@ -151,6 +151,38 @@ def test_a_force_with_the_wrong_sign_is_named(shared, tmp_path):
     assert "field.pad.force times -1" in found["one_change"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('unit = "mN"', 'unit = "N"', "field.pad.force times 0.001"),
+        ('unit = "mN"', 'unit = "gf"', "field.pad.force times 0.101972"),
+        ('mesh_unit = "mm"', 'mesh_unit = "cm"', "0.1 times its size"),
+    ],
+)
+def test_a_wrong_unit_of_a_sheet_is_named(shared, tmp_path, old, new, words):
+    source = shared / "data/cases/sheet_hole"
+    for name in ("mesh.msh", "points.csv", "pad.csv"):
+        shutil.copy(source / name, tmp_path)
+    text = (source / "good.toml").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "wrong.toml").write_text(text.replace(old, new), encoding="utf-8")
+    found = printed(tmp_path / "wrong.toml", tmp_path / "out", "specimen", "fit")
+    assert words in found["one_change"]
+
+
+@pytest.mark.slow
+def test_cells_that_run_clockwise_are_turned(shared, tmp_path):
+    source = shared / "data/cases/sheet_hole"
+    for name in ("mesh_flip.msh", "points.csv", "pad.csv"):
+        shutil.copy(source / name, tmp_path)
+    text = (source / "good.toml").read_text(encoding="utf-8").replace("mesh.msh", "mesh_flip.msh")
+    (tmp_path / "flip.toml").write_text(text, encoding="utf-8")
+    found = printed(tmp_path / "flip.toml", tmp_path / "out", "specimen", "fit")
+    assert abs(found["constants"]["E"] - 80e3) < 1.96 * found["sigma"]["E"]
+    assert any("10 of 2240 cells of the mesh run clockwise" in one for one in found["warnings"])
+
+
 def test_too_few_points_are_counted(shared, tmp_path):
     path = shared / "data/cases/sheet_hole/few.toml"
     run = CliRunner().invoke(app, ["specimen", "fit", str(path), "--out", str(tmp_path)])

@@ -14,47 +14,19 @@ from kolsky_command import json_of, run_kolsky
 from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
+from benchmarks.dic_whole import PICTURES
 from kolsky.cli import app
 from kolsky.pictures.dic_file import read_stereo_result
 from kolsky.shot.load import load_shot
 
 ROOT = Path(__file__).parents[2]
 FRAMES = 64
-KEYS = """
-[pictures]
-camera_0 = { file = "cam0.tif", crop_offset = [192, 192] }
-camera_1 = { file = "cam1.tif", crop_offset = [192, 192] }
-bits = 12
-
-[calibration]
-camera_0 = "calibration/cam0_*.png"
-camera_1 = "calibration/cam1_*.png"
-distortion = "k1"
-square_pixels = true
-
-[calibration.target]
-kind = "fiducial_dots"
-columns = 14
-rows = 10
-pitch = "1.2 mm"
-diameter = "0.6 mm"
-hollow = [[2, 2], [11, 2], [2, 7]]
-
-[dic]
-specimen = { x = [20, 105], y = [6, 121] }
-flyer = { x = [0, 127], y = [0, LAST_ROW], frame = LAST_FRAME }
-flyer_side = "up"
-transmission_edge = [60, 122]
-strip_half_width = "0.6 mm"
-largest_sigma = "10 um"
-subset = 25
-step = 9
-shape = "quadratic"
-
-[reporting]
-lens = "a <virtual> lens & no other"
-
-"""
+KEYS = (
+    PICTURES.replace("x = [0, 127], y = [6, 121]", "x = [20, 105], y = [6, 121]")
+    .replace("y = [0, 69], frame = 185", "y = [0, LAST_ROW], frame = LAST_FRAME")
+    .replace("step = 6", "step = 9")
+    + '[reporting]\nlens = "a <virtual> lens & no other"\n\n'
+)
 runner = CliRunner()
 
 

@@ -67,7 +67,7 @@ def apart(found: Identification, name: str) -> dict[str, float]:
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["open-03", "open-04"])
 def test_the_ringing_tells_poisson_and_damping(answer: Callable[[str], Answer], name: str) -> None:
-    right, (shot, found) = truth(name), answer(name)
+    right, (_, found) = truth(name), answer(name)
     assert list(found.estimates) == list(right)
     z = list(apart(found, name).values())
     # All three inside k = 2, and jointly within what 95 % of right intervals stay below.
@@ -76,12 +76,6 @@ def test_the_ringing_tells_poisson_and_damping(answer: Callable[[str], Answer], 
     # A data sheet's Poisson's ratio is known to a few 1e-4; the ringing tells it to some 1e-6.
     assert found.estimates["poisson"].sigma < 2e-5
     assert not [text for text in found.warnings if "disagree" in text]
-    # With the declared values the model leaves a hundred times the misfit of the force.
-    held = found.held_answer
-    assert held is not None
-    assert held.held == {"poisson": shot.model.poisson, "damping": shot.model.damping}
-    assert held.chi2_force > 100.0 * held.free_chi2_force
-    assert held.sigma > found.estimates["stiffness_factor"].sigma
 
 
 @pytest.mark.slow

@@ -6,12 +6,13 @@ from typing import Any
 
 import pytest
 
+from kolsky.shot.inputs import causes
 from populations.wrong_input_rows import CURVE, RIGHT, ROWS, VOLTAGE
-from populations.wrong_inputs import judged, table
+from populations.wrong_inputs import judged, summary, table
 
 COMMITTED = Path(__file__).parents[2] / "populations" / "results" / "wrong_inputs.json"
 ALARMS = 2
-"""Right shots of 40 that may be named or not called identified."""
+"""Right shots of 80 that may be named or not called identified."""
 BY_NAME = {row.name: row for row in ROWS}
 
 
@@ -26,21 +27,59 @@ def said(row: str, *named: str, identified: bool = True, refused: str = "", **mo
         "causes": causes,
         "truth": 1.0,
         "value": 1.01,
+        "sigma": 0.01,
         "curve_visible": 0.0,
         "seconds": 3.0,
         **more,
     }
 
 
-def test_a_job_is_judged_by_what_was_said_first() -> None:
+def test_a_job_is_judged_by_the_place_of_the_right_cause() -> None:
     half = BY_NAME["sensitivity x 1/2"]
-    assert judged(half, said(half.name, half.key, "specimen.length")) == "named"
-    assert judged(half, said(half.name, "specimen.length", half.key)) == "other named"
-    assert judged(half, said(half.name, "specimen.length", identified=False)) == "not identified"
-    assert judged(half, said(half.name)) == "silent"
-    assert judged(half, said(half.name, refused="no")) == "refused"
-    density = BY_NAME["density +5 %"]
-    assert judged(density, said(density.name, "force.sensitivity")) == "named"
+    assert judged(half, said(half.name, half.key, "specimen.length")) == "first"
+    assert judged(half, said(half.name, "specimen.length", half.key)) == "second"
+    assert (
+        judged(half, said(half.name, "specimen.length", "flyer.time", half.key, identified=False)) == "other"
+    )
+    assert judged(half, said(half.name, identified=False)) == "none"
+    assert judged(half, said(half.name, refused=f"shot.toml: {half.key} is too small")) == "refused"
+    assert judged(half, said(half.name, refused="shot.toml: flyer.time")) == "other"
+    assert judged(BY_NAME[VOLTAGE], said(VOLTAGE, refused="the voltage rises")) == "refused"
+    density = BY_NAME["density -10 %"]
+    assert judged(density, said(density.name, "force.sensitivity")) == "first"
+
+
+def test_an_answer_is_confident_and_wrong_beyond_its_interval_and_a_percent() -> None:
+    """The truth is 1: 1.01 is no error that matters, 1.03 with a sigma of 0.02 holds it, with 0.01 not."""
+    half = BY_NAME["sensitivity x 1/2"]
+    assert judged(half, said(half.name, value=1.0099, sigma=1e-4)) == "harmless"
+    assert judged(half, said(half.name, value=1.03, sigma=0.02)) == "harmless"
+    assert judged(half, said(half.name, value=1.03, sigma=0.01)) == "confident"
+    assert judged(half, said(half.name, value=0.97, sigma=0.01)) == "confident"
+    assert judged(half, said(half.name, "specimen.length", value=1.03, sigma=0.01)) == "other"
+
+
+def test_a_summary_has_shares_of_what_matters() -> None:
+    half = BY_NAME["sensitivity x 1/2"]
+    wrong = [
+        said(half.name, half.key),
+        said(half.name, "specimen.length", half.key),
+        said(half.name, identified=False),
+        said(half.name, refused=half.key),
+        said(half.name, value=1.0, sigma=0.01),  # harmless
+        said(CURVE),  # no share of it
+    ]
+    right = [said(RIGHT), said(RIGHT, "specimen.length")]
+    assert summary([*wrong, *right]) == {
+        "wrong": 4,
+        "first": 0.5,
+        "first two": 0.75,
+        "confident": 0,
+        "harmless": 1,
+        "right": 2,
+        "alarms": 1,
+    }
+    assert summary([said(half.name, value=1.5, sigma=0.01)])["confident"] == 1
 
 
 def test_a_right_shot_is_quiet_only_if_it_is_identified_and_nothing_named() -> None:
@@ -59,26 +98,28 @@ def test_the_scale_of_the_curve_must_be_said_to_be_invisible() -> None:
 
 def test_a_table_counts_how_the_shots_ended() -> None:
     half = BY_NAME["sensitivity x 1/2"]
-    (row,) = table([said(half.name, half.key), said(half.name), said(half.name, refused="no")])
-    assert row["ends"] == {"named": 1, "refused": 1, "silent": 1}
+    (row,) = table([said(half.name, half.key), said(half.name), said(half.name, refused=half.key)])
+    assert row["ends"] == {"first": 1, "refused": 1, "harmless": 1}
     assert row["shots"] == 3
     assert row["errors"] == pytest.approx([0.01, 0.01])
     assert row["corrected errors"] == pytest.approx([0.1])
 
 
-def test_the_committed_table_has_no_silent_row_and_few_alarms() -> None:
+def test_there_are_thirty_kinds_of_wrong_inputs() -> None:
+    assert len([row for row in ROWS if not row.name.startswith(RIGHT)]) >= 30
+    assert len(BY_NAME) == len(ROWS)
+    keys = {c.key for c in causes()}
+    assert all({row.key, *row.names} - {""} <= keys for row in ROWS)
+
+
+def test_the_committed_study_names_the_right_cause() -> None:
     if not COMMITTED.exists():
         pytest.skip("the study was not run yet")
-    rows = {row["row"]: row for row in json.loads(COMMITTED.read_text("utf-8"))["rows"]}
-    assert set(rows) == set(BY_NAME)
-    for name, row in rows.items():
-        ends = row["ends"]
-        if name.startswith(RIGHT):
-            assert row["shots"] >= 40
-            assert ends.get("alarm", 0) <= ALARMS, name
-        elif name == CURVE:
-            assert ends == {"said": row["shots"]}
-        else:
-            assert not ends.get("silent"), name
-            assert not ends.get("other named"), name
-    assert rows[VOLTAGE]["ends"] == {"refused": rows[VOLTAGE]["shots"]}
+    study = json.loads(COMMITTED.read_text("utf-8"))
+    if "summary" not in study:
+        pytest.skip("the committed study is of an earlier list of rows")
+    found = study["summary"]
+    assert found["first"] >= 0.85
+    assert found["first two"] >= 0.95
+    assert found["confident"] == 0
+    assert found["alarms"] <= ALARMS

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from fbar import GRADIENT_TOLERANCE, bound_quality, gradient_errors
-from frictionless import FORCE_TOLERANCE, LOADING, RADIUS, RADIUS_TOLERANCE, slow_compression
 from scipy.optimize import brentq
+from test_fbar import GRADIENT_TOLERANCE, bound_quality, gradient_errors
+from test_frictionless import FORCE_TOLERANCE, LOADING, RADIUS, RADIUS_TOLERANCE, slow_compression
 
 from explicit.elements import ELEMENTS
 from explicit.materials import LAWS, AnyLaw

@@ -1,58 +1,407 @@
-"""Static bonded compression; figures and tolerances as on the page (`static_bonded.py`)."""
+"""Bonded compression, slowly loaded, against the static solutions of two finite-element programs."""
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
-import static_bonded as topic
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scene import DENSITY, LENGTH, RADIUS, distances, rms, shear_modulus, speed_after_rise, table
+
+from explicit import Model, Samples, Sampling, cylinder, run
+from explicit.materials import neo_hookean
+
+FloatArray = NDArray[np.float64]
+
+TITLE = "Static bonded compression"
+REFERENCE = Path(__file__).resolve().parent.parent / "reference"
+POISSON = 0.495
+COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+"""Nominal compressions that are compared [-]."""
+SWEEP = np.arange(0.05, 0.6001, 0.0025)
+"""Compressions at which the force and the number of nodes on the platen are recorded [-]."""
+STROKE = 0.61
+"""Compression at which the loading ends [-]."""
+DURATION = 0.1
+"""Duration of the loading [s]: 150 passages of a wave."""
+DRAG = 200.0
+"""Mass-proportional damping alpha [1/s]."""
+RISE = 0.1
+"""Share of the duration in which the platen picks up speed [-]."""
+COARSE, FINE = (16, 22), ((32, 44), (48, 66))
+"""Meshes: elements across the radius and along the length."""
+STUDY_DRAG, STUDY_DURATIONS = 2000.0, (0.025, 0.05, 0.1)
+"""The study of what the loading itself adds: ten times the drag, three durations [s]."""
+FORCE_TOLERANCE = {"coarse": 0.02, "fine": 0.005}
+"""Allowed relative force error [-]: h^2 discretisation, 1 % at 16 x 22, plus the reference's own 0.1 %."""
+RADIUS_TOLERANCE = {"coarse": 20e-6, "fine": 10e-6}
+"""Allowed error of the radius at mid-height [m]: 0.01 mm is what a camera resolves."""
+LARGE = COMPRESSION > 0.25
+"""Where the reference is known to 0.1 %."""
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """One slow loading; arrays of shape [6, ...] are at `COMPRESSION`."""
+
+    force: FloatArray
+    """Mean of both face forces [N], shape [6]."""
+    difference: FloatArray
+    """Flyer force minus transmission force [N], shape [6]."""
+    sweep: FloatArray
+    """Mean of both face forces at `SWEEP` [N]."""
+    radius: FloatArray
+    """Radius at mid-height [m], shape [6]."""
+    outline: FloatArray
+    """Surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]."""
+
+    kinetic: FloatArray
+    """Kinetic over elastic energy [-], shape [6]."""
+    hourglass: FloatArray
+    """Hourglass over elastic energy [-], shape [6]."""
+    speed: float
+    """Speed of the flyer [m/s]."""
+    completed: bool
+    """Whether the run reached its end."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The static solutions."""
+
+    force: FloatArray
+    """Force [N], shape [6]."""
+    sigma: FloatArray
+    """Its uncertainty [N], shape [6]."""
+    radius: FloatArray
+    """Radius at mid-height [m], shape [6]."""
+    outline: dict[str, FloatArray]
+    """Outline (r, z) by what the side does on a platen [m], shape [6, n_points, 2]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Every mesh beside the reference."""
+
+    reference: Reference
+    meshes: dict[tuple[int, int], Compressed]
+    """Slow loading by mesh."""
+    study: tuple[Compressed, ...]
+    """Loading with strong drag, by duration."""
+
+
+@cache
+def reference() -> Reference:
+    """Read the reference solutions."""
+    rows = np.loadtxt(REFERENCE / "A_force_radius.csv", delimiter=",")
+    outline = {}
+    for side in ("stick", "slip"):
+        columns = np.loadtxt(REFERENCE / f"A_nh_nu0.495_profiles_{side}.csv", delimiter=",").T
+        outline[side] = np.stack([columns[2::2], columns[1::2]], axis=-1)
+    return Reference(rows[:, 1], rows[:, 2], rows[:, 4], outline)
+
+
+@cache
+def compress(
+    mesh: tuple[int, int],
+    duration: float = DURATION,
+    drag: float = DRAG,
+    *,
+    element: str = "one_point",
+    hourglass: float = 0.3,
+) -> Compressed:
+    """Load slowly at constant speed; forces and outlines at the six compressions."""
+    rise = RISE * duration
+    speed = STROKE * LENGTH / (duration - 0.5 * rise)
+
+    def when(compression: FloatArray) -> FloatArray:
+        return 0.5 * rise + compression * LENGTH / speed  # the rise covers half of speed times rise
+
+    model = Model(
+        cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1]),
+        DENSITY,
+        (neo_hookean(shear_modulus(POISSON)),),
+        (speed_after_rise(speed, rise, end=duration, n_knots=4001),),
+        faces="bonded",
+        side="bonded",
+        element=element,
+        hourglass=hourglass,
+    )
+    response = run(model, Samples.of(poisson=POISSON, mass_damping=drag), Sampling(when(SWEEP), when(SWEEP)))
+
+    six = np.searchsorted(SWEEP, COMPRESSION - 1e-9)
+    force = 0.5 * (response.force_flyer[0] + response.force_transmission[0])
+    r, y = response.surface_r[0, six], response.surface_y[0, six]
+    middle = 0.5 * y[:, -1]
+    return Compressed(
+        force=force[six],
+        difference=(response.force_flyer[0] - response.force_transmission[0])[six],
+        sweep=force,
+        radius=np.array([np.interp(m, *pair) for m, *pair in zip(middle, y, r, strict=True)]),
+        outline=np.stack([r, np.abs(y - middle[:, None])], axis=-1),
+        kinetic=(response.energy.kinetic[0] / response.energy.elastic[0])[six],
+        hourglass=(response.energy.hourglass[0] / response.energy.elastic[0])[six],
+        speed=speed,
+        completed=bool(response.completed.all()),
+    )
+
+
+def study() -> tuple[Compressed, ...]:
+    """The same loading with strong drag, ever slower, on the coarse mesh."""
+    return tuple(compress(COARSE, duration, STUDY_DRAG) for duration in STUDY_DURATIONS)
+
+
+@cache
+def case() -> Result:
+    """All meshes (a minute) and the study."""
+    meshes = {mesh: compress(mesh) for mesh in (COARSE, *FINE)}
+    return Result(reference(), meshes, study())
+
+
+def force_error(found: Compressed) -> FloatArray:
+    """Relative force error [-], shape [6]."""
+    return found.force / reference().force - 1.0
+
+
+def outline_error(found: Compressed, side: str) -> FloatArray:
+    """Root-mean-square and largest normal distance of the surface nodes to a reference's outline [m],
+    shape [2, 6]."""
+    lines = reference().outline[side]
+    each = [distances(points, line) for points, line in zip(found.outline, lines, strict=True)]
+    return np.array([[rms(d) for d in each], [d.max() for d in each]])
+
+
+def drag_difference(found: Compressed, drag: float) -> float:
+    """What the drag alone makes the face forces differ by [N].
+
+    alpha M v with the mass M and the speed v of its centre, half the flyer's by symmetry.
+    """
+    mass = DENSITY * np.pi * RADIUS**2 * LENGTH
+    return float(drag * mass * 0.5 * found.speed)
+
+
+def loading_part(runs: tuple[Compressed, ...]) -> FloatArray:
+    """Steps of the mean force between neighbouring durations over the force, shape [n_durations - 1, 6]."""
+    forces = np.array([one.force for one in runs])
+    return -np.diff(forces, axis=0) / reference().force
+
+
+def homogeneous_drag(found: Compressed, drag: float) -> FloatArray:
+    """What the drag adds to the mean face force if the deformation is homogeneous [N], shape [6].
+
+    alpha M v (1/12 + R^2 / (8 L^2)) with the current R and L: the power of the drag on the velocity relative
+    to the centre, axial and radial, over v.
+    """
+    mass = DENSITY * np.pi * RADIUS**2 * LENGTH
+    shape = (RADIUS / LENGTH) ** 2 / (1.0 - COMPRESSION) ** 3
+    return np.asarray(drag * mass * found.speed * (1.0 / 12.0 + shape / 8.0))
+
+
+def row(result: Result) -> tuple[str, str, str]:
+    """Line of the index: what is compared, what was measured, what is allowed."""
+    coarse = 100 * np.abs(force_error(result.meshes[COARSE])).max()
+    fine = 100 * np.abs(force_error(result.meshes[FINE[-1]]))[LARGE].max()
+    radius = 1e3 * np.abs(result.meshes[FINE[-1]].radius - result.reference.radius).max()
+    return (
+        "force of bonded compression, 16 × 22 at 10 to 60 %, 48 × 66 at 30 to 60 %; radius, 48 × 66; "
+        "FElupe, DOLFINx",
+        f"{coarse:.1f} %, {fine:.2f} %; {radius:.4f} mm",
+        f"{100 * FORCE_TOLERANCE['coarse']:g} %, {100 * FORCE_TOLERANCE['fine']:g} %; "
+        f"{1e3 * RADIUS_TOLERANCE['fine']:g} mm",
+    )
+
+
+def draw(result: Result, figure: Figure) -> None:
+    """Left: force error, with the reference's uncertainty in grey. Right: outlines at 20, 40 and 60 %, one
+    half; lines are the reference, points the nodes of two meshes."""
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    percent = 100 * COMPRESSION
+    band = 100 * result.reference.sigma / result.reference.force
+    left.fill_between(percent, -band, band, color="0.85", linewidth=0, label="reference")
+    left.axhline(0.0, color="0.6", linewidth=0.6)
+    for (mesh, found), mark in zip(result.meshes.items(), ("o-", "s-", "^-"), strict=True):
+        left.plot(percent, 100 * force_error(found), mark, label=f"{mesh[0]} × {mesh[1]}")
+    left.set(xlabel="compression [%]", ylabel="force error [%]", ylim=(-0.5, None))
+    left.legend()
+    for k in (1, 3, 5):
+        line = result.reference.outline["stick"][k] * 1e3
+        right.plot(*line.T, color="0.3", linewidth=0.8, label="reference" if k == 1 else None)
+        for mesh, mark, color in ((COARSE, "o", "C0"), (FINE[-1], ".", "C2")):
+            points = result.meshes[mesh].outline[k] * 1e3
+            half = points[: mesh[1] // 2 + 1]
+            label = f"{mesh[0]} × {mesh[1]}" if k == 1 else None
+            size = 3.5 if mesh == COARSE else 2.0
+            right.plot(*half.T, mark, color=color, markersize=size, fillstyle="none", label=label)
+        right.annotate(
+            f"{percent[k]:.0f} %", (line[:, 0].max(), 0.0), (4, 4), textcoords="offset points", va="bottom"
+        )
+    right.set(xlabel="r [mm]", ylabel="height above mid-height [mm]", xlim=(4.6, 8.2), ylim=(0.0, None))
+    right.legend(loc="upper right")
+
+
+def page(result: Result) -> str:
+    """The page's text."""
+    names = [f"{n} × {m}" for n, m in result.meshes]
+    found = list(result.meshes.values())
+    known = result.reference
+    header = ["compression", "reference [N]", "its ± [%]", *names]
+    forces = [
+        [
+            f"{100 * e:.0f} %",
+            f"{known.force[k]:g}",
+            f"{100 * known.sigma[k] / known.force[k]:.2f}",
+            *(f"{100 * force_error(one)[k]:+.2f}" for one in found),
+        ]
+        for k, e in enumerate(COMPRESSION)
+    ]
+    radii = [
+        [
+            f"{100 * e:.0f} %",
+            f"{1e3 * known.radius[k]:.4f}",
+            *(f"{1e6 * (one.radius[k] - known.radius[k]):+.1f}" for one in found),
+        ]
+        for k, e in enumerate(COMPRESSION)
+    ]
+    errors = {side: [outline_error(one, side) for one in found] for side in ("stick", "slip")}
+    outlines = [
+        [
+            f"{100 * e:.0f} %",
+            *(f"{1e6 * d[0, k]:.1f} ({1e6 * d[1, k]:.0f})" for side in errors for d in errors[side]),
+        ]
+        for k, e in enumerate(COMPRESSION)
+    ]
+    slower = [
+        [
+            f"{1e3 * t:g}",
+            *(f"{100 * force_error(one)[k]:+.2f}" for k in (0, 1, 2, 5)),
+            f"{1e3 * one.difference[0]:.2f}",
+            f"{1e3 * drag_difference(one, STUDY_DRAG):.2f}",
+        ]
+        for t, one in zip(STUDY_DURATIONS, result.study, strict=True)
+    ]
+
+    landing = (SWEEP > 0.15) & (SWEEP < 0.25)
+    sawtooth = 100 * np.abs(found[1].sweep / found[2].sweep - 1.0)[landing].max()
+    outside = 1e6 * (known.outline["stick"][1, 0, 0] - known.radius[1])
+    # The part is proportional to drag times speed: scale the last step of the study, which is its remainder.
+    scale = DRAG / STUDY_DRAG * STUDY_DURATIONS[-1] / DURATION
+    left_over = 100 * scale * loading_part(result.study)[-1]
+    asymmetry = 100 * found[0].difference / found[0].force
+    return f"""# {TITLE}
+
+**What is checked.** Force, radius at mid-height and the whole outline of a specimen compressed by 10 to 60 %
+with both faces bonded and the side surface sticking where it rolls onto a platen. The explicit solver gets
+there by slow loading.
+
+**Independent source.** Static solutions of FElupe and DOLFINx (`tests/reference/README.md`): their consensus
+for force and radius, and one outline of each program.
+
+**Set-up.** Neo-Hookean, ν = {POISSON}, E = 80 kPa; the flyer picks up speed in {1e3 * RISE * DURATION:g} ms
+and then moves at {found[0].speed:.3f} m/s, {1e3 * DURATION:g} ms in all, about {DURATION / 0.68e-3:.0f}
+passages of a wave along the specimen; mass-proportional damping α = {DRAG:g} 1/s; force is the mean of both
+faces. The kinetic energy is at most {found[0].kinetic.max():.0e} of the elastic one.
+
+Force error [%]:
+
+{table(header, forces)}
+
+Error of the radius at mid-height [µm]:
+
+{table(["compression", "reference [mm]", *names], radii)}
+
+Normal distance of the surface nodes to the reference's outline, rms (largest) [µm], against FElupe (side
+sticks) and DOLFINx (side slips; the same problem while the side has hardly touched):
+
+{table(["compression", *(f"FElupe, {n}" for n in names), *(f"DOLFINx, {n}" for n in names)], outlines)}
+
+**What the loading adds.** The drag makes the face forces differ by αMv/2, with the flyer's speed v and the
+specimen's mass M, and the mean of both cancels that: at 10 % the faces differ by {asymmetry[0]:.2f} % here.
+It does not cancel the drag on the *deformation* (the faces approach, the side moves out), which is of first
+order in αv too: αMv(1/12 + R²/8L²) for a homogeneous one. With ten times the drag and ever slower loading,
+16 × 22:
+
+{
+        table(
+            [
+                "duration [ms]",
+                *(f"force error at {100 * COMPRESSION[k]:.0f} % [%]" for k in (0, 1, 2, 5)),
+                "faces differ at 10 % by [mN]",
+                "αMv/2 [mN]",
+            ],
+            slower,
+        )
+    }
+
+It halves as the speed halves. Scaled to α = {DRAG:g} 1/s the mean force contains {left_over[0]:.2f} % of it
+at 10 %, {left_over[1]:.2f} % at 20 % and {left_over[2:].max():.2f} % or less from 30 % on; it is not taken
+off the errors above.
+
+**10 and 20 %.** The reference itself is known to ±{100 * known.sigma[0] / known.force[0]:.2f} % and
+±{100 * known.sigma[1] / known.force[1]:.2f} % there, because a bonded edge is a stress singularity that every
+mesh resolves differently. From 10 % on the side rolls onto the platens, and a mesh does that node by node;
+until the next node lands the specimen is a little too soft, then a little too stiff: between 15 and 25 % two
+neighbours, {names[1]} and {names[2]}, differ by up to {sawtooth:.1f} %, so the error at 20 % does not fall
+from mesh to mesh. The *FElupe* outline at 20 % lies {outside:.0f} µm outside the consensus at mid-height; the
+DOLFINx outline does not, and this solver follows the latter.
+
+**Tolerance.** Force {100 * FORCE_TOLERANCE["coarse"]:g} % on 16 × 22: discretisation. Finer:
+{100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference is known to 0.1 %; the same limit is
+held at 10 and 20 %. Radius {1e3 * RADIUS_TOLERANCE["coarse"]:g} mm on 16 × 22 and
+{1e3 * RADIUS_TOLERANCE["fine"]:g} mm finer; outline {1e3 * RADIUS_TOLERANCE["fine"]:g} mm rms finer, against
+DOLFINx up to 30 % and FElupe from 30 % on.
+"""
 
 
 def test_coarse_static_force_and_radius_against_the_reference() -> None:
-    found = topic.compress(topic.COARSE)
+    found = compress(COARSE)
     assert found.completed
-    assert np.abs(topic.force_error(found)).max() < topic.FORCE_TOLERANCE["coarse"]
-    assert np.abs(found.radius - topic.reference().radius).max() < topic.RADIUS_TOLERANCE["coarse"]
+    assert np.abs(force_error(found)).max() < FORCE_TOLERANCE["coarse"]
+    assert np.abs(found.radius - reference().radius).max() < RADIUS_TOLERANCE["coarse"]
 
 
 # Later than 40 % single nodes roll onto the one face before the other, which scatters both quantities below
 # by more than what is looked at.
-EARLY = topic.COMPRESSION < 0.45
+EARLY = COMPRESSION < 0.45
 
 
 def test_face_forces_differ_by_the_drag_on_the_centre_of_mass() -> None:
-    for found in topic.study():
-        expected = topic.drag_difference(found, topic.STUDY_DRAG)
+    for found in study():
+        expected = drag_difference(found, STUDY_DRAG)
         # exact for a shape symmetric about mid-height; the drag, 2 to 8 % of the force, spoils that a little
         np.testing.assert_allclose(found.difference[EARLY], expected, rtol=0.03)
 
 
 def test_the_loading_part_of_the_static_force_halves_with_the_speed() -> None:
-    fast, slow = topic.loading_part(topic.study())
+    fast, slow = loading_part(study())
     np.testing.assert_allclose(fast[EARLY], 2.0 * slow[EARLY], rtol=0.1)  # first order; inertia is the rest
 
 
 def test_the_loading_part_is_the_drag_on_the_deformation() -> None:
-    runs = topic.study()
-    forces = [topic.homogeneous_drag(one, topic.STUDY_DRAG) for one in runs]
-    expected = -np.diff(forces, axis=0)[-1] / topic.reference().force
+    runs = study()
+    forces = [homogeneous_drag(one, STUDY_DRAG) for one in runs]
+    expected = -np.diff(forces, axis=0)[-1] / reference().force
     # the estimate is for a homogeneous deformation; the middle of a bonded one moves out faster
-    ratio = (topic.loading_part(runs)[-1] / expected)[EARLY]
+    ratio = (loading_part(runs)[-1] / expected)[EARLY]
     assert (ratio > 1.0).all()
     assert (ratio < 1.25).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mesh", topic.FINE)
+@pytest.mark.parametrize("mesh", FINE)
 def test_fine_static_force_against_the_reference(mesh: tuple[int, int]) -> None:
-    found = topic.compress(mesh)
+    found = compress(mesh)
     assert found.completed
-    assert np.abs(topic.force_error(found)).max() < topic.FORCE_TOLERANCE["fine"]
+    assert np.abs(force_error(found)).max() < FORCE_TOLERANCE["fine"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mesh", topic.FINE)
+@pytest.mark.parametrize("mesh", FINE)
 def test_fine_static_outline_against_the_reference(mesh: tuple[int, int]) -> None:
-    found = topic.compress(mesh)
-    assert np.abs(found.radius - topic.reference().radius).max() < topic.RADIUS_TOLERANCE["fine"]
-    slip, stick = (topic.outline_error(found, side)[0] for side in ("slip", "stick"))
+    found = compress(mesh)
+    assert np.abs(found.radius - reference().radius).max() < RADIUS_TOLERANCE["fine"]
+    slip, stick = (outline_error(found, side)[0] for side in ("slip", "stick"))
     # the two programs solve the same problem up to 30 %; the FElupe outline is less exact at 20 %
-    assert slip[:3].max() < topic.RADIUS_TOLERANCE["fine"]
-    assert stick[2:].max() < topic.RADIUS_TOLERANCE["fine"]
+    assert slip[:3].max() < RADIUS_TOLERANCE["fine"]
+    assert stick[2:].max() < RADIUS_TOLERANCE["fine"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from elements import evaluate
-from fbar import largest_frequency
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
+from test_fbar import largest_frequency
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.arguments import nodal_mass

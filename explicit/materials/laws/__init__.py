@@ -1,14 +1,9 @@
 """The closed-form laws by name. A new one is a line here."""
 
 from explicit.materials.families import InvariantLaw, StretchLaw
-from explicit.materials.laws.arruda_boyce import ArrudaBoyce
-from explicit.materials.laws.exponential import Humphrey, VerondaWestmann
-from explicit.materials.laws.gent import Gent
-from explicit.materials.laws.mooney_rivlin import MooneyRivlin
-from explicit.materials.laws.neo_hookean import NeoHookean
 from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
-from explicit.materials.laws.polynomial import Polynomial
-from explicit.materials.laws.yeoh import ReducedPolynomial, Yeoh
+from explicit.materials.laws.polynomial import MooneyRivlin, NeoHookean, Polynomial, ReducedPolynomial, Yeoh
+from explicit.materials.laws.stiffening import ArrudaBoyce, Gent, Humphrey, VerondaWestmann
 
 AnyLaw = InvariantLaw | StretchLaw
 """A closed-form law: it has its constants, its energy by stretches, and all that the solver asks for."""

@@ -68,18 +68,15 @@ class _Ogden(StretchLaw):
         return cls.of(np.column_stack([moduli * exponents / 2.0, exponents]))
 
     def w(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         power = np.expm1(alpha * np.log(np.asarray(lam, dtype=float))[..., None])
         return np.asarray((2.0 * mu / alpha**2 * power).sum(axis=-1))
 
     def dw(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         return np.asarray((2.0 * mu / alpha * np.asarray(lam)[..., None] ** (alpha - 1.0)).sum(axis=-1))
 
     def d2w(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         factor = 2.0 * mu * (alpha - 1.0) / alpha
         return np.asarray((factor * np.asarray(lam)[..., None] ** (alpha - 2.0)).sum(axis=-1))
@@ -101,12 +98,10 @@ class _Ogden(StretchLaw):
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.law.MaterialLaw`."""
         return _kernel_functions(cls.TERMS, precision)
 
     @classmethod
     def stretch_functions(cls, precision: Precision) -> tuple[Any, Any]:
-        """See `explicit.materials.families.StretchLaw`."""
         return _stretch_functions(cls.TERMS, precision)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
+from dic.views import ResultViews
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide, check_bar
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
@@ -103,30 +104,6 @@ class Propagation:
     """Largest difference from a plain shift by distance / c0, in the signal's unit."""
     rms: float
     """Root mean square of that difference over the result, in the signal's unit."""
-
-
-def propagate(
-    signal: Signal,
-    waveguide: Waveguide,
-    distance: float,
-    *,
-    window: tuple[float, float] | None = None,
-    band: float | None = None,
-    start: float | None = None,
-    samples: int | None = None,
-    largest_gain: float = _LARGEST_GAIN,
-) -> Signal:
-    """The signal of one wave at a distance along its way; see `propagation` for the parameters."""
-    return propagation(
-        signal,
-        waveguide,
-        distance,
-        window=window,
-        band=band,
-        start=start,
-        samples=samples,
-        largest_gain=largest_gain,
-    ).signal
 
 
 def propagation(
@@ -261,7 +238,7 @@ _POISSON_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class BarsTogether:
+class BarsTogether(ResultViews):
     """Wave speed and relative gain from a pulse between two stations, Eq. (B.11)."""
 
     bar: Bar

@@ -9,7 +9,7 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import LARGEST_JITTER, BarSignal, FaceWaves, Signal, Windows, uniform_clock
 from kolsky.bars.reduction.windows import travel_time, usable_limits
@@ -137,7 +137,9 @@ def _at_face(
     if guide is None:
         return replace(strain, value=sampled_from(strain, start, count))
     travelled = start + distance / signal.bar.wave_speed
-    return propagate(strain, guide, distance, window=window, band=band, start=travelled, samples=count)
+    return propagation(
+        strain, guide, distance, window=window, band=band, start=travelled, samples=count
+    ).signal
 
 
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from dic.views import ResultViews
 from kolsky.bars.records import History, Reduction
 from kolsky.base.arrays import FloatArray
 
@@ -149,7 +150,7 @@ WAY = "three waves"
 
 
 @dataclass(frozen=True)
-class RepeatedTests:
+class RepeatedTests(ResultViews):
     """The mean of repeated tests, its scatter, and what the tests have in common."""
 
     unit: str

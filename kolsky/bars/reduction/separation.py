@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.guides.propagation import edge_filter, fade_ends, propagate
+from kolsky.bars.guides.propagation import edge_filter, fade_ends, propagation
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import BarSignal, FaceWaves, History, Signal, Windows
 from kolsky.bars.reduction.faces import sampled_from
@@ -345,7 +345,7 @@ def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal
     passes = ceil((strain.end - strain.start) * guide.wave_speed / way)
     out = strain
     for _ in range(passes):
-        echo = propagate(out, guide, way, band=band, start=strain.start, samples=strain.value.size)
+        echo = propagation(out, guide, way, band=band, start=strain.start, samples=strain.value.size).signal
         out = replace(strain, value=strain.value + echo.value)
     seen = 1 + int((strain.end - strain.start) * guide.wave_speed / (2.0 * station.bar.length))
     return replace(station, strain=replace(out, sigma=strain.sigma * sqrt(seen + 1.0)))

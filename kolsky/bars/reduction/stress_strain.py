@@ -137,25 +137,12 @@ def reduce(
     differ, "one wave" needs a share of the transmitted one too, Eqs. (R.7) to (R.9). In tension all of it
     holds with negative strains.
 
-    Raises ValueError if the specimen's sizes are not positive or it is wider than the bars.
-
-    Returns: each sigma is that of the gauges' noise alone, white and independent, carried exactly through the
-    linear combinations and the trapezoidal sum, Eq. (R.12).
-
-    Parameters
-    ----------
-    faces
-        The waves at the faces.
-    specimen
-        The specimen before the test.
-    guides
-        The incident and the transmission bar as waveguides: their stiffness and impedance then hold at each
-        frequency, as a viscoelastic bar needs. None takes E A and rho c0 A throughout.
-    allowance
-        |R| up to which it counts as in equilibrium [-].
-    average
-        Time over which the forces are averaged for R [s]; without it the time a wave needs to cross the
-        diameter of the thicker bar.
+    Each sigma is that of the gauges' noise alone, white and independent, carried exactly through the linear
+    combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the transmission bar as
+    waveguides: their stiffness and impedance then hold at each frequency, as a viscoelastic bar needs; None
+    takes E A and rho c0 A throughout. ``allowance``: |R| up to which it counts as in equilibrium [-].
+    ``average``: time over which the forces are averaged for R [s]; without it the time a wave needs to cross
+    the diameter of the thicker bar.
     """
     _check(faces, specimen)
     bars = BarWaves(faces, guides)

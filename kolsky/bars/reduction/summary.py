@@ -87,24 +87,10 @@ def summarise(
     allowance: float = ALLOWANCE,
     share: float = PLATEAU_SHARE,
 ) -> Summary:
-    """Summary of a reduction.
+    """Summary of a reduction by "one wave", "two waves" or "three waves".
 
-    Raises ValueError if the analysis has another name.
-
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    faces
-        The waves it was made from.
-    specimen
-        The specimen before the test.
-    analysis
-        "one wave", "two waves" or "three waves".
-    allowance
-        |R| up to which the forces count as balanced [-].
-    share
-        Least balanced length of the plateau as a share of the incident pulse's [-].
+    ``allowance``: |R| up to which the forces count as balanced [-]. ``share``: least balanced length of the
+    plateau as a share of the incident pulse's [-].
     """
     if analysis not in reduction.strain:
         raise ValueError(f"analysis = {analysis!r} must be one of {', '.join(map(repr, reduction.strain))}")

@@ -153,24 +153,10 @@ def find_span(
 
     The stress, averaged over `width` samples, stands from where it first exceeds `LEVEL` of its typical value
     to where it last does, at the latest to the largest strain; `INSET` of that is left out at either end. A
-    sample counts in full while
-    |R| is within the allowance, not at all beyond twice the allowance, and in proportion between. Ends and
-    weights are continuous in all inputs, so that a small change of an input moves the means a little.
-
-    Returns: None if no sample has a weight.
-
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    analysis
-        "one wave", "two waves" or "three waves".
-    allowance
-        |R| up to which the forces count as balanced [-].
-    width
-        Samples over which the stress is averaged.
-    shift
-        Times by which beginning and end are moved [s].
+    sample counts in full while |R| is within the allowance, not at all beyond twice the allowance, and in
+    proportion between. Ends and weights are continuous in all inputs, so that a small change of an input
+    moves the means a little. None if no sample has a weight. ``shift``: times by which beginning and end
+    are moved [s].
     """
     time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
     last = int(np.abs(strain).argmax())

@@ -55,28 +55,12 @@ def find_arrival(
     intersection of the baseline, 0, with the least-squares line through the flank's samples between `FLANK`
     of the level, and its sigma is that of the intersection. On a straight flank it has no bias. On a rounded
     foot it is late by a fixed share of the rise, 0.17 of a raised cosine's, whatever the noise, while the
-    onset comes later as noise grows.
+    onset comes later as noise grows. ValueError if there is no pulse, or if it began before the first sample.
 
-    Parameters
-    ----------
-    signal
-        The signal, its baseline removed, with the noise of its samples.
-    sign
-        +1 for a pulse of positive values, -1 for negative ones.
-    average
-        Time over which is averaged [s], > 0: no longer than the pulse rises. A pulse in a bar rises no
-        faster than a wave crosses the bar's diameter.
-    after, before
-        The pulse is looked for between these times [s].
-    threshold
-        Multiple of the averaged noise that counts as a pulse, > 0.
-    smallest
-        A pulse must exceed this too, in the signal's unit, >= 0.
-
-    Raises
-    ------
-    ValueError
-        If there is no pulse, or if it began before the first sample.
+    ``signal``: its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative ones.
+    ``average`` [s]: no longer than the pulse rises; a pulse in a bar rises no faster than a wave crosses the
+    bar's diameter. ``after``, ``before``: the pulse is looked for between these times [s]. ``smallest``: a
+    pulse must exceed this too, in the signal's unit.
 
     References
     ----------

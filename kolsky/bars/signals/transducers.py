@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
@@ -48,6 +49,17 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
         inner = np.concatenate([[0.5 * h[0]], 0.5 * (h[1:] + h[:-1])])
         factor[first + 1 :] = np.sqrt(np.cumsum(inner**2) + (1.0 + 0.5 * h) ** 2)
     return sigma * factor
+
+
+def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
+    """The signal after a first-order low-pass, Eq. (E.6)."""
+    x = 2.0 * np.pi * frequency * step
+    decay = np.exp(-x)
+    # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
+    share = -np.expm1(-x) / x
+    level = signal[0]
+    filtered = lfilter([1.0 - share, share - decay], [1.0, -decay], signal - level)
+    return np.asarray(filtered + level)
 
 
 def _check_time_constant(time_constant: float) -> None:

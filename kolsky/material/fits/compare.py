@@ -16,6 +16,7 @@ from enum import Enum
 
 import numpy as np
 
+from dic.views import ResultViews
 from explicit.materials import LAWS, AnyLaw
 from explicit.materials.law import Stretches, logarithmic_hessian, tangent
 from explicit.materials.volumetric import VolumetricLaw
@@ -209,7 +210,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(ResultViews):
     """Laws fitted to the same tests with the same weights."""
 
     tests: tuple[HomogeneousTest, ...]

@@ -41,6 +41,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "comparison.scene",
     ),
     "SURFACES": (
+        "surface_points.surface_fields",
         "surface_points.overlay_sigma",
         "surface_points.overlay_epipolar",
         "surface_points.lost_points",
@@ -69,7 +70,12 @@ PLACES: dict[str, tuple[str, ...]] = {
     "BASELINES": ("material.baseline",),
     "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
     "SENSITIVITY": ("studies.sensitivity",),
-    "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
+    "SWEEPS": (
+        "studies.sweep_maps",
+        "studies.sweep_effects",
+        "studies.sweep_forces",
+        "studies.sweep_indices",
+    ),
     "BUDGETS": ("studies.budget",),
     "MODULI": ("rates.rate_moduli",),
     "RELAXATIONS": (
@@ -138,6 +144,12 @@ def figures_of(shown: Any) -> Registry:
 
     Returns: the figures by name; each has a `caption` of the result. Raises TypeError if no figure shows
     things of this class.
+
+    Examples
+    --------
+    >>> import kolsky
+    >>> list(kolsky.figures_of(kolsky.waves("runs/bar-01")))
+    ['waves']
     """
     name = f"{type(shown).__module__}.{type(shown).__qualname__}"
     if name not in SHOWN_BY:

@@ -100,20 +100,26 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
 
 @figure(
     PAGE,
-    lambda result: 12.0 + 36.0 * len(_interpolated(result)),
-    lambda result: [[f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)],
-    applies=lambda result: bool(_interpolated(result)),
+    lambda result: 12.0 + 36.0 * len(result.outputs),
+    lambda result: [[f"{name} {i}" for i in range(result.box.dimension)] for name in result.outputs],
+    applies=lambda result: bool(result.outputs),
     sharey=False,
 )
 def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
-    outputs = _interpolated(result)
+    outputs, size = result.outputs, 3.0 if result.box.dimension == 1 else 1.2
     for name, output in outputs.items():
         for i, parameter in enumerate(result.box.names):
-            ax, effect, factor = panels[f"{name} {i}"], output.effects[parameter], name_of(parameter).factor
-            ax.plot(factor * result.table.points[:, i], output.values, "o", color=MEASURED, ms=1.2, mew=0.0)
-            ax.fill_between(factor * effect.x, effect.low, effect.high, color=BAND, alpha=0.4, lw=0.0)
-            ax.plot(factor * effect.x, effect.mean, color=SHAPE)
-            ax.set_xlim(factor * effect.x[0], factor * effect.x[-1])
+            ax, effect, factor = (
+                panels[f"{name} {i}"],
+                output.effects.get(parameter),
+                name_of(parameter).factor,
+            )
+            ax.plot(factor * result.table.points[:, i], output.values, "o", color=MEASURED, ms=size, mew=0.0)
+            if effect is not None:
+                ax.fill_between(factor * effect.x, effect.low, effect.high, color=BAND, alpha=0.4, lw=0.0)
+                ax.plot(factor * effect.x, effect.mean, color=SHAPE)
+            if result.box.lower[i] < result.box.upper[i]:
+                ax.set_xlim(factor * result.box.lower[i], factor * result.box.upper[i])
             if result.box.logarithmic[i]:
                 ax.set_xscale("log")
             if i == 0:
@@ -124,9 +130,47 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
                 ax.set_xlabel(axis_label(parameter))
             else:
                 ax.tick_params(labelbottom=False)
+    line = (
+        "line: the interpolant"
+        if result.box.dimension == 1
+        else "line: mean over all other parameters, band: where 80 % of them lie"
+    )
+    without = [SYMBOLS[name] for name, output in outputs.items() if not output.effects]
+    left = f" No interpolant of {', '.join(without)} is good enough to be drawn." if without else ""
+    return f"Misfits, Eqs. (M.3) to (M.5), along each parameter. Points: runs; {line}.{left}"
+
+
+MOST_LINES = 5
+"""Most simulated forces in one panel."""
+
+
+@figure(
+    PAGE,
+    62.0,
+    [["force", "cost"]],
+    applies=lambda result: result.forces is not None,
+    letters=True,
+    width_ratios=[2.2, 1.0],
+)
+def sweep_forces(result: SweepAnalysis, panels: Panels) -> str:
+    along, (name,) = result.forces, result.box.names
+    assert along is not None  # `applies`
+    known, ax = name_of(name), panels["force"]
+    unit = "" if known.unit == "1" else f" {known.unit}"
+    chosen = np.unique(np.linspace(0, len(along.x) - 1, MOST_LINES).round().astype(int))
+    ax.plot(MS * along.time, along.measured, color=MEASURED, lw=1.4, label="measured")
+    for colour, k in zip(SERIES, chosen, strict=False):
+        label = f"${known.tex}$ = {known.factor * along.x[k]:.4g}{unit}"
+        ax.plot(MS * along.time, along.force[k], color=colour, lw=0.8, label=label)
+    ax.set(xlabel="Time (ms)", ylabel="Transmitted force (N)")
+    ax.legend()
+    ax = panels["cost"]
+    ax.plot(known.factor * along.x, along.steps, "o-", color=MEASURED, ms=2.5, lw=0.6)
+    ax.set(xlabel=axis_label(name), ylabel="Time steps of a run")
+    ax.set_ylim(0.0, 1.1 * float(along.steps.max()))
     return (
-        "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
-        "along each parameter; points: the runs."
+        f"(a) Transmitted force, measured and simulated with several values of {known.symbol}. (b) Cost of a "
+        "run: its number of time steps."
     )
 
 

@@ -3,13 +3,14 @@
 The last also shows histories.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, PercentFormatter
+from numpy.typing import NDArray
 
 from dic.chain.remarks import Speckles
 from dic.outcome import FrameOutcome, PointOutcome
@@ -19,6 +20,7 @@ from kolsky.report.figures.base import (
     FORCE,
     GREEN,
     GREY,
+    LETTERS,
     MEASURED,
     MM,
     MODEL,
@@ -29,13 +31,14 @@ from kolsky.report.figures.base import (
     YELLOW,
     Panels,
     colour_bar,
+    few_ticks,
     figure,
     label_text,
     note_empty,
     show_picture,
     show_points,
 )
-from kolsky.report.picture_views import FullFieldView, SurfaceView
+from kolsky.report.picture_views import ALIVE, FullFieldView, SurfaceView
 
 LOST_COLOUR = PAPER
 
@@ -316,7 +319,7 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
 
 
-SHOWN_FIELDS = {"motion": "displacement", "exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
+STRAINS = {"exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
 HISTORY_LINES = (MEASURED, MODEL, SHAPE, BAND, GREY)
 """Colours of extensometers, in turn."""
 
@@ -326,51 +329,112 @@ def _field_unit(view: FullFieldView) -> tuple[float, str]:
     return (MM, "mm") if view.result.unit == "m" else (1.0, "px")
 
 
-def _field(view: FullFieldView, name: str) -> FloatArray:
-    """Values of a field in the frame shown, shape [n_points]."""
-    result, k = view.result, view.frame
-    if name == "motion":
-        return np.asarray(_field_unit(view)[0] * np.linalg.norm(result.surface.u[k], axis=1))
-    return np.asarray(100.0 * result.strain.value[k, :, ("exx", "eyy", "exy").index(name)])
+class _Maps(NamedTuple):
+    """Values of one frame, each at its points in the picture."""
+
+    picture: NDArray[np.generic] | None
+    at: FloatArray
+    """Places of the points, NaN where lost [px], shape [n_points, 2]."""
+    values: dict[str, FloatArray]
+    """By the words of the colour bar, in the order of the panels, each of shape [n_points]."""
+    step: float
+    """Distance of neighbouring points [px]."""
 
 
-def _fields_height(view: FullFieldView) -> float:
-    x, y = np.ptp(view.result.points, axis=0) + 2.0 * view.result.facts.get("subset", 21)
-    return float(np.clip(2.0 * (0.36 * PAGE * y / x + 14.0), 60.0, 220.0))
+ROOM = 21.0
+"""Room around the points [px]."""
+MAP_WIDTH = 0.23 * PAGE
+"""Width of a map without its colour bar [mm]."""
 
 
-@figure(PAGE, _fields_height, [["motion", "exx"], ["eyy", "exy"]], letters=True)
-def full_field(view: FullFieldView, panels: Panels) -> str:
-    result = view.result
-    room = result.facts.get("subset", 21)
-    at = result.pixels[0, view.frame]
-    valid = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
-    for name, label in SHOWN_FIELDS.items():
-        ax = panels[name]
-        if view.picture is not None:
-            show_picture(ax, view.picture)
+def _maps_height(at: FloatArray) -> float:
+    known = at[np.isfinite(at).all(axis=1)]
+    x, y = (np.ptp(known, axis=0) if len(known) else np.ones(2)) + 2.0 * ROOM
+    return float(np.clip(2.0 * (MAP_WIDTH * y / x + 27.0), 60.0, 220.0))
+
+
+def _draw_maps(maps: _Maps, panels: Panels) -> None:
+    for (words, values), ax in zip(maps.values.items(), panels.values(), strict=True):
+        if maps.picture is not None:
+            show_picture(ax, maps.picture)
+        ax.set_aspect("equal")
         ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
-        values = _field(view, name)
-        chosen = valid & np.isfinite(values)
+        chosen = np.isfinite(maps.at).all(axis=1) & np.isfinite(values)
         if not chosen.any():
             note_empty(ax, "no point has a value")
             continue
-        (x0, y0), (x1, y1) = at[chosen].min(axis=0) - room, at[chosen].max(axis=0) + room
+        (x0, y0), (x1, y1) = maps.at[chosen].min(axis=0) - ROOM, maps.at[chosen].max(axis=0) + ROOM
         ax.set_xlim(x0, x1)
         ax.set_ylim(y1, y0)
+        few_ticks(ax, 4)
         low, high = np.percentile(values[chosen], [1.0, 99.0])
         if high - low < 1e-9 * max(abs(high), 1.0):
             low, high = low - 0.5, high + 0.5
-        size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
-        style: dict[str, Any] = {"s": max(0.5 * size, 0.8) ** 2, "cmap": "viridis", "rasterized": True}
-        points = show_points(ax, at[chosen], values[chosen], low, high, **style)
-        words = f"displacement ({_field_unit(view)[1]})" if name == "motion" else label
-        colour_bar(points, ax, words, fraction=0.05, pad=0.02)
-    facts = view.result.facts
+        size = 72.0 / 25.4 * MAP_WIDTH * maps.step / max(x1 - x0, 1.0)
+        style: dict[str, Any] = {"s": max(0.9 * size, 0.8) ** 2, "cmap": "viridis", "rasterized": True}
+        points = show_points(ax, maps.at[chosen], values[chosen], low, high, **style)
+        colour_bar(points, ax, words, location="bottom", aspect=30, ticks=MaxNLocator(4))
+
+
+def _full_field_maps(view: FullFieldView) -> _Maps:
+    result, k, (factor, unit) = view.result, view.frame, _field_unit(view)
+    valid = result.surface.valid[k]
+    names = "uv" if result.kind == "plane" else "uvw"
+    motion = {
+        f"${name}$ ({unit})": np.where(valid, factor * result.surface.u[k, :, i], np.nan)
+        for i, name in enumerate(names)
+    }
+    strain = {label: 100.0 * result.strain.value[k, :, i] for i, label in enumerate(STRAINS.values())}
+    return _Maps(view.picture, result.pixels[0, k], motion | strain, result.facts.get("step", 5))
+
+
+def _map_panels(view: FullFieldView) -> list[list[str]]:
+    return [["u", "v", "." if view.result.kind == "plane" else "w"], [*STRAINS]]
+
+
+@figure(PAGE, lambda view: _maps_height(view.result.pixels[0, view.frame]), _map_panels, letters=True)
+def full_field(view: FullFieldView, panels: Panels) -> str:
+    _draw_maps(_full_field_maps(view), panels)
+    facts, last = view.result.facts, LETTERS[len(panels) - 4]
     return (
-        f"Frame {view.frame} of camera 0 with (a) the size of the displacement since the reference and "
-        f"(b) to (d) the Green-Lagrange strains over gauges of {facts.get('strain_gauge', 0):g} px; subsets "
+        f"Frame {view.frame} of camera 0 with (a) to ({last}) the displacements since the reference and, "
+        f"below, the Green-Lagrange strains over gauges of {facts.get('strain_gauge', 0):g} px; subsets "
         f"of {facts.get('subset')} px, {facts.get('step')} px apart. Colours span 98 % of the values."
+    )
+
+
+def _shown_frame(view: SurfaceView) -> int:
+    """The last frame with at least half of the points; of those with a picture, where there are any."""
+    count = view.result.specimen.n_valid
+    usable = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
+    shown = [frame for frame in view.pictures if frame in usable]
+    return int(shown[-1] if shown else usable[-1])
+
+
+@figure(
+    PAGE,
+    lambda view: _maps_height(view.result.specimen.pixels[0][_shown_frame(view)]),
+    [["u", "v", "w"], [*STRAINS]],
+    applies=lambda view: bool((view.result.specimen.n_valid > 0).any()),
+    letters=True,
+)
+def surface_fields(view: SurfaceView, panels: Panels) -> str:
+    result, k = view.result, _shown_frame(view)
+    body = result.specimen
+    valid, step = body.surface.valid[k], np.diff(np.unique(body.points[:, 0]))
+    motion = {
+        f"${name}$ (mm)": np.where(valid, MM * body.surface.u[k, :, i], np.nan)
+        for i, name in enumerate("UVW")
+    }
+    words = (r"$E_{\theta\theta}$ (%)", "$E_{yy}$ (%)", r"$E_{\theta y}$ (%)")
+    strain = {label: 100.0 * result.strain.value[k, :, i] for i, label in enumerate(words)}
+    spacing = float(step.min()) if step.size else 5.0
+    _draw_maps(_Maps(view.pictures.get(k), body.pixels[0][k], motion | strain, spacing), panels)
+    return (
+        f"Frame {k} of camera 0 with the displacements of the specimen's surface since the reference, (a) U "
+        "across the axis, (b) V along it toward the flyer, (c) W toward the cameras, and the Green-Lagrange "
+        "strains (d) around the axis, (e) along it and (f) in shear, over gauges of "
+        f"{result.strain.gauge:g} px. Colours span 98 % of the values."
     )
 
 

@@ -33,7 +33,7 @@ from kolsky.report.pages.rendering import (
 from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
-from kolsky.results.identification_rows import fit_tables, held_line
+from kolsky.results.identification_rows import fit_tables
 from kolsky.results.nomenclature import in_words, name_of, route_label
 from kolsky.results.printed import summary
 from kolsky.shot.inputs import SHOWN, causes
@@ -396,7 +396,6 @@ def render(
         facts=_data_facts(result),
         fit=fit_tables(result),
         fixed=_fixed_rows(result),
-        held=None if result.held_answer is None else held_line(result.held_answer, written=True),
         check=check_run_rows(result),
         runs=_run_rows(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},

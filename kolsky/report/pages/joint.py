@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from kolsky.diagnosis.joint_fit import cause_sentence
 from kolsky.inverse.joint_result import JointResult, interval
 from kolsky.inverse.parameters import reference_words
 from kolsky.inverse.result import Verdict
@@ -34,6 +35,8 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
     rows = [("verdict", result.verdict)]
     if result.agreement is not None:
         rows.append(("agreement of the shots", result.agreement.sentence))
+    if result.causes:
+        rows.append(("cause of the misfit", cause_sentence(result.causes)))
     reference = reference_words((*result.estimates, *result.fixed))
     if reference:
         rows.append(("what m refers to", reference))

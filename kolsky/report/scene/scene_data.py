@@ -6,7 +6,7 @@ its platens, with the measured body next to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -35,13 +35,15 @@ class Solid:
     stiffness_factor: float
 
 
-def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
-    """Return the material of an identification: the law of its reference curve times the stiffness factor."""
+def solid_of(curve: MaterialCurve, values: Mapping[str, float]) -> Solid:
+    """Return the material of a simulation: the law of the reference curve times the stiffness factor.
+
+    ``values``: the parameters by name, "stiffness_factor" and "poisson" among them.
+    """
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
 
     law = material_law(curve)
-    values = {**result.fixed, **{name: e.value for name, e in result.estimates.items()}}
     return Solid(
         law=law,
         volume=VolumetricLaw(float(bulk_modulus(law.initial_shear_modulus, values["poisson"]))),
@@ -87,16 +89,32 @@ def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
 def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Stored energy per undeformed volume [MJ/m^3]."""
     assert solid is not None  # `needs_solid`
+    J, b_bar = _isochoric(F)
+    return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
+
+
+def mises_stress(F: FloatArray, solid: Solid | None) -> FloatArray:
+    """Equivalent stress of von Mises, sqrt(3/2 s : s) of the elastic Cauchy stress [MPa]."""
+    assert solid is not None  # `needs_solid`
+    J, b_bar = _isochoric(F)
+    rr, yy, ry, tt = np.moveaxis(solid.law.stress(b_bar), -1, 0)
+    return np.asarray(
+        1e-6 * solid.stiffness_factor * np.sqrt(1.5 * (rr**2 + yy**2 + tt**2) + 3.0 * ry**2) / J
+    )
+
+
+def _isochoric(F: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Volume ratio J, and J^(-2/3) F F^T as (rr, yy, ry, tt)."""
     J = np.linalg.det(F)
     b = np.einsum("...ij,...kj->...ik", F, F)
     components = np.stack([b[..., 0, 0], b[..., 1, 1], b[..., 0, 1], b[..., 2, 2]], axis=-1)
-    b_bar = J[..., None] ** (-2.0 / 3.0) * components
-    return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
+    return J, J[..., None] ** (-2.0 / 3.0) * components
 
 
 FIELDS: dict[str, FieldKind] = {
     "stretch": FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
     "pressure": FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
+    "stress": FieldKind("Von Mises stress (MPa)", mises_stress, "cividis", needs_solid=True),
     "energy": FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
 }
 """Fields by name."""
@@ -208,7 +226,7 @@ def scene_of(
         mesh=SceneMesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole][shown],
         nodes=nodes[shown],
-        values=_at_nodes(mesh, elements[shown]),
+        values=at_nodes(mesh, elements[shown]),
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
         measured_outline=result.comparison.centre_line,
@@ -220,14 +238,14 @@ def _simulated_frames(result: Identification) -> tuple[explicit.Mesh, NDArray[np
     """The mesh of the check run, and which of its times it reached."""
     if result.response.nodes is None:
         raise SceneDataMissing("the result kept no nodes of its check run")
-    mesh = _mesh(result)
+    mesh = mesh_of(result)
     whole = np.isfinite(result.response.nodes[0]).all(axis=(1, 2))
     if not whole.any():
         raise SceneDataMissing("the check run reached none of its times")
     return mesh, whole
 
 
-def _mesh(result: Identification) -> explicit.Mesh:
+def mesh_of(result: Identification) -> explicit.Mesh:
     """Rebuild the mesh of the simulation from the provenance of the result."""
     import explicit
 
@@ -247,7 +265,7 @@ def _mesh(result: Identification) -> explicit.Mesh:
     return mesh
 
 
-def _at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
+def at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
     """Mean over the elements around each node, shape [n_times, n_nodes]."""
     corner = mesh.quads.ravel()
     count = np.bincount(corner, minlength=mesh.n_nodes)

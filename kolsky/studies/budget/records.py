@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.studies.budget.factors import Factor
 from kolsky.studies.budget.realisation import RealisationOutcome
@@ -117,7 +118,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(ResultViews):
     """What each source of error does to one parameter, alone and together with the others."""
 
     name: str
@@ -346,10 +347,16 @@ def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
         else "not known: the test gave no answer"
         for key, source in said.pop("sources").items()
     }
-    return {**{key: value for key, value in said.items() if not key.startswith("u_")}, **lines} | {
+    known = {
+        key: "not known" if isinstance(value, float) and not np.isfinite(value) else value
+        for key, value in said.items()
+        if not key.startswith("u_")
+    }
+    few = f"not known: {len(result.together)} answers, {FEWEST} are needed"
+    return {**known, **lines} | {
         "realisations": ", ".join(f"{n} {how}" for how, n in result.counts.items()),
         "in another valley": f"{len(elsewhere)} of {result.searched}"
         + (f", at {', '.join(f'{value:.4g}' for value in elsewhere)}" if elsewhere else ""),
         "U, added in quadrature": f"{2.0 * result.u_sum:.3g}",
-        "U, all at once": f"{2.0 * result.u_together:.3g}",
+        "U, all at once": f"{2.0 * result.u_together:.3g}" if len(result.together) >= FEWEST else few,
     }

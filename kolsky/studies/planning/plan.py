@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.views import ResultViews
 from doe.information import (
     Criterion,
     Placement,
@@ -132,7 +133,7 @@ ENDS = np.linspace(0.1, 1.0, 19)
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(ResultViews):
     """Expected uncertainties of a planned test, and the times and heights that contribute most."""
 
     shot: str

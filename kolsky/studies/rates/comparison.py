@@ -266,7 +266,7 @@ def _group(
         pooled = pool(m, own, common=rows)
         rates = np.array([shot.history.nominal_rate for shot in counted])
         spreads = np.array([shot.history.sigma_decades for shot in counted])
-        fitted = slope(rates, spreads, m, own, common=_slope_parts(common, rates))
+        fitted = slope(rates, spreads, m, own, common=slope_parts(common, rates))
     table = [_stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
     stiffness = tuple(row for row in table if row is not None)
     return GroupRates(
@@ -300,7 +300,7 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
     return found
 
 
-def _slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
+def slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
     """Shared parts as a slope sees them, [n_shared, n]: errors of the mesh are half common, half a trend."""
     rows = []
     for (part, _), row in common.items():

@@ -350,6 +350,7 @@ def _group_facts(group: GroupRates) -> dict[str, Any]:
             "I_squared": p.fit.i_squared,
             "prediction_95": p.prediction,
         }
+        found["in_common"] = group.in_common
     if line is not None:
         found["slope"] = {
             "verdict": line.verdict.value,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dic.views import ResultViews
 from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.base.arrays import FloatArray
@@ -317,7 +318,7 @@ class LongLever:
 
 
 @dataclass(frozen=True)
-class GroupRates:
+class GroupRates(ResultViews):
     """Shots of one group."""
 
     name: str
@@ -344,9 +345,27 @@ class GroupRates:
         """The shots that enter the mean."""
         return tuple(shot for shot in self.shots if shot.counted)
 
+    @property
+    def in_common(self) -> tuple[str, ...]:
+        """What several counted shots have in common, and its largest part of m: one phrase each."""
+        m = np.array([shot.m for shot in self.counted])
+        found = []
+        for (part, _), row in self.common.items():
+            shots = int(np.count_nonzero(row))
+            if shots > 1:
+                size = 100.0 * float(np.max(np.abs(row) / m))
+                found.append(f"{part} {size:.2g} % ({'all' if shots == len(m) else shots} shots)")
+        return tuple(found)
+
+    @property
+    def own_range(self) -> tuple[float, float]:
+        """Least and largest relative standard uncertainty that a counted shot has by itself [-]."""
+        shares = [shot.sigma_own / shot.m for shot in self.counted]
+        return min(shares), max(shares)
+
 
 @dataclass(frozen=True)
-class RateReport:
+class RateReport(ResultViews):
     """The comparison of all groups."""
 
     grouped_by: str

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from elastic_layer import ALUMINIUM, Layer, elastic
 
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import ANALYSES, BarSignal, FaceWaves, Signal
 from kolsky.bars.reduction.faces import face_waves
@@ -47,7 +47,7 @@ def dispersed_signals(scene, guides, interval=0.1e-6):
         total = np.zeros(time.size)
         for wave, guide, way in parts:
             face = Signal(time[0], interval, wave(time) / elastic(bar), 0.0, "1")
-            total += propagate(face, guide, way, start=time[0], samples=time.size).value
+            total += propagation(face, guide, way, start=time[0], samples=time.size).signal.value
         kept = (time > -270e-6) & (time < 340e-6)  # nothing returns from the far ends
         strain = Signal(float(time[kept][0]), interval, total[kept], 0.0, "1", f"{side} gauge")
         stations.append(BarSignal(strain, bar, x, side))

@@ -204,6 +204,8 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
         ({"geometry": 'mesh = "a.vtu"\nwall = "2 mm"\nmesh_unit = "mm"'}, "has no effect with a mesh"),
         ({"gravity": "[0.0, 9.81, 0.0]"}, "half = false"),
         ({"geometry": 'channel = ["30 mm", "2 mm"]'}, "channel's width"),
+        ({"geometry": 'chambers = 2\nwall = "0.04 m"\nchamber = ["3 m", "1 m", "1 m"]'}, "actuator that is .* long"),
+        ({'["0.1 bar", "0.4 bar"]': '["-0.1 bar", "0.4 bar"]'}, "are of both signs"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, str], said: str) -> None:
@@ -296,6 +298,9 @@ def test_steps_pass_the_declared_pressures() -> None:
     assert steps[asked] == pytest.approx([0.3, 0.5, 0.76])
     assert steps[0] == 0.0
     assert np.diff(steps).max() <= 0.76 / 8 + 1e-12
+    suction, place = schedule(np.array([-0.3, -0.76]))
+    assert suction[place] == pytest.approx([-0.3, -0.76])
+    assert np.diff(suction).max() < 0.0
 
 
 RUBBER = Isotropic(LAWS["neo_hookean"].of([218e3]), bulk(2.0 / 1.150e-6))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.bodies.actuator_bending import Search, SearchEnd, pressure_for, pressures_for
+from kolsky.bodies.actuator_bending import Search, SearchEnd, implausible_load, pressure_for, pressures_for
 from kolsky.bodies.actuator_control import reduce_actuator
 from kolsky.bodies.actuator_model import bend_of, bend_slope, touching
 from kolsky.bodies.actuator_reading import read_actuator
@@ -61,6 +61,21 @@ def test_newton_finds_the_planted_pressure() -> None:
 def test_what_cannot_be_reached_is_said() -> None:
     assert pressure_for(SMALL, DOWN, 2.0, most=20e3).ended is SearchEnd.ABOVE
     assert pressure_for(SMALL, DOWN, -0.5, most=20e3).ended is SearchEnd.BELOW
+
+
+def test_suction_for_a_bend_the_other_way() -> None:
+    planted = SMALL.simulate(DOWN, np.array([-5e3, -10e3]))
+    assert planted.angle[-1] < SMALL.simulate(DOWN, np.zeros(1)).angle[0]
+    found = pressure_for(SMALL, DOWN, float(planted.angle[-1]), most=-20e3)
+    assert found.ended is SearchEnd.YES
+    assert found.pressures[0] == pytest.approx(-10e3, rel=1e-3)
+    assert pressure_for(SMALL, DOWN, 0.5, most=-5e3).ended is SearchEnd.BELOW
+    assert pressure_for(SMALL, DOWN, -2.0, most=-5e3).ended is SearchEnd.ABOVE
+
+
+def test_a_pressure_beyond_five_shear_moduli_is_named() -> None:
+    assert implausible_load(5e5, 1e5) == []
+    assert "6 times the shear modulus" in implausible_load(-6e5, 1e5)[0]
 
 
 def test_search_bisects_where_newton_would_leave_the_bracket() -> None:

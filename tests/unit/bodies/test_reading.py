@@ -79,10 +79,59 @@ def test_refusals(tmp_path: Path, old: str, new: str, said: str) -> None:
 
 
 def test_a_curve_that_turns_back_is_refused_with_its_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"(?s)line 4.*does not rise"):
+    with pytest.raises(InputError, match=r"(?s)line 4.*turns back: 1.5 mm"):
         _read(tmp_path, data="d,F\n1,0.1\n2,0.2\n1.5,0.15\n3,0.3\n")
+    with pytest.raises(InputError, match=r"(?s)line 4.*turns back: -1.5 mm"):
+        _read(tmp_path, data="d,F\n-1,-0.1\n-2,-0.2\n-1.5,-0.15\n-3,-0.3\n")
+    with pytest.raises(InputError, match="opposite signs"):
+        _read(tmp_path, data="d,F\n-1,0.1\n-2,0.2\n-2.5,0.25\n-3,0.3\n")
     with pytest.raises(InputError, match="at least 4"):
         _read(tmp_path, data="d,F\n1,0.1\n2,0.2\n")
+
+
+BLOCK = """
+[material]
+law = "neo_hookean"
+free = ["mu"]
+poisson = 0.45
+constants = { mu = "20 kPa" }
+
+[numerics]
+element = "hex8"
+
+[tests.push]
+shape = "block"
+size = ["20 mm", "20 mm", "20 mm"]
+elements = [4, 4, 4]
+file = "pull.csv"
+displacement = { column = "d", unit = "mm" }
+force = { column = "F", unit = "N" }
+sigma_force = "10 mN"
+"""
+
+
+def test_a_block_is_pushed_and_sheared(tmp_path: Path) -> None:
+    pushed = _read(tmp_path, BLOCK, "d,F\n-1,-1\n-2,-2\n-3,-3\n-4,-4\n").models["push"]  # type: ignore[attr-defined]
+    solid = NEO.solid(NEO.start)
+    steps = np.array([[-2e-5], [2e-5]])
+    force = pushed.force(pushed.simulate(solid, steps))
+    assert force[0, 0] == pytest.approx(-force[1, 0], rel=1e-2)
+    # Bonded ends stiffen a cube: between E A / L of a bar and the confined modulus.
+    young, lateral = 2.0 * solid.shear_modulus * 1.45, 20e-3
+    assert 1.0 < force[1, 0] / (young * lateral * 2e-5) < 0.55 / (0.1 * 1.45)
+    sheared = _read(tmp_path, BLOCK.replace('"block"', '"block"\nload = "shear"'), "d,F\n1,1\n2,2\n3,3\n4,4\n")
+    model = sheared.models["push"]  # type: ignore[attr-defined]
+    assert not model.shape.eighth
+    across = model.force(model.simulate(solid, steps))[:, 0]
+    # A cube bends as well, so it is softer than G A / L of simple shear; it is not softer than a third of it.
+    assert 0.3 < across[1] / (solid.shear_modulus * lateral * 2e-5) < 1.0
+    assert across[0] == pytest.approx(-across[1], rel=1e-6)
+    answer = model.linearised(NEO, NEO.start, steps[1:])
+    assert answer.force[0, 0] == pytest.approx(across[1], rel=1e-6)
+    with pytest.raises(InputError, match=r"(?s)bond.*no effect on a block"):
+        _read(tmp_path, BLOCK.replace("elements", 'bond = "2 mm"\nelements'))
+    with pytest.raises(InputError, match=r"(?s)load.*belongs to shape"):
+        _read(tmp_path, STRIP.replace("elements", 'load = "shear"\nelements'))
 
 
 MESH = """$MeshFormat

@@ -27,7 +27,15 @@ from kolsky.bodies.sheet_fit import (
     smoothed,
     variance,
 )
-from kolsky.bodies.sheet_reading import MeasuredField, _mesh_scale, plan_sheet, simulate_sheet
+from kolsky.bodies.sheet_reading import (
+    MeasuredField,
+    counterclockwise,
+    keeping,
+    mesh_scale,
+    plan_sheet,
+    simulate_sheet,
+)
+from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.stiffness_map import SMOOTHING, _Blocks, blocks_of, stiffness_map, total_variation
 from kolsky.equilibrium.meshes import Mesh, rectangle
 from kolsky.equilibrium.solve import solve
@@ -460,6 +468,8 @@ def two_materials() -> FieldProblem:
         ("force", -1.0, "field.pad.force times -1"),
         ("force", 1e3, "field.pad.force times 0.001"),
         ("force", 0.5, "field.pad.force times 2"),
+        ("force", 9.80665, "field.pad.force times 0.101972"),
+        ("force", 1.0 / 9.80665, "it is in kgf or kg, not in N"),
         ("displacements", 1e3, "field.points.ux and uy times 0.001"),
     ],
 )
@@ -469,13 +479,85 @@ def test_one_wrong_factor_is_named(two_materials: FieldProblem, key: str, factor
     found = fit_field(problem)
     assert not found.explained
     assert any("does not explain the " in one for one in found.warnings)
-    assert words in one_change(problem, found)
+    assert words in one_change(_measured(problem), found)
 
 
 def test_a_right_sheet_has_no_change(two_materials: FieldProblem) -> None:
     found = fit_field(two_materials)
     assert found.explained
-    assert one_change(two_materials, found) == ""
+    assert one_change(_measured(two_materials), found) == ""
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [("uy", "field.points.uy times -1"), ("y", "its axis y is mirrored")],
+)
+def test_a_wrong_place_is_named(wrong: str, words: str) -> None:
+    mesh = small_mesh()
+    middle = mesh.points[mesh.cells].mean(axis=1)
+    regions = ((middle[:, 0] > 0.02) & (middle[:, 1] > 0.01)).astype(np.int64)
+    stiff = constants(E=9e4, poisson=0.2)
+    right = made(_sheet(regions=regions, held={1: stiff.solid(stiff.start)}))
+    sheet, data = right.sheet, right.data
+    x, y = np.meshgrid(np.linspace(0.004, 0.036, 17), np.linspace(0.003, 0.014, 12), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    nodal = np.moveaxis(data.displacements, 0, 1).reshape(len(mesh.points), -1)
+    flat = interpolated(mesh, nodal, points)[0]
+    moved = np.moveaxis(flat.reshape(len(points), 2, 2), 1, 0)
+    if wrong == "uy":
+        moved = moved * [1.0, -1.0]
+    if wrong == "y":
+        points, moved = points * [1.0, -1.0] + [0.0, 0.02], moved * [1.0, -1.0]
+    problem = FieldProblem(sheet, data, right.constants)
+    none = np.zeros(len(points), dtype=bool)
+    measured = keeping(MeasuredField(problem, points, none, moved, (1, 2), {}, 1e-6), none)
+    found = fit_field(measured.problem)
+    assert not found.explained
+    assert words in one_change(measured, found)
+
+
+def test_cells_of_either_sense_are_one_body() -> None:
+    mesh = small_mesh()
+    cells = mesh.cells.copy()
+    cells[[1, 5]] = cells[[1, 5]][:, [0, 2, 1]]
+    turned, count = counterclockwise(mesh.points, cells)
+    assert count == 2
+    np.testing.assert_array_equal(turned, mesh.cells)
+
+
+def test_two_regions_are_free_at_once() -> None:
+    mesh = small_mesh()
+    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
+    values = {**TRUE, "stiff.E": 9e4, "stiff.poisson": 0.2}
+    both = Constants("neo_hookean_coupled", values, tuple(values), ("stiff",))
+    sheet = _sheet(regions=regions)
+    state = sheet_state(sheet, both, both.start, -PAD)
+    assert not isinstance(state, str)
+    cells = np.ones(len(mesh.cells), dtype=bool)
+    data = FieldData(-PAD, state.force, state.displacements, cells, 1e-6, 1e-5, 1e-5)
+    start = Constants("neo_hookean_coupled", {**values, "E": 2.2e4, "stiff.E": 6e4}, tuple(values), ("stiff",))
+    found = fit_field(FieldProblem(sheet, data, start))
+    assert found.values == pytest.approx(list(values.values()), rel=1e-4)
+    with pytest.raises(ValueError, match=r"stiff\.E"):
+        Constants("neo_hookean_coupled", TRUE, ("E",), ("stiff",))
+
+
+def test_a_translation_that_is_not_measured_changes_nothing(two_materials: FieldProblem) -> None:
+    # u + t for any t has the same cost, gradient and constants; t itself comes back.
+    shift = np.array([[[2e-4, -1e-4]], [[5e-4, 3e-4]]])
+    data = replace(two_materials.data, displacements=two_materials.data.displacements + shift, floating=True)
+    problem = FieldProblem(two_materials.sheet, data, two_materials.constants)
+    found = fit_field(problem)
+    assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-5)
+    np.testing.assert_allclose(found.translation, shift, atol=1e-12)
+    still = fit_field(two_materials)
+    assert found.misfit == pytest.approx(still.misfit, abs=1e-6)
+    assert found.noise == pytest.approx(still.noise, rel=1e-4)  # relative to the same displacements
+    assert not still.translation.any()
+    # one mean a step and component is spent: sum of |u - mean|^2 / (n - 1)
+    spent = 2.0 * float(problem.mass.sum()) * 2 / data.area - 2.0 * 2
+    cost = replace(found.cost, displacement=np.array([50.0, 0.0]) * data.area * data.sigma_displacement**2)
+    assert replace(found, cost=cost).scales[0] == pytest.approx(max(1.0, 100.0 / (spent - 2.0)))
 
 
 def test_a_force_of_the_size_of_its_noise_is_not_testable(two_materials: FieldProblem) -> None:
@@ -502,6 +584,6 @@ def test_a_doubted_point_comes_back_if_the_sheet_predicts_it(two_materials: Fiel
 
 def test_the_scale_at_which_a_mesh_holds_the_points() -> None:
     nodes, points = np.array([[0.0, 0.0], [0.06, 0.03]]), np.array([[0.01, 0.005], [0.05, 0.025]])
-    assert _mesh_scale(1e3 * nodes, points) == 1e-3
-    assert _mesh_scale(nodes / 25.4, points) == 25.4
-    assert _mesh_scale(nodes + 1.0, points) is None
+    assert mesh_scale(1e3 * nodes, points) == 1e-3
+    assert mesh_scale(nodes / 25.4, points) == 25.4
+    assert mesh_scale(nodes + 1.0, points) is None

@@ -84,7 +84,7 @@ def test_results_are_complete_and_inputs_untouched(identified) -> None:
         assert (folder / name).read_bytes() == (OPEN_01 / name).read_bytes()
     assert sorted(p.name for p in folder.iterdir()) == sorted([*FILES, "results"])
     made = sorted(p.name for p in (folder / "results").iterdir())
-    tables = ["design.csv", "energy.csv", "force.csv", "profile.csv"]
+    tables = ["design.csv", "energy.csv", "force.csv", "profile.csv", "summary.csv"]
     assert made == sorted([*tables, "figures", "identification.h5", "report.html"])
     drawn = {p.suffix for p in (folder / "results" / "figures").iterdir()}
     assert drawn == {".svg"}
@@ -333,7 +333,7 @@ def test_bad_shots_are_answered_in_one_line(command: str, case: str, shot: Path)
 
 OPTIONS: dict[str, tuple[list[str], str]] = {
     "unknown free parameter": (["identify", "--free", "m"], "there is no parameter 'm'; choose from stiff"),
-    "bound outside": (["identify", "--free", "poisson=0.4:0.6"], "must be in [0, 0.4999]"),
+    "bound outside": (["identify", "--free", "poisson=0.4:0.6"], "must be in [0, 0.49999]"),
     "reversed bounds": (["identify", "--free", "friction=2:0"], "lower bound of friction before the upper"),
     "unknown held parameter": (["identify", "-p", "nu=0.49"], "there is no parameter 'nu'"),
     "value outside": (["identify", "-p", "damping=-1"], "must be in [0, 0.01] s"),
@@ -354,14 +354,14 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "device": (["identify", "--device", "cuda:7"], "device must be one of ["),
     "simulated precision": (["simulate", "--precision", "double"], "it must be fp64 or fp32"),
     "simulated parameter": (["simulate", "-p", "m=1.1"], "there is no parameter 'm'"),
-    "simulated value": (["simulate", "-p", "poisson=0.5"], "must be in [0, 0.4999]"),
+    "simulated value": (["simulate", "-p", "poisson=0.5"], "must be in [0, 0.49999]"),
     "no value": (["simulate", "-p", "friction"], "NAME=VALUE"),
     "design": (["sweep", "--design", "grid"], "it must be factorial, lhs, maximin, sobol, "),
     "Sobol' runs": (["sweep", "--design", "sobol", "--runs", "100"], "needs a power of two, got n = 100"),
     "levels": (["sweep", "--vary", "friction=0:2"], "NAME=LOW:HIGH:LEVELS"),
     "levels of a random design": (["sweep", "--design", "lhs", "--vary", "friction=0:2:9"], "NAME=LOW:HIGH"),
     "varied and held": (["sweep", "-p", "friction=1"], "friction is named by both --vary and --parameter"),
-    "varied outside": (["sweep", "--vary", "poisson=0:1:3"], "must be in [0, 0.4999]"),
+    "varied outside": (["sweep", "--vary", "poisson=0:1:3"], "must be in [0, 0.49999]"),
 }
 
 

@@ -1,10 +1,12 @@
 """`kolsky identify SHOT...`: options reach the settings, and what cannot be is refused before any work."""
 
+from pathlib import Path
+
 import pytest
 from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
-from kolsky.cli.identify_shots import JointOptions
+from kolsky.cli.identify_shots import JointOptions, require_one_material
 from kolsky.inverse.settings import Numerics, Settings
 
 ONE = Settings(
@@ -41,3 +43,18 @@ def test_values_that_cannot_be_name_the_command_line() -> None:
 def test_options_outside_their_mode_are_refused(words: tuple[str, ...], message: str) -> None:
     done = run_kolsky("identify", *words, code=2)
     assert message in done.stderr
+
+
+def test_shots_of_two_materials_are_refused(tmp_path: Path) -> None:
+    folders = []
+    for name, line in (("a", 'material = "gel A"'), ("b", ""), ("c", 'material = "gel B"')):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "shot.toml").write_text(f"format = 1\n{line}\n", "utf-8")
+        folders.append(tmp_path / name)
+    require_one_material(folders[:2])  # one says nothing
+    with pytest.raises(InputError) as caught:
+        require_one_material(folders)
+    message = str(caught.value)
+    assert message.startswith(str(tmp_path / "c" / "shot.toml"))
+    assert "material is 'gel B', but " in message
+    assert "has 'gel A': a joint answer is of one material" in message

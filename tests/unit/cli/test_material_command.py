@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.polynomial import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.cli.material_fit import read_tests, size_of, with_size

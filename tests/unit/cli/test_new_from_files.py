@@ -16,7 +16,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.toml import blanks
 from kolsky.base.units import dimension_of
 from kolsky.cli import app
-from kolsky.cli.new import template
+from kolsky.survey.blank_file import template
 from kolsky.readers.header import likely_unit
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
@@ -135,7 +135,7 @@ def test_a_blank_says_what_is_allowed(tmp_path: Path) -> None:
     said = {problem.key: str(problem) for problem in refused.value.problems}
     for key, words in {
         "specimen.length": "a length > 0. Cure: write a length, e.g.",
-        "model.poisson": "in [0, 0.4999]",
+        "model.poisson": "in [0, 0.49999]",
         "force.compression": '"positive" or "negative"',
         "force.voltage.column": "is not filled in",
     }.items():

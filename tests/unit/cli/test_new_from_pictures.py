@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from dic.basics import cv2
 from kolsky.base.toml import blanks
 from kolsky.cli import app
-from kolsky.cli.new import template
+from kolsky.survey.blank_file import template
 from kolsky.survey.pictures import picture_values, survey_pictures
 from kolsky.survey.tables import survey
 

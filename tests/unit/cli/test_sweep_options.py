@@ -12,6 +12,7 @@ from kolsky_command import run_kolsky
 from shot_folders import TINY, shot_in
 
 from doe.box import Constraint
+from kolsky.base.apparatus import Interface
 from kolsky.base.errors import InputError
 from kolsky.cli.sweep import DesignChoice, Workers
 
@@ -51,6 +52,40 @@ def test_constraints_by_hand(text: str, met: list[bool]) -> None:
 def test_what_is_no_constraint_is_refused(text: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Constraint(text, NAMES)
+
+
+BONDED, SLIDING = Interface("bonded", "bonded"), Interface("coulomb", "coulomb")
+
+
+@pytest.mark.parametrize(
+    ("choice", "interface", "wanted"),
+    [
+        (DesignChoice(), SLIDING, ()),  # friction and stiffness factor
+        (DesignChoice(), BONDED, ("stiffness_factor=0.75:1.25:16",)),
+        (DesignChoice(kind="sobol"), BONDED, ("stiffness_factor=0.75:1.25",)),
+        (DesignChoice(vary=("friction=0:1:3",)), BONDED, ("friction=0:1:3",)),  # as asked for
+    ],
+)
+def test_friction_is_not_varied_where_nothing_slides(
+    choice: DesignChoice, interface: Interface, wanted: tuple[str, ...]
+) -> None:
+    assert choice.vary_of(interface) == wanted
+
+
+def test_the_page_of_one_parameter_has_misfits_forces_and_cost(tmp_path: Path) -> None:
+    shot = shot_in(tmp_path / "shot")
+    arguments = ["--vary", "stiffness_factor=0.9:1.2:4", "--figures", "csv"]
+    run_kolsky("sweep", shot, *TINY, *arguments)
+    page = (shot / "results" / "sweep.html").read_text("utf-8")
+    assert 'id="sweep-effects"' in page
+    assert 'id="sweep-forces"' in page
+    with (shot / "results" / "figures" / "sweep-forces.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    one = [float(row["y"]) for row in rows if row["series"] == "$m$ = 0.9"]
+    run_kolsky("simulate", shot, *TINY, "-p", "stiffness_factor=0.9")
+    with (shot / "results" / "simulation" / "force.csv").open(newline="") as file:
+        wanted = [float(row["simulated force (N)"]) for row in csv.DictReader(file)]
+    np.testing.assert_allclose(one, wanted, rtol=1e-5, atol=1e-6)  # digits of the tables
 
 
 def test_points_that_break_a_constraint_are_left_out_and_counted() -> None:

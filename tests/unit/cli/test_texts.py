@@ -26,6 +26,9 @@ def test_values_are_si_or_carry_a_unit() -> None:
 
 def test_what_is_held_at_the_shots_value_and_at_another() -> None:
     assert texts.holds("--hold", ["poisson", "damping=25 us"]) == ({"damping": 25e-6}, ("poisson",))
+    assert texts.holds("--hold", ["poisson=incompressible"])[0] == {"poisson": 0.49998}
+    with pytest.raises(InputError, match="damping=incompressible"):
+        texts.holds("--hold", ["damping=incompressible"])
     for twice in (["poisson", "poisson"], ["poisson=0.49", "poisson"]):
         with pytest.raises(InputError, match="poisson once"):
             texts.holds("--hold", twice)
@@ -57,13 +60,13 @@ REFUSED: dict[str, tuple[Callable[[str, Any], object], Any, str]] = {
     "twice": (texts.values, ["friction=1", "friction=2"], "friction once"),
     "no number": (texts.values, ["friction=much"], "'friction=much'"),
     "wrong unit": (texts.values, ["damping=25 mm"], "'damping=25 mm'"),
-    "outside": (texts.values, ["poisson=0.5"], "must be in [0, 0.4999]"),
+    "outside": (texts.values, ["poisson=0.5"], "must be in [0, 0.49999]"),
     "not a number": (texts.values, ["friction=nan"], "must be in [0, 1000]"),
     "one bound": (texts.ranges, ["friction=1"], "NAME or NAME=LOW:HIGH"),
     "three bounds": (texts.ranges, ["friction=0:1:2"], "NAME or NAME=LOW:HIGH"),
     "reversed": (texts.ranges, ["friction=2:1"], "lower bound of friction before the upper"),
     "equal": (texts.ranges, ["friction=1:1"], "lower bound of friction before the upper"),
-    "bound outside": (texts.ranges, ["poisson=0.4:0.5"], "must be in [0, 0.4999]"),
+    "bound outside": (texts.ranges, ["poisson=0.4:0.5"], "must be in [0, 0.49999]"),
     "unknown free": (texts.ranges, ["m"], "there is no parameter 'm'"),
     "free twice": (texts.ranges, ["friction", "friction=0:1"], "friction once"),
     "no levels": (texts.levels, ["friction=0:2"], "NAME=LOW:HIGH:LEVELS"),

@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from doe import Box
 from kolsky.diagnosis.cause_search import Trial
 from kolsky.diagnosis.causes import (
     ALIKE,
+    MISTAKE,
     CauseAnalysis,
     by_evidence,
     cause_warnings,
     in_groups,
     percent,
     sentence,
+    stiffness_at_bound,
+    strangeness,
 )
 from kolsky.inverse.result import CauseFinding
 from kolsky.shot.inputs import DENSITY, POISSON, SENSITIVITY, causes
@@ -157,3 +161,35 @@ def test_of_what_cannot_be_told_apart_what_nobody_measured() -> None:
 def test_weak_evidence_is_not_regrouped() -> None:
     assert order(ALIKE, 9.0, 8.0, 7.0, 0.0)[:2] == ["specimen.length", "model.damping"]
     assert order(9.0, 1.0, 8.0, 7.0, 0.0) == [KEYS[0], KEYS[2], KEYS[3], KEYS[1], KEYS[4]]
+
+
+def strange(key: str, value: float, sigma: float = 0.0) -> float:
+    c = BY_KEY[key]
+    start = c.exact if isfinite(c.exact) else nan
+    return strangeness(c, value, sigma, start=start, scale=c.typical)
+
+
+def test_a_usual_mistake_is_as_strange_as_two_standard_uncertainties() -> None:
+    """A gain of 0.8 is 6.7 of 3 %; one of 0.5 is a mistake, and so is one that cannot be told from it."""
+    assert strange(SENSITIVITY, 0.97) == pytest.approx(1.0)
+    assert strange(SENSITIVITY, 0.8) == pytest.approx(0.2 / 0.03)
+    assert strange(SENSITIVITY, 0.5) == MISTAKE
+    assert strange(SENSITIVITY, 0.52) == MISTAKE  # 0.02 of 0.5: within 5 % of the mistake's size
+    assert strange(SENSITIVITY, 0.53) > MISTAKE
+    assert strange(SENSITIVITY, 0.55, sigma=0.03) == MISTAKE
+    assert strange("curve.stress", 1.0) == MISTAKE < strange("curve shape", -0.4)
+    assert strange("curve.stress", 0.4) > strange("curve shape", 0.25)
+
+
+def test_what_has_no_declared_number_is_a_mistake_or_is_never_usual() -> None:
+    assert strange("centre_line.y", 5e-5) == MISTAKE
+    assert strange("centre_line.y", 5e-4) == inf
+    assert strange("interface.faces", 0.3) == inf
+
+
+def test_the_curve_s_scale_is_tried_where_the_stiffness_ends_at_a_bound() -> None:
+    box = Box.of({"poisson": (0.49, 0.4999), "stiffness_factor": (0.5, 2.5)})
+    assert stiffness_at_bound(box, np.array([0.499, 0.5001]))
+    assert stiffness_at_bound(box, np.array([0.499, 2.5]))
+    assert not stiffness_at_bound(box, np.array([0.4999, 1.1]))
+    assert not stiffness_at_bound(Box.of({"poisson": (0.49, 0.4999)}), np.array([0.4999]))

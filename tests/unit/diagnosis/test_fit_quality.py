@@ -196,7 +196,7 @@ def test_remaining_mesh_error_is_richardsons() -> None:
     squares = (rows**2).mean(axis=0)
     np.testing.assert_allclose(np.sqrt(squares), [1.0, 2.0**-ELEMENT_ORDER / 3.0**0.5], rtol=1e-12)
     # Where graded meshes tell it, it is what they say: 0.5 of them, and 0.2 less than the refined mesh has.
-    graded = GradedChange(np.array([-0.2, 0.0]), np.array([1.5, 0.0]), 2.0)
+    graded = GradedChange(np.array([1.5, 0.0]), 2.0, np.array([-0.2, 0.0]))
     rows = mesh_changes(MeshChange(coarser, None, ratio=2.0, graded=graded))
     np.testing.assert_allclose(np.sqrt((rows**2).mean(axis=0)), [0.7, 0.0], rtol=1e-12)
     np.testing.assert_allclose((in_quadrature([coarser]) ** 2).mean(axis=0), coarser**2)

@@ -1,6 +1,7 @@
 """Causes searched from another point than the answer: in closed form, on predictions with two valleys."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,8 +9,8 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis import causes
-from kolsky.diagnosis.cause_search import CauseSearch
-from kolsky.diagnosis.causes import EVIDENCE, Best, best_of_each, best_trials, list_pairs, ranked
+from kolsky.diagnosis.cause_search import CauseSearch, Trial
+from kolsky.diagnosis.causes import EVIDENCE, Best, best_of_each, best_trials, list_pairs, ranked, solved
 from kolsky.diagnosis.fit_quality import UNEXPLAINED
 from kolsky.inverse.result import CauseFinding
 from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, runner
@@ -150,3 +151,11 @@ def test_what_is_listed_after_the_first_cause() -> None:
     ]
     listed = [(f.key, f.beside) for f in list_pairs(more, alone)]
     assert listed == [("b", "a"), ("c", ""), ("d", "a"), ("e", ""), ("f", "")]
+
+
+def test_a_cause_that_leaves_what_a_right_model_does_ends_the_search() -> None:
+    t = Trial(candidate("late"), np.ones(1), 1.0, np.array([1.4, 1.0]), np.zeros(2))
+    assert solved(t)
+    assert not solved(replace(t, misfits=np.array([1.6, 1.0])))
+    assert not solved(replace(t, misfits=np.array([1.0, 1.6])))
+    assert not solved(replace(t, lost="ended"))

@@ -40,6 +40,12 @@ def test_it_is_given_for_a_branch_that_explains_half_of_what_is_left() -> None:
     assert rate_advice(WEAK, FIT) == rate_advice(WEAK)  # the first question was answered
 
 
+def test_beside_a_likely_input_it_must_explain_more_than_that() -> None:
+    (text,) = rate_advice(None, FIT, least=0.59)
+    assert "A second shot at a third of the speed settles it" in text
+    assert rate_advice(None, FIT, least=0.6) == ()
+
+
 @pytest.mark.parametrize("but", [{"aic": 0.1}, {"share": 0.49}, {"inside": False}])
 def test_a_branch_that_does_not_is_not_advised(but: dict[str, Any]) -> None:
     assert rate_advice(None, BranchFit(**{**vars(FIT), **but})) == ()

@@ -199,6 +199,30 @@ def test_arrays_in_memory_are_a_series():
         PicturesInMemory([])
 
 
+@pytest.mark.parametrize(
+    ("values", "wanted"),
+    [
+        ([0.0, 0.5, 1.0], [0, 32_768, 65_535]),  # of 0 to 1: a full well stays one
+        ([0.25, 0.5, 0.75], [16_384, 32_768, 49_151]),
+        ([-2.0, 0.0, 2.0], [1, 32_768, 65_534]),  # of any other range: none counts as saturated
+        ([0.0, 4095.0], [1, 65_534]),
+        ([7.0, 7.0], [1, 1]),
+    ],
+)
+def test_floating_point_pictures_have_one_scale_for_all(values, wanted):
+    series = PicturesInMemory([np.full((4, 6), value, dtype=np.float32) for value in values])
+    assert series.bits == 16
+    assert [int(series.frame(k).max()) for k in range(series.n_frames)] == pytest.approx(wanted, abs=1)
+
+
+def test_a_floating_point_value_that_is_no_number_is_refused():
+    dark = np.zeros((4, 6))
+    hole = dark.copy()
+    hole[2, 3] = np.nan
+    with pytest.raises(ValueError, match="picture 1, row 2, column 3 is nan: grey values must be finite"):
+        PicturesInMemory([dark, hole])
+
+
 RADIUS, SCALE = 4.75e-3, 1.0 / 18e3  # 18 px/mm
 NOISE = np.array([1e-6, 1e-6, 4e-6])
 STRAINS_STEP, STRAINS_SUBSET = 5.0, 21.0

@@ -12,7 +12,7 @@ import ledger_sweep
 import numpy as np
 import pytest
 
-from doe.ledger import FIRST_TABLE, Ledger, LedgerError, Pace, Run, run_chunks, run_key, shard
+from doe.ledger import Ledger, LedgerError, Pace, Run, run_chunks, run_key, shard
 
 ROOT = Path(__file__).resolve().parents[3]
 MODEL = b"\x01" * 32
@@ -225,26 +225,6 @@ def test_results_exchanged_between_two_runs_are_found(tmp_path: Path) -> None:
     sql.close()
     with Ledger(path, MODEL) as book:
         assert [run is None for run in book.find(POINTS)] == [False, False, True, True]
-
-
-def test_a_ledger_of_version_1_is_taken_over(tmp_path: Path) -> None:
-    path = filled(tmp_path / "l.sqlite")
-    with Ledger(path, MODEL) as book:
-        before = book.find(POINTS)
-    with sqlite3.connect(path) as sql:
-        names = "key, model, parameters, completed, outcome, reason, results, seconds"
-        rows = sql.execute(f"SELECT {names} FROM runs").fetchall()
-        sql.execute("DROP TABLE runs")
-        sql.execute(FIRST_TABLE)
-        sql.executemany(f"INSERT INTO runs ({names}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
-        sql.execute("PRAGMA user_version = 1")
-    sql.close()
-    for _ in range(2):
-        with Ledger(path, MODEL) as book:
-            after = book.find(POINTS)
-        assert [(r.outcome, r.results.tolist()) for r in after if r] == [
-            (r.outcome, r.results.tolist()) for r in before if r
-        ]
 
 
 def test_a_torn_file_is_refused(tmp_path: Path) -> None:

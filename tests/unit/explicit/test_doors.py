@@ -27,7 +27,7 @@ from explicit.contact import CONTACT_LAWS
 from explicit.elements import ELEMENTS
 from explicit.materials import LAWS
 from explicit.materials.families import InvariantLaw
-from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.polynomial import MooneyRivlin
 from explicit.precision import PRECISIONS
 from kolsky.bodies.specimen_constants import constants_of
 from kolsky.material.fits.compare import candidates

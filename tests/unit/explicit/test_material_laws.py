@@ -16,9 +16,9 @@ from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping,
 from explicit.materials import LAWS, AnyLaw, MarlowLaw, law_class, marlow_from_curve, neo_hookean
 from explicit.materials.law import kirchhoff, tangent
 from explicit.materials.laws import Gent, MooneyRivlin, NeoHookean
-from explicit.materials.laws.exponential import LEAST_EXPONENT, VerondaWestmann
 from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
-from explicit.materials.laws.yeoh import Yeoh
+from explicit.materials.laws.polynomial import Yeoh
+from explicit.materials.laws.stiffening import LEAST_EXPONENT, VerondaWestmann
 from explicit.materials.volumetric import VolumetricLaw, volumetric_functions
 from explicit.precision import Precision
 from explicit.simd import Mapping

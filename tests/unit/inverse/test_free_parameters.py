@@ -11,7 +11,7 @@ import pytest
 from doe import Box
 from explicit import Samples
 from kolsky.inverse.parameters import PARAMETERS, checked_value, design_box, parameter
-from kolsky.inverse.problem import EXACT, HELD_AS_ASKED, SLIDES, choose
+from kolsky.inverse.problem import BEYOND, EXACT, HELD_AS_ASKED, SLIDES, choose
 from kolsky.inverse.search import not_identifiable
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
@@ -75,12 +75,25 @@ def test_what_the_user_says_counts() -> None:
 
 
 def test_a_parameter_that_is_held_after_all_is_said() -> None:
-    found = choose(Settings(), shot()).holding({"damping": "held because the data do not tell it"})
+    found = choose(Settings(), shot()).holding({"damping": "held because the data do not tell it"}, {})
     assert list(found.free) == ["stiffness_factor", "poisson"]
     (said,) = found.said(shot())
     assert said == (
         "damping = 25 µs as declared, held because the data do not tell it: the answer holds if that is right"
     )
+
+
+def test_a_ratio_beyond_the_search_is_held_and_one_at_the_limit_has_the_limits_value() -> None:
+    near, beyond = shot(), shot()
+    near.model.poisson, beyond.model.poisson = 0.4999, 0.49991
+    assert "poisson" in choose(Settings(), near).free
+    found = choose(Settings(), beyond)
+    assert list(found.free) == ["stiffness_factor", "damping"]
+    assert found.reasons == {"poisson": BEYOND}
+    assert not list(found.said(beyond))
+    held = choose(Settings(), shot()).holding({"poisson": "at the limit"}, {"poisson": 0.49998})
+    assert held.settings.held == {"poisson": 0.49998}
+    assert not list(held.said(shot()))  # its value is not the declared one
 
 
 def test_what_the_data_do_not_tell() -> None:
@@ -131,7 +144,7 @@ def test_default_bounds_are_allowed(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("poisson", 0.5, r"poisson = 0.5 is not allowed; it must be in \[0, 0.4999\]"),
+        ("poisson", 0.5, r"poisson = 0.5 is not allowed; it must be in \[0, 0.49999\]"),
         ("damping", -1e-6, r"damping = -1e-06 s is not allowed; it must be in \[0, 0.01\] s"),
         ("stiffness_factor", float("nan"), "stiffness_factor = nan is not allowed"),
         ("friction", float("inf"), "friction = inf is not allowed"),

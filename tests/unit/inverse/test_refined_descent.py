@@ -25,7 +25,7 @@ from kolsky.inverse.gauss_newton import (
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.refined_search import CONFIRMED, run_refined
+from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.run_table import Runs
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
@@ -50,7 +50,7 @@ def test_neighbours_keep_to_the_box_and_differences_are_exact_for_a_linear_respo
 def test_slopes_are_taken_a_quarter_of_sigma_beside_a_run() -> None:
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    run = judge_run(made, one, slopes_at(TRUTH), TRUTH, run_refined(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slopes_at(TRUTH), TRUTH, made.problem.refined, None)
     asked: list[np.ndarray] = []
     vectors = made.vectors
     made.vectors = lambda stage, points, *rest: asked.append(points) or vectors(stage, points, *rest)
@@ -69,7 +69,7 @@ def test_slopes_that_point_uphill_are_given_up_for_the_own_ones(sign: float) -> 
     sigma = np.sqrt(np.diag(one.covariance(slopes_at(TRUTH), ringing(TRUTH)[0])))
     start = TRUTH + np.array([0.0, 8.0 * sign]) * sigma
     wrong = slopes_at(TRUTH) * [1.0, -1.0]
-    last, _ = _chord_steps(made, one, wrong, start, None, shift=np.zeros(2))
+    last = _chord_steps(made, one, wrong, start, made.problem.refined)
     assert not last.confirmed
     assert made.points[FINE] < MOST_RUNS
     assert made.points[FINE] >= 1 + MISLED
@@ -88,7 +88,7 @@ def test_routes_and_profiles_have_the_slopes_of_the_answer() -> None:
     made.rng = np.random.default_rng(5)
     one = Objective(made.observations, np.empty(0, dtype=bool))
     slope = slopes_at(TRUTH)
-    run = judge_run(made, one, slope, TRUTH, run_refined(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slope, TRUTH, made.problem.refined, None)
     coarse = MeshOptimum(TRUTH + SHIFT, run.step.sigma, 0.0, converged=True)
     _, fine = _with_surrogate(made, run, slope, ringing(TRUTH)[0], coarse)
     size = abs(slope).max(axis=0)
@@ -102,7 +102,7 @@ def test_a_lost_run_beside_keeps_what_there_is(monkeypatch: pytest.MonkeyPatch) 
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
     wrong = slopes_at(TRUTH) * [1.0, -1.0]
-    last, _ = _chord_steps(made, one, wrong, TRUTH + 1e-5, None, shift=np.zeros(2))
+    last = _chord_steps(made, one, wrong, TRUTH + 1e-5, made.problem.refined)
     lost = np.full((4, len(ringing(TRUTH)[0])), np.nan)
     monkeypatch.setattr(made, "vectors", lambda stage, points, *rest: lost)
     assert descend(made, one, wrong, last) == (last, wrong)
@@ -143,7 +143,7 @@ def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
     """At 0 the force is 0.6 and its slope 1: a step of -0.6 to where it is 0.72, half of it to 0.48."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), run_refined(made, np.zeros((1, 1)))[0], None)
+    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), made.problem.refined, None)
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[:3] == pytest.approx([0.0, -0.6, -0.3], abs=1e-6)
     assert run_deviance(run) <= run_deviance(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
@@ -153,7 +153,7 @@ def test_a_trial_that_is_lost_is_no_better_point() -> None:
     """The step of -0.6, the second run, folds; half of it is tried next."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), run_refined(made, np.zeros((1, 1)))[0], None)
+    start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), made.problem.refined, None)
     made.lost = {2}
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[1:3] == pytest.approx([-0.6, -0.3], abs=1e-6)

@@ -15,7 +15,7 @@ from kolsky.inverse.path_noise import FrontPath, MovedFront, PathModes
 from kolsky.inverse.settings import Numerics
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
-SETTINGS = SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86))
+STEPS = Numerics(mesh=(30, 40), grading=5.0)
 POINT = SimpleNamespace(sigma=np.ones(1))
 
 
@@ -30,7 +30,7 @@ class Seen:
     centre_line: Any = field(default_factory=lambda: POINT)
 
 
-PROBLEM = SimpleNamespace(settings=SETTINGS, numerics=SETTINGS.numerics, observations=Seen())
+PROBLEM = SimpleNamespace(observations=Seen())
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Mesh:
     def under_other_motions(
         self, points: np.ndarray, deviations: np.ndarray, numerics: Numerics
     ) -> list[Any]:
-        assert (numerics.mesh, numerics.grading) == ((40, 54), 5.0)
+        assert numerics is STEPS
         changes = self.graded * deviations[:, :1] * PATTERN
         rows = np.concatenate([np.zeros((1, 3)), changes])[: 1 if self.lost else None] + 7.0
         return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
@@ -93,10 +93,14 @@ class Mesh:
             step=SimpleNamespace(objective=weighed),
             vector=moved * PATTERN[0] - offset,
             x=np.zeros(1),
+            numerics=STEPS,
             confirmed=confirmed,
         )
 
-    def search(self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray) -> Any:
+    def search(
+        self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray, numerics: Numerics
+    ) -> Any:
+        assert numerics is STEPS
         assert objective.front is runner.front.noise
         self.searches.append(runner.path)
         return runner.run(), slope + 1.0
@@ -174,7 +178,8 @@ def test_new_patterns_are_of_the_same_path() -> None:
         return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
 
     runner = SimpleNamespace(problem=PROBLEM, under_other_motions=under_other_motions)
-    again = patterns_at_refined(runner, front, np.zeros(1))  # type: ignore[arg-type]
+    last: Any = SimpleNamespace(x=np.zeros(1), numerics=STEPS)
+    again = patterns_at_refined(runner, front, last)  # type: ignore[arg-type]
     assert again is not None
     assert again.path.jerk == pytest.approx(front.path.jerk)
     assert again.offset == pytest.approx(2.0 * front.offset)

@@ -147,14 +147,9 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     slope = np.column_stack(
         [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
     )
-    beside, none = np.array([1.2, 0.499]), np.zeros(2)
-    found, other = _chord_steps(made, one, slope, start, beside, shift=none)
+    found = _chord_steps(made, one, slope, start, made.problem.refined)
     assert found.confirmed
     assert made.points[FINE] <= 5
-    # The counterpart of the other point has moved with the stiffness, and nothing else of it.
-    assert other is not None
-    assert other.x[0] == pytest.approx(1.2 - 0.01, abs=1e-3)
-    assert other.x[1] == 0.499
     assert (np.abs(found.x - TRUTH) < 4.0 * found.step.sigma).all()
     # It stops where a full Gauss-Newton step with the mesh's own slopes is short.
     own = np.column_stack(
@@ -162,22 +157,6 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     )
     full = np.linalg.lstsq(own, one.data - ringing(found.x)[0], rcond=None)[0]
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
-
-
-def test_from_a_foretold_start_the_other_point_is_run_at_once() -> None:
-    made: Any = MadeUp()
-    one = Objective(made.observations, np.empty(0, dtype=bool))
-    h = 1e-6 * np.array([1.0, 0.01])
-    slope = np.column_stack(
-        [(ringing(TRUTH + d) - ringing(TRUTH - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
-    )
-    best, _ = _chord_steps(made, one, slope, TRUTH, None, shift=-SHIFT)
-    made.points.clear()
-    found, other = _chord_steps(made, one, slope, best.x, np.array([1.2, 0.499]), shift=-SHIFT)
-    assert found.confirmed
-    assert made.points[FINE] == 2
-    assert other is not None
-    np.testing.assert_allclose(other.x, [1.2 - 0.01, 0.499], rtol=1e-12)
 
 
 def test_the_refined_optimum_is_foretold_by_richardson() -> None:
@@ -225,7 +204,7 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     q = np.exp(rise / 20.0)
     slope = np.full((10, 1), 1.0 / (1.0 + q))
     one = objective(np.zeros(10), np.empty(0))
-    _chord_steps(made, one, slope, np.array([-10.0]), None, shift=np.zeros(1))
+    _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
     third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
     assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
 
@@ -243,7 +222,7 @@ def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:
 def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
     for change, confirmed in (([0.19, -0.38], True), ([0.21, 0.0], False), ([0.0, -0.42], False)):
         step = Step(np.array(change), np.array([1.0, 2.0]), None)  # type: ignore[arg-type]
-        run = RefinedRun(TRUTH, TIME, None, step, TIME)  # type: ignore[arg-type]
+        run = RefinedRun(TRUTH, TIME, None, Numerics(), step, TIME)  # type: ignore[arg-type]
         assert run.confirmed is confirmed
 
 

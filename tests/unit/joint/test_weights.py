@@ -12,7 +12,17 @@ from scipy.stats import t as student
 from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis.joint_fit import joint_verdict, own_stiffness, shot_agreement, slow_fit
+from kolsky.diagnosis.joint_fit import (
+    cause_sentence,
+    explained_by,
+    explained_share,
+    joint_verdict,
+    own_stiffness,
+    roughly_judged,
+    shot_agreement,
+    shot_causes,
+    slow_fit,
+)
 from kolsky.diagnosis.relaxation import (
     choice_in_words,
     choice_with_mesh_error,
@@ -20,9 +30,17 @@ from kolsky.diagnosis.relaxation import (
     points_in_step,
 )
 from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
-from kolsky.inverse.joint_result import ModelChoice, OwnStiffness, ShotAgreement, rate_of
+from kolsky.inverse.joint_result import (
+    FORCE_OVER_OUTLINE,
+    ModelChoice,
+    OwnStiffness,
+    ShotAgreement,
+    ShotCause,
+    rate_of,
+)
 from kolsky.inverse.joint_search import (
     LARGEST,
+    between_variance,
     expanded_scatter,
     restricted_deviance,
     restricted_scatter,
@@ -206,6 +224,12 @@ def test_few_shots_widen_the_interval_by_students_t() -> None:
     assert expanded_scatter(0.0, 0.0, 3) == 0.0
 
 
+def test_an_interval_with_scatter_is_never_the_narrower() -> None:
+    # Weights with the scatter: 9 of which 4 are the scatter's. Without it the same residuals leave 7, or 12.
+    whole, plain, without = (np.array([v, v]) for v in (9.0, 8.0, 4.0))
+    np.testing.assert_allclose(between_variance(whole, plain, without, np.array([7.0, 12.0])), [4.0, 7.0])
+
+
 ASKED = ModelChoice(-8.0, -2.0, {}, 20.0, 1e-3, 1e-4, asked_for=True, sentence="the data ask for it")
 
 
@@ -296,8 +320,8 @@ def test_the_choice_otherwise() -> None:
 
 
 def asks(values: list[float], sigma: list[float], outline: list[float] | None = None) -> list[OwnStiffness]:
-    """What shots ask for by all data and by the force; the outline agrees unless given."""
-    seen = outline or [0.0] * len(values)
+    """What shots ask for by all data and by the force; the outline sees nothing unless given."""
+    seen = outline or [float("nan")] * len(values)
     rows = zip(values, sigma, seen, strict=True)
     return [OwnStiffness(0.0, s, a, s, o, s) for a, s, o in rows]
 
@@ -333,15 +357,115 @@ def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
     assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
 
 
+def test_the_force_over_the_outline_does_not_scatter_between_specimens() -> None:
+    names, sigma = ["a", "b", "c"], [0.01] * 3
+    # Specimens that scatter by a tenth: force and outline agree in each.
+    alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
+    assert alike is not None
+    assert not alike.apart
+    # A sensitivity that is a tenth off moves the force of one alone.
+    found = shot_agreement(names, asks([0.1, 0.1, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
+    assert found is not None
+    assert (found.shots, found.channel) == (("b",), FORCE_OVER_OUTLINE)
+    # Differences 0, 0.1, 0 of the variance 2 x 0.01^2: sum of squares 2/3 of 0.01.
+    assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 2e-4)
+    assert "b contradicts the other shots by the force over the outline: " in found.sentence
+
+
 def test_agreeing_shots_seldom_contradict() -> None:
     rng = np.random.default_rng(3)
     sigma = [0.05, 0.08, 0.1, 0.06]
+    draws = rng.standard_normal((2000, 2, 4)) * sigma
     found = [
-        shot_agreement(list("abcd"), asks((rng.standard_normal(4) * sigma).tolist(), sigma), scatter=False)
-        for _ in range(2000)
+        shot_agreement(list("abcd"), asks(force.tolist(), sigma, outline.tolist()), scatter=False)
+        for force, outline in draws
     ]
-    # A third of 0.27 % of 2000 is 1.8; more than 6 come with a probability of 0.2 %.
-    assert sum(one is not None and one.apart for one in found) <= 6
+    # Three tests with a quarter of 0.27 % of 2000 each are 4; more than 10 come with a probability of 0.3 %.
+    assert sum(one is not None and one.apart for one in found) <= 10
+
+
+WAVE = 10.0 + 8.0 * np.sin(np.linspace(0.0, 25.0, 60))
+
+
+def faulty(key: str) -> tuple[Stack, np.ndarray]:
+    """Three shots of one force and outline and their prediction, the second with one input wrong."""
+    rng = np.random.default_rng(8)
+    outline = np.linspace(4.0, 6.0, 40)
+    shots = []
+    for k in range(3):
+        gain = 2.0 if (key, k) == ("sensitivity", 1) else 1.0
+        scale = 1.05 if (key, k) == ("lengths of the outline", 1) else 1.0
+        stiff = 1.2 if (key, k) == ("material", 1) else 1.0
+        force, seen = gain * stiff * WAVE, scale * outline * stiff**-0.25
+        if (key, k) == ("clock_offset", 1):
+            centres = (np.arange(60) + 0.5) / 60.0
+            force = np.interp(centres - 0.05, centres, WAVE)
+        noise = 0.05 * rng.standard_normal(60), 0.01 * rng.standard_normal(40)
+        shots.append(shot(force + noise[0], seen + noise[1], sigma=0.05))
+    stack = Stack(tuple(shots), np.zeros(0), np.zeros(0), known=0)
+    return stack, np.tile(np.concatenate([WAVE, outline]), 3)
+
+
+@pytest.mark.parametrize(
+    ("key", "amount"),
+    [("sensitivity", 1.0), ("clock_offset", 0.05), ("lengths of the outline", 0.05), ("material", 0.2)],
+)
+def test_the_input_and_the_shot_that_are_wrong_are_named(key: str, amount: float) -> None:
+    stack, vector = faulty(key)
+    stiffer = np.tile(np.concatenate([WAVE, -0.25 * np.linspace(4.0, 6.0, 40)]), 3)
+    names = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=name))) for name in "abc"]
+    unknowns = SimpleNamespace(names=("stiffness_factor",), nodes=0, relative_stiffness=lambda *_: stiffer)
+    problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, runs=SimpleNamespace(prepared=names))
+    optimum: Any = SimpleNamespace(x=np.ones(1), vector=vector, slopes=stiffer[:, None])
+    causes = shot_causes(problem, optimum)
+    assert (causes[0].shot, causes[0].key) == ("b", key)
+    # Linear about the lag of the nearest half bin, and for 1.2^-0.25 = 0.955 instead of 0.95.
+    assert causes[0].amount == pytest.approx(amount, rel=0.05)
+    assert causes[0].share > 0.9
+    assert [one.gain for one in causes] == sorted((one.gain for one in causes), reverse=True)
+    assert cause_sentence(causes).startswith(f"the likeliest cause is {causes[0].words} (explains ")
+
+
+def test_the_size_of_an_input_in_closed_form() -> None:
+    # Noise 0.5, one shared unknown and one input: two lines through 40 values, the second u = t beside 1.
+    t = np.linspace(-1.0, 1.0, 40)
+    stack = Stack((shot(np.zeros(40), np.zeros(0)),), np.zeros(0), np.zeros(0), known=0)
+    small = 0.1 * np.tile([1.0, -1.0], 20)
+    small -= t * (small @ t) / (t @ t)
+    residual = 3.0 + 2.0 * t + small
+    amount, sigma, deviance, left = explained_by(stack, residual, np.stack([np.ones(40), t]))
+    assert amount == pytest.approx(-2.0, rel=1e-9)
+    assert sigma == pytest.approx(0.5 / np.sqrt(t @ t), rel=1e-9)
+    np.testing.assert_allclose(left, small, atol=1e-9)
+    assert deviance == pytest.approx(float(small @ small) / 0.25 + 40.0 * np.log(0.25), rel=1e-9)
+
+
+def test_shares_are_those_of_the_channel_that_is_explained() -> None:
+    one = shot(np.zeros(2), np.zeros(2))
+    before, after = np.array([3.0, 1.0, 2.0, 0.0]), np.array([3.0, 1.0, 1.0, 0.0])
+    assert explained_share(before, after, one) == pytest.approx(0.75)
+    assert explained_share(before[:2], after[:2], shot(np.zeros(2), np.zeros(0))) == 0.0
+
+
+def test_no_cause_is_named_that_explains_little() -> None:
+    weak = ShotCause("a", "sensitivity", 0.1, 0.03, gain=15.0, share=0.9)
+    partial = replace(weak, gain=300.0, share=0.4)
+    strong = replace(weak, key="clock_offset", amount=2e-5, sigma=1e-6, gain=200.0, share=0.8)
+    assert cause_sentence([weak]).startswith("no single input of one shot explains the misfit")
+    assert cause_sentence([partial, weak]).endswith("by 300); it leaves the most: expect a second cause")
+    assert cause_sentence([strong, replace(weak, gain=16.0)]) == (
+        "the likeliest cause is the force record of a, 20 ± 2 us late: check its clock (explains 80 % of a "
+        "squared residual; -2 ln L falls by 200); next: the force of a, 1.1 ± 0.06 times what all data "
+        "predict: multiply its sensitivity by this (16)"
+    )
+
+
+def test_a_fit_without_drawn_noise_has_a_rough_limit() -> None:
+    good = slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=False)
+    assert good.explained
+    assert not slow_fit("ramp", np.full(8, 114.0), {}, peak=1.0, judged=False).explained
+    assert not roughly_judged(replace(good, residual=10.1, limit=np.inf)).explained
+    assert roughly_judged(replace(good, residual=9.9, slow_residual=3.0, limit=np.inf)).explained
 
 
 def test_the_stiffness_that_a_shot_asks_for_in_closed_form() -> None:

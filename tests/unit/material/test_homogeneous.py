@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS, bulk_modulus
-from explicit.materials.laws.mooney_rivlin import MooneyRivlin
-from explicit.materials.laws.neo_hookean import NeoHookean
 from explicit.materials.laws.ogden import Ogden2
+from explicit.materials.laws.polynomial import MooneyRivlin, NeoHookean
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.homogeneous import (
     Mode,

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from explicit.materials.laws.gent import Gent
-from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from explicit.materials.laws.ogden import Ogden1
-from explicit.materials.laws.yeoh import ReducedPolynomial
+from explicit.materials.laws.polynomial import MooneyRivlin, ReducedPolynomial
+from explicit.materials.laws.stiffening import Gent
 from kolsky.material.fits.compare import Stability, drucker, least_stiffness, stable_over
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest

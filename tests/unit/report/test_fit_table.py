@@ -1,20 +1,31 @@
 """Goodness of fit and clocks in a terminal, on a page and in JSON."""
 
 from dataclasses import asdict, replace
+from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.inverse.result import HeldAnswer
+from kolsky.inverse.result import Declaration
 from kolsky.pictures.specimen_length import RimAtRest, conditioned_length
 from kolsky.report.canvas import build
 from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import render
 from kolsky.results import printed
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.identification_rows import _NOT_RECORDED, fit_line, fit_tables, held_line, printed_fit
+from kolsky.results.identification_rows import (
+    _NOT_RECORDED,
+    NOT_TESTABLE,
+    fit_line,
+    fit_state,
+    fit_tables,
+    lag_state,
+    printed_fit,
+    why_beyond_noise,
+)
 from kolsky.results.tables import to_json
 
 RESULT = synthetic(nodes=False)
@@ -57,7 +68,9 @@ def test_rows_of_a_terminal() -> None:
     assert rows["force, over right model"] == "1, at most 2"
     assert rows["outline, residual"].startswith("4.1 um rms")
     assert rows["outline, information"] == "30 % of m"
-    assert rows["force, late by"] == "-0.20 ± 1.00 us (k = 2)"
+    assert rows["force, would notice"] == "a residual beyond 0.4 N rms"
+    late = rows["force, late by"]
+    assert late == "-0.20 ± 1.00 us (k = 2): on time, would notice 1.5 us"
 
 
 def test_tables_of_a_page() -> None:
@@ -65,11 +78,56 @@ def test_tables_of_a_page() -> None:
     assert [c["explained"] for c in shown["channels"]] == [True, True]
     assert shown["channels"][0]["predicted"] == "noise 0.12 N, flyer motion 0.16 N"
     assert shown["channels"][0]["weight"] == ["70 %"]
-    assert [state for _, _, state in shown["clocks"]] == ["on time"] * 3
+    assert all(state.startswith("on time; would notice a lag beyond ") for _, _, state in shown["clocks"])
+    assert shown["clocks"][0][2].endswith(" 1.5 µs")  # three times 0.5 us
     late = replace(RESULT.clocks[0], lag=1.51e-6)  # sigma is 0.5 us
-    assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2] == "late"
+    assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2].startswith("late; ")
     lost = replace(late, sigma=float("nan"))
     assert fit_tables(replace(RESULT, clocks=(lost,)))["clocks"][0][2] == "not found"
+
+
+def with_moves(move: float) -> Any:
+    """A lag of 1 us of the force moves the answer by so many of its standard uncertainties."""
+    moved = {"stiffness_factor": move * RESULT.estimates["stiffness_factor"].sigma}
+    part = Declaration("clock_offset", nan, "s", {}, "not declared", amount=1e-6, moves=moved)
+    return replace(RESULT, systematic=(part,))
+
+
+def test_a_clock_is_on_time_only_if_a_lag_that_matters_would_be_noticed() -> None:
+    """k = 2 over 4 sigma a us is 0.5 us; the check notices 3 x 0.5 us, and in the other case 2 us matter."""
+    force = RESULT.clocks[0]
+    assert with_moves(4.0).lag_that_matters("force") == pytest.approx(0.5e-6, rel=1e-12)
+    assert lag_state(with_moves(-4.0), force) == "not testable"
+    assert lag_state(with_moves(1.0), force) == "on time"
+    frame = np.median(np.diff(np.unique(RESULT.comparison.centre_line.time)))
+    assert RESULT.lag_that_matters("outline") == pytest.approx(frame, rel=1e-12)
+    vague = replace(RESULT.clocks[1], sigma=18e-6)  # 0 ± 36 us
+    assert vague.noticed == pytest.approx(54e-6, rel=1e-12)
+    assert lag_state(RESULT, vague) == "not testable"
+
+
+def test_a_channel_is_explained_only_if_the_check_could_fail() -> None:
+    """28 um of declared inputs beside 2 um: without them the check fails beyond 2 x 2 um."""
+    vague = replace(OUTLINE, residual=4.4e-6, predicted={"noise": 2e-6, "declared inputs": 28e-6})
+    assert vague.explained
+    assert vague.noticed == pytest.approx(2.0 * np.hypot(2e-6, 28e-6), rel=1e-12)
+    assert vague.noticed_without_declared == pytest.approx(4e-6, rel=1e-12)
+    assert fit_state(vague) == NOT_TESTABLE
+    # A residual that passes without what is declared is explained, and so is one where that is little.
+    assert fit_state(replace(vague, residual=3.9e-6)) == "explained"
+    assert fit_state(replace(vague, predicted={"noise": 2e-6, "declared inputs": 3e-6})) == "explained"
+    assert fit_state(replace(vague, residual=57e-6)) == "NOT EXPLAINED"
+
+
+def test_a_residual_far_above_the_noise_is_accounted_for() -> None:
+    """chi2/n = 48: the noise is 1 um, the mesh leaves 7 um."""
+    meshed = replace(OUTLINE, residual=6.9e-6, predicted={"noise": 1e-6, "mesh": 7e-6}, chi2=48.0)
+    assert why_beyond_noise(meshed) == (
+        "The outline's residual is 6.9 times its noise. A right model leaves as much: mesh alone brings "
+        "7 µm, the noise 1 µm. The band of the figure has all sources."
+    )
+    assert why_beyond_noise(OUTLINE) == ""
+    assert why_beyond_noise(replace(meshed, residual=70e-6)) == ""
 
 
 def test_a_file_without_them_says_so() -> None:
@@ -85,45 +143,6 @@ def test_json_has_the_ratios() -> None:
     assert said["fit"]["force"]["explained"] is True
     assert said["fit"]["outline"]["weight"] == {"stiffness_factor": 0.3}
     assert said["clocks"]["force"]["significance"] == pytest.approx(0.4, rel=1e-12)
-
-
-HELD = HeldAnswer(
-    name="stiffness_factor",
-    held={"poisson": 0.499, "damping": 25e-6},
-    value=1.07889,
-    sigma=0.00503,
-    chi2_force=5752.8,
-    chi2_shape=4.283,
-    free_chi2_force=7.896,
-    free_chi2_shape=1.071,
-)
-
-
-def test_the_line_has_the_answer_what_was_held_and_both_misfits() -> None:
-    assert held_line(HELD) == (
-        "1.079 ± 0.010 with nu = 0.499, beta = 25 µs; chi2/n force 5.75e+03, outline 4.28 "
-        "(free: force 7.9, outline 1.07)"
-    )
-    alone = replace(HELD, chi2_shape=float("nan"), free_chi2_shape=float("nan"))
-    assert held_line(alone, written=True).endswith(
-        "ν = 0.499, β = 25 µs; chi2/n force 5.75e+03 (free: force 7.9)"
-    )
-
-
-def test_it_is_printed_and_survives_the_file(tmp_path: Path) -> None:
-    found = replace(synthetic(), held_answer=HELD)
-    rows = printed.details(found)
-    assert rows["m, others held"].startswith("1.079 ± 0.010 with nu = 0.499, beta = 25 us")
-    write_identification(tmp_path / "identification.h5", found)
-    again = read_identification(tmp_path / "identification.h5")
-    assert again.held_answer == HELD
-    assert to_json(again)["held_answer"]["held"] == {"poisson": 0.499, "damping": 25e-6}
-    assert read_identification(_without(tmp_path)).held_answer is None
-
-
-def _without(folder: Path) -> Path:
-    write_identification(folder / "alone.h5", synthetic())
-    return folder / "alone.h5"
 
 
 LENGTH = conditioned_length(RimAtRest(8e-6, 6e-6), declared=6e-3, sigma=8e-6, y_sigma=0.0)

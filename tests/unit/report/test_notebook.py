@@ -12,10 +12,13 @@ import pytest
 from shot_folders import OPEN_01
 from synthetic import synthetic
 from test_rates_report import five
+from test_sweep_report import analysed
 from wavesmaker import made_result
 
-from dic import PointOutcome, SurfaceHistory
+from dic import FrameOutcome, FullField, PointOutcome, SurfaceHistory
+from dic.result import SurfaceStrain
 from kolsky.prediction.predict import predict, read_test
+from kolsky.report import ipython
 from kolsky.report.ipython import SHOWN, register_with
 from kolsky.report.notebook import html, to_dataframe, to_xarray
 from kolsky.report.result_folder import RESULTS
@@ -125,6 +128,75 @@ def test_an_identification_as_a_dataset() -> None:
     assert data.attrs["stiffness_factor"] == found.estimates["stiffness_factor"].value
     assert data.Z_measured.attrs["units"] == "m"
     assert data.sizes["surface_time"] == len(found.response.surface_times)
+
+
+def field() -> FullField:
+    """A plane of three points in two frames; the last one is lost in the second frame."""
+    at_rest = surface()
+    strain = np.broadcast_to([0.01, -0.02, 0.005], (2, 3, 3)).copy()
+    zncc = np.ones((1, 2, 3))
+    return FullField(
+        kind="plane",
+        unit="px",
+        timed=False,
+        frame_outcome=np.full(2, int(FrameOutcome.VALID)),
+        surface=at_rest,
+        strain=SurfaceStrain(strain, 0.1 * np.abs(strain), np.zeros((2, 3), dtype=int), 21.0),
+        points=np.array([[5.0, 5.0], [10.0, 5.0], [5.0, 10.0]]),
+        cell=np.array([[0, 0], [1, 0], [0, 1]]),
+        pixels=np.full((1, 2, 3, 2), 8.0),
+        zncc=zncc,
+        epipolar=np.full((2, 3), np.nan),
+        noise=np.array([1.0]),
+    )
+
+
+def test_a_field_has_displacements_and_strains() -> None:
+    data = field().to_xarray()
+    assert set(data.sizes.items()) == {("frame", 2), ("point", 3)}
+    assert [float(data[name].isel(frame=1, point=1)) for name in "uv"] == [12.0, 13.0]  # counted through
+    assert "w" not in data
+    assert np.isnan(data.u.isel(frame=1, point=2))
+    assert [float(data[name][0, 0]) for name in ("exx", "eyy", "exy")] == [0.01, -0.02, 0.005]
+    assert data.u.attrs["units"] == "px"
+    table = field().to_pandas("points")
+    assert len(table) == 6
+    assert list(table["v"][:2]) == [1.0, 4.0]
+    assert list(field().to_pandas()["frame"]) == [0, 1]
+    assert repr(field()).startswith("FullField(kind='plane', unit='px', timed=False, frame_outcome: 2, ")
+
+
+RESULTS_DRAWN: dict[str, tuple[Callable[[], Any], str]] = {
+    "identification": (synthetic, "force"),
+    "waves": (made_result, "waves"),
+    "rates": (lambda: compare(five()), "rate-forest"),
+    "sweep": (lambda: analysed(n=64), "sweep-effects"),
+    "field": (field, "histories"),
+    "prediction": (lambda: predict(read_test(PLANNED), quick=True), "signals"),
+}
+"""Results with a figure: how one is made, the name of one of its figures."""
+
+
+@pytest.mark.parametrize("which", RESULTS_DRAWN)
+def test_a_result_draws_itself(which: str) -> None:
+    make, name = RESULTS_DRAWN[which]
+    found = make()
+    assert found.plot().axes
+    drawn = found.plot(name)
+    assert len(str(drawn.get_label())) > 20  # the caption
+    with pytest.raises(ValueError, match=f"there is no figure 'none'; choose from .*{name}"):
+        found.plot("none")
+    assert len(repr(found)) < 500
+
+
+def test_without_kolsky_a_result_says_who_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dic.views.MAKERS", [])
+    with pytest.raises(ImportError, match="of FullField are made by kolsky: import kolsky"):
+        field().plot()
+
+
+def test_a_figure_is_a_picture_in_a_notebook() -> None:
+    assert ipython._png(synthetic().plot()).startswith(b"\x89PNG")
 
 
 def test_a_shot_shows_what_was_understood() -> None:

@@ -16,7 +16,9 @@ from matplotlib.axis import Axis
 from synthetic import EVIL, N_AXIAL, N_RADIAL, RESULTS, synthetic
 
 import kolsky.report.canvas
-from explicit.mesh import cylinder
+from explicit.materials.laws.marlow import neo_hookean
+from explicit.materials.volumetric import VolumetricLaw
+from explicit.mesh import Mesh, cylinder
 from kolsky.base.records import CentreLine
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
@@ -25,6 +27,7 @@ from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
 from kolsky.report.pages.identification import _flattened, render, write_report
 from kolsky.report.paraview import write_vtu
+from kolsky.report.scene.scene_data import Solid
 from kolsky.results.display import QUALITY, in_display_units, recorded_label
 from kolsky.results.nomenclature import name_of
 
@@ -346,15 +349,15 @@ def test_inline_figure_is_well_formed_and_named() -> None:
 
 
 @pytest.fixture
-def meshed() -> tuple[Identification, np.ndarray]:
-    return RESULTS["one"], cylinder(1.0, 1.0, n_radial=N_RADIAL, n_axial=N_AXIAL).quads
+def meshed() -> tuple[Identification, Mesh]:
+    return RESULTS["one"], cylinder(1.0, 1.0, n_radial=N_RADIAL, n_axial=N_AXIAL)
 
 
-def test_vtu_series_reads_back(meshed: tuple[Identification, np.ndarray], tmp_path: Path) -> None:
-    result, quads = meshed
+def test_vtu_series_reads_back(meshed: tuple[Identification, Mesh], tmp_path: Path) -> None:
+    result, mesh = meshed
     nodes = result.response.nodes
     assert nodes is not None
-    paths = write_vtu(tmp_path / "m", result.response, quads, every=60)
+    paths = write_vtu(tmp_path / "m", result.response, mesh, None, every=60)
     assert [p.name for p in paths] == [*(f"mesh_{k:05d}.vtu" for k in (0, 60, 120, 180)), "mesh.pvd"]
     reader = pyvista.get_reader(paths[-1])
     np.testing.assert_array_equal(reader.time_values, result.response.surface_times[::60])
@@ -368,24 +371,39 @@ def test_vtu_series_reads_back(meshed: tuple[Identification, np.ndarray], tmp_pa
     assert area == pytest.approx(np.trapezoid(r, y), rel=1e-9)  # straight edges: exact but for round-off
 
 
-def test_vtu_series_ends_with_the_simulation(
-    meshed: tuple[Identification, np.ndarray], tmp_path: Path
-) -> None:
-    result, quads = meshed
+def test_vtu_carries_the_fields_of_films(tmp_path: Path) -> None:
+    # Compressed to 0.8 without a change of volume, by hand: stretches, no pressure, von Mises as the
+    # difference of two principal stresses of a neo-Hookean solid.
+    mesh = cylinder(1.0, 1.0, n_radial=2, n_axial=2)
+    response = replace(
+        RESULTS["one"].response,
+        nodes=np.stack([mesh.nodes, mesh.nodes * [0.8**-0.5, 0.8]])[None],
+        surface_times=np.array([0.0, 1e-3]),
+    )
+    write_vtu(tmp_path, response, mesh, Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1))
+    fields = pyvista.read(tmp_path / "mesh_00001.vtu").point_data
+    np.testing.assert_allclose(fields["Smallest stretch (1)"], 0.8)
+    np.testing.assert_allclose(fields["Pressure (MPa)"], 0.0, atol=1e-10)  # round-off of K (J - 1)
+    # The law is a table of 129 knots: its stress is good to 1e-4.
+    np.testing.assert_allclose(fields["Von Mises stress (MPa)"], 0.11 * (1.0 / 0.8 - 0.64), rtol=1e-3)
+
+
+def test_vtu_series_ends_with_the_simulation(meshed: tuple[Identification, Mesh], tmp_path: Path) -> None:
+    result, mesh = meshed
     assert result.response.nodes is not None
     nodes = result.response.nodes.copy()
     nodes[:, 2:] = np.nan
-    assert len(write_vtu(tmp_path, replace(result.response, nodes=nodes), quads)) == 3
+    assert len(write_vtu(tmp_path, replace(result.response, nodes=nodes), mesh, None)) == 3
 
 
-def test_vtu_refuses_what_it_cannot_write(meshed: tuple[Identification, np.ndarray], tmp_path: Path) -> None:
-    result, quads = meshed
+def test_vtu_refuses_what_it_cannot_write(meshed: tuple[Identification, Mesh], tmp_path: Path) -> None:
+    result, mesh = meshed
     with pytest.raises(ValueError, match="kept no nodes"):
-        write_vtu(tmp_path, replace(result.response, nodes=None), quads)
+        write_vtu(tmp_path, replace(result.response, nodes=None), mesh, None)
     with pytest.raises(ValueError, match=r"sample must be in \[0, 0\], got 1"):
-        write_vtu(tmp_path, result.response, quads, sample=1)
+        write_vtu(tmp_path, result.response, mesh, None, sample=1)
     with pytest.raises(ValueError, match="every must be >= 1, got 0"):
-        write_vtu(tmp_path, result.response, quads, every=0)
-    with pytest.raises(ValueError, match=r"entries in \[0, 849\]"):
-        write_vtu(tmp_path, result.response, quads + 1)
+        write_vtu(tmp_path, result.response, mesh, None, every=0)
+    with pytest.raises(ValueError, match="the mesh has 9 nodes, the response 850"):
+        write_vtu(tmp_path, result.response, cylinder(1.0, 1.0, n_radial=2, n_axial=2), None)
     assert list(tmp_path.iterdir()) == []

@@ -65,12 +65,14 @@ def test_the_smallest_stretch_of_a_uniform_compression() -> None:
     np.testing.assert_allclose(scene.values[0], 1.0, rtol=1e-12)
 
 
-def test_pressure_and_energy_of_a_uniform_compression() -> None:
-    # J = 0.9^2 * 1.2 and, for a neo-Hookean solid, W = mu/2 (I1_bar - 3) + K/2 (J - 1)^2, by hand.
+def test_pressure_stress_and_energy_of_a_uniform_compression() -> None:
+    # J = 0.9^2 * 1.2 and, for a neo-Hookean solid, W = mu/2 (I1_bar - 3) + K/2 (J - 1)^2, by hand; two of
+    # three principal stresses are equal, so that von Mises is their difference from the third.
     J = 0.9**2 * 1.2
     invariant = J ** (-2 / 3) * (2 * 0.9**2 + 1.2**2)
     expected = {
         "pressure": -1.1 * 1e7 * (J - 1.0) / 1e6,
+        "stress": 1.1 * 1e5 * J ** (-5 / 3) * (1.2**2 - 0.9**2) / 1e6,
         "energy": 1.1 * (0.5e5 * (invariant - 3.0) + 0.5e7 * (J - 1.0) ** 2) / 1e6,
     }
     for field, value in expected.items():
@@ -205,7 +207,7 @@ def test_what_the_command_refuses(options: list[str], words: str, tmp_path: Path
 def test_every_field_has_a_label_with_its_unit() -> None:
     for kind in FIELDS.values():
         assert kind.label.endswith(")")
-    assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "energy"]'
+    assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "stress", "energy"]'
 
 
 def test_stills_are_drawn_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from kolsky.inverse.run_table import DesignTable
 from kolsky.report.canvas import build
 from kolsky.report.figures import SWEEPS
 from kolsky.report.pages.sweep import render, write_page
-from kolsky.studies.sweep_analysis import LEVELS, SweepAnalysis, analyse_sweep, surface_optimum
+from kolsky.studies.sweep_analysis import LEVELS, ForcesAlong, SweepAnalysis, analyse_sweep, surface_optimum
 
 BOX = Box.of({"friction": (0.0, 1.0), "stiffness_factor": (0.5, 1.5), "damping": (1e-6, 1e-4)})
 EVIL = "<script>alert(1)</script>"
@@ -41,6 +41,26 @@ def table(n: int = 128, *, lost: tuple[int, ...] = (), rough: bool = False) -> D
 
 def analysed(**options: object) -> SweepAnalysis:
     return analyse_sweep("shot", BOX, table(**options))  # type: ignore[arg-type]
+
+
+def along() -> SweepAnalysis:
+    """A sweep over the stiffness alone, with forces in proportion to it."""
+    x, time = np.linspace(0.5, 1.5, 8), np.linspace(0.0, 1e-3, 50)
+    forces = ForcesAlong(x, np.arange(8) + 2000, time, x[:, None] * time, time)
+    runs = replace(
+        table(8), names=("stiffness_factor",), points=x[:, None], lower=np.array([0.5]), upper=np.array([1.5])
+    )
+    return replace(analyse_sweep("shot", Box.of({"stiffness_factor": (0.5, 1.5)}), runs), forces=forces)
+
+
+def test_misfits_without_an_interpolant_are_drawn_as_runs() -> None:
+    found = analysed(rough=True)
+    assert found.outputs["Phi_F"].surrogate is None
+    figure = build(SWEEPS["sweep-effects"], found)
+    assert "No interpolant of Φ_F" in str(figure.get_label())
+    first = figure.axes[0]
+    np.testing.assert_array_equal(first.lines[0].get_ydata(), found.outputs["Phi_F"].values)
+    assert len(first.lines) == 1
 
 
 def test_indices_of_known_functions() -> None:
@@ -135,7 +155,7 @@ def test_no_run_completed() -> None:
 
 @pytest.mark.parametrize("name", SWEEPS)
 def test_figures_can_be_built(name: str) -> None:
-    found = analysed(lost=(3,))
+    found = along() if name == "sweep-forces" else analysed(lost=(3,))
     assert SWEEPS[name].applies(found)
     figure = build(SWEEPS[name], found)
     assert all(ax.get_title() == "" for ax in figure.axes)

@@ -67,6 +67,19 @@ def words(evidence: Evidence, *, contradiction: bool = True) -> str:
     return "\n".join(str(f.error) for f in findings(evidence) if f.contradiction == contradiction)
 
 
+def test_the_force_is_not_the_channel_of_the_other_bar() -> None:
+    force = ('sensitivity = "0.01 V/N"', 'sensitivity = "0.01 V/N"\nvoltage = { column = "CH1", unit = "V" }')
+    other = ("[frames]", '[incident_force]\nvoltage = { column = "CH1", unit = "V" }\n[frames]')
+    assert "force.voltage is the column 'CH1', which is incident_force.voltage too" in words(
+        known(force, other)
+    )
+    elsewhere = other[1].replace("voltage", 'file = "other.csv"\nvoltage')
+    assert words(known(force, ("[frames]", elsewhere))) == words(known(force)) == ""
+    named = known((force[0], force[1].replace("CH1", "CH1 Incident bar")))
+    assert words(named) == ""
+    assert "whose heading is that of the other bar" in words(named, contradiction=False)
+
+
 # Units and factors.
 
 

@@ -1,9 +1,6 @@
-"""Regions by hand: what is refused, the edit of the TOML text, the page's server, the grid."""
+"""Regions by hand: what is refused, the edit of the TOML text, the session of a page, the grid."""
 
-import http.client
-import json
 import re
-import threading
 import tomllib
 
 import cv2
@@ -13,7 +10,6 @@ import pytest
 from dic.images.series import PicturesInMemory
 from kolsky.base.errors import InputError
 from kolsky.base.toml import CannotEdit, value_end, with_values
-from kolsky.pictures.region_server import POLICY, RegionServer
 from kolsky.pictures.regions import (
     DRAWABLES_OF_SHOT,
     Drawn,
@@ -156,61 +152,21 @@ def session(tmp_path):
     return Session(path, pictures, DRAWABLES_OF_SHOT, valid)
 
 
-@pytest.fixture
-def served(session):
-    server = RegionServer(session)
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    yield server
-    server.closing.set()
-    thread.join(10.0)
-    assert not thread.is_alive()
-
-
-def asked(server, method, place, content=None, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
-    body = None if content is None else json.dumps(content)
-    sent = {"Content-Type": "application/json"} if body is not None else {}
-    connection.request(method, place, body, {**sent, **headers})
-    answer = connection.getresponse()
-    found = answer.read()
-    connection.close()
-    return answer, found
-
-
-def test_the_page_and_its_files_come_with_a_strict_policy(served):
-    root = f"/{served.token}/"
-    for name, kind in (("", "text/html"), ("regions.js", "text/javascript"), ("regions.css", "text/css")):
-        answer, found = asked(served, "GET", root + name)
-        assert answer.status == 200
-        assert answer.headers["Content-Type"].startswith(kind)
-        assert answer.headers["Content-Security-Policy"] == POLICY
-        text = found.decode()
-        assert "http://" not in text
-        assert "https://" not in text
-        if not name:  # the policy forbids scripts and styles in the page itself
-            assert "<style" not in text
-            assert "style=" not in text
-            assert " on" + "click" not in text
-    answer, found = asked(served, "GET", root + "frames/1.png")
-    picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_UNCHANGED)
+def test_frames_are_shown_as_pictures(session):
+    picture = cv2.imdecode(np.frombuffer(session.png(1), np.uint8), cv2.IMREAD_UNCHANGED)
     assert picture.shape == (ROWS, COLUMNS)
-    assert asked(served, "GET", root + "frames/9.png")[0].status == 404
-    assert asked(served, "GET", root + "../shot.toml")[0].status == 404
-    state = json.loads(asked(served, "GET", root + "state.json")[1])
-    assert [one["key"] for one in state["wanted"]] == ["specimen", "flyer", "transmission_edge"]
+    assert isinstance(session.png(9), str)
 
 
-def test_a_region_goes_from_the_page_into_the_file(served, session):
-    root = f"/{served.token}/"
+def test_a_region_goes_from_the_page_into_the_file(session):
     content = {
         "specimen": [{"corners": SQUARE, "frame": 2}],
         "transmission_edge": [{"corners": [[20, 39]], "frame": 0}],
     }
-    assert json.loads(asked(served, "POST", root + "check", content)[1]) == {"problems": []}
+    assert session.problems(content) == []
     assert session.path.read_text() == TEXT
-    answer, found = asked(served, "POST", root + "save", content)
-    assert (answer.status, json.loads(found)["saved"]) == (200, ["specimen", "transmission_edge"])
+    assert session.save(content) == []
+    assert session.saved == ("specimen", "transmission_edge")
     text = session.path.read_text()
     dic = tomllib.loads(text)["dic"]
     assert dic["specimen"] == {"polygon": SQUARE, "frame": 2}
@@ -232,10 +188,8 @@ def test_a_region_goes_from_the_page_into_the_file(served, session):
         [],
     ],
 )
-def test_what_is_refused_leaves_the_file_as_it_was(served, session, content):
-    answer, found = asked(served, "POST", f"/{served.token}/save", content)
-    assert answer.status == 409
-    assert json.loads(found)["problems"]
+def test_what_is_refused_leaves_the_file_as_it_was(session, content):
+    assert session.save(content)
     assert session.path.read_text() == TEXT
     assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
 
@@ -251,31 +205,6 @@ def test_a_file_that_would_be_wrong_or_was_changed_is_left_alone(session):
     assert "is refused" in again.save(content)[0]
     assert session.path.read_text() == TEXT + "# refuse\n"
     assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
-
-
-def test_requests_from_elsewhere_are_refused(served, session):
-    root, content = f"/{served.token}/", {"specimen": [{"corners": SQUARE, "frame": 0}]}
-    for place, headers in (
-        ("/", {}),
-        (f"/{'x' * 32}/state.json", {}),
-        (root + "state.json", {"Host": "evil.example"}),
-        (root + "state.json?x=1", {}),
-    ):
-        assert asked(served, "GET", place, **headers)[0].status == 403
-    assert asked(served, "POST", root + "save", content, Origin="http://evil.example")[0].status == 403
-    assert asked(served, "POST", root + "save", content, **{"Content-Type": "text/plain"})[0].status == 415
-    assert asked(served, "POST", root + "save", {"x": "y" * 1_000_001})[0].status == 413
-    assert session.path.read_text() == TEXT
-    assert served.server_address[0] == "127.0.0.1"
-
-
-def test_the_page_can_end_the_program(session):
-    server = RegionServer(session)
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    assert asked(server, "POST", f"/{server.token}/close", {})[0].status == 200
-    thread.join(10.0)
-    assert not thread.is_alive()
 
 
 def test_a_grid_has_its_lines_in_the_middle_of_named_pixels(session, tmp_path):

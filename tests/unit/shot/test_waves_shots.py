@@ -9,7 +9,7 @@ import pytest
 from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from typer.testing import CliRunner
 
-from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
@@ -60,7 +60,7 @@ def carried(wave: np.ndarray, start: float, distance: float, first: float, n: in
     padded = np.concatenate([np.zeros(400), wave, np.zeros(400)])
     signal = Signal(start - 400 * INTERVAL, INTERVAL, padded, 0.0, "1")
     # Up to 150 kHz, what a bar of 12.7 mm carries in its first mode; the pulses hold nothing above.
-    return propagate(signal, guide, distance, band=150e3, start=first, samples=n).value
+    return propagation(signal, guide, distance, band=150e3, start=first, samples=n).signal.value
 
 
 def record(folder: Path, *, near: float, far: float | None, behind: float, noise: float = 1e-7) -> None:

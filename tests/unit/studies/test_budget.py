@@ -10,6 +10,7 @@ from scipy.stats import t as student
 
 from doe.ledger import Run
 from kolsky.inverse.settings import Settings
+from kolsky.report.pages.budget import render
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, design, factors_of, shifted, slopes_of
 from kolsky.studies.budget.realisation import Estimate, Realisations, phase, same_valley
@@ -17,6 +18,7 @@ from kolsky.studies.budget.realisation import RealisationOutcome as Outcome
 from kolsky.studies.budget.records import (
     joint_shares,
     plan_campaign,
+    printed,
     shares_of_squares,
     shot_sigma,
     slope_half_width,
@@ -116,6 +118,17 @@ def test_a_test_that_gave_no_answer_leaves_its_source_unknown() -> None:
     assert found.sources[2].refused == ("not at rest: why",)
     assert found.sources[1].u == pytest.approx(3.0)
     assert shot_sigma(found, 0.0) > 3.0  # the sensitivity is common to all shots
+
+
+@pytest.mark.parametrize("truth", [1.0, float("nan")])
+def test_a_number_that_is_not_known_is_never_printed_as_nan(truth: float) -> None:
+    points = design(FACTORS, draws=8, together=0, seed=1)
+    found = analysed("made up", "stiffness_factor", truth, FACTORS, points, made_up(points, lost=4), 0, 8)
+    lines = printed(found)
+    assert "nan" not in " ".join(f"{key} {value}" for key, value in lines.items()).lower()
+    assert lines["U, all at once"].startswith("not known: 0 answers")
+    page = render([found], None)
+    assert ">nan<" not in page
 
 
 def test_jumps_are_counted_and_in_no_spread() -> None:

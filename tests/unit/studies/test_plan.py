@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from doe.information import LinearData
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics
+from kolsky.results.nomenclature import name_of, with_subscripts
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.planning.information import (
@@ -269,6 +270,10 @@ def test_json_says_what_is_expected(planned):
 
 def test_files_hold_the_map(planned):
     folder, said = planned
+    page = (folder / "plan.html").read_text("utf-8")
+    assert page.count("<figure") == 3
+    for name in said["parameters"]:
+        assert f'<th scope="row">{with_subscripts(name_of(name).symbol)}' in page
     with h5py.File(folder / "plan.h5") as file:
         shape = (len(file["frames"]), len(file["heights"]))
         assert file["damping"]["radius_slope"].shape == shape

@@ -7,9 +7,11 @@ import pytest
 from ratedshots import rated
 from scipy.stats import binom, norm
 
-from kolsky.studies.rates.comparison import _slope_parts, compare
+from kolsky.studies.rates.comparison import compare, slope_parts
 from kolsky.studies.rates.records import MESH_PART, RatedShot
 from kolsky.studies.rates.scatter import MixedFit, SlopeVerdict, mixed_fit, slope
+from populations.coverage_problem import drawn
+from populations.rate_sets import Answers, counts, read_answers, set_of, slope_of
 
 M = "stiffness_factor"
 
@@ -52,7 +54,7 @@ ALIKE = np.ones(5)
 
 def line(m: np.ndarray, own: float, parts: dict[tuple[str, str], np.ndarray]) -> MixedFit:
     columns = np.column_stack([np.ones(5), X])
-    return mixed_fit(m, own * ALIKE, columns, common=_slope_parts(parts, RATES))
+    return mixed_fit(m, own * ALIKE, columns, common=slope_parts(parts, RATES))
 
 
 def test_what_all_have_cancels_in_a_slope_and_half_of_the_mesh_does_not() -> None:
@@ -73,6 +75,17 @@ def test_the_comparison_gives_the_mesh_to_the_slope_as_a_trend() -> None:
     assert fitted.fit is not None
     x = np.log10([one.history.nominal_rate for one in shots])
     assert fitted.fit.common[1, 1] == pytest.approx(0.5 * 0.002**2 / x.var(), rel=1e-9)
+
+
+def test_a_group_names_what_its_shots_have_in_common() -> None:
+    shots = [shot(i, shift=0.005) for i in range(4)]
+    group = compare(shots, shared=0.01).groups[0]
+    # 0.002 of 1.12 by the mesh; the declared share itself.
+    assert group.in_common == ("mesh and step 0.18 % (all shots)", "declared 1 % (all shots)")
+    assert group.own_range == pytest.approx((0.003 / 1.12, 0.003 / 1.12))
+    other = replace(shots[0], conditions={**shots[0].conditions, "mesh": "64 x 86"})
+    two = compare([other, *shots[1:]]).groups[0]
+    assert two.in_common == ("mesh and step 0.18 % (3 shots)",)
 
 
 def test_the_power_is_that_of_noncentral_t() -> None:
@@ -113,6 +126,49 @@ def test_elastic_sets_are_seldom_called_rate_sensitive(own: float, between: floa
     assert alarms <= ALLOWED
     # A bound that grew to a tenth of the stiffness per decade would raise no alarm and tell nothing.
     assert np.median(sizes) < 0.14
+
+
+def answers_of(values: np.ndarray, *, own: float, mesh: float) -> Answers:
+    rates = np.geomspace(100.0, 1000.0, values.size)
+    return Answers(rates, values, *(np.full(values.size, u) for u in (own, 0.0, mesh)))
+
+
+def test_sets_of_answers_count_alarms_and_planted_slopes() -> None:
+    rng = np.random.default_rng(5)
+    right = answers_of(1.12 + 0.003 * rng.standard_normal(60), own=0.003, mesh=0.003)
+    said = counts(right, sets=100, seed=2)
+    assert said["false alarms"] <= binom.ppf(0.999, 100, 0.05)
+    assert said["planted slopes found"] > 0.85
+    # Uncertainties of a tenth of what the shots scatter by with the rate: nearly every set is an alarm.
+    steep = answers_of(1.12 + 0.2 * np.linspace(-0.5, 0.5, 60), own=0.003, mesh=0.0)
+    assert counts(steep, sets=20, seed=2)["share"] > 0.9
+    narrow = replace(right, rates=np.full(60, 300.0))
+    with pytest.raises(ValueError, match=r"no 5 of 60 shots span 0\.5 decade"):
+        set_of(narrow, rng)
+
+
+def test_answers_are_divided_by_their_truth() -> None:
+    one = {
+        "number": 3,
+        "outcome": "identified",
+        "value": {M: 1.01},
+        "truth": {M: 1.0},
+        "parts": {M: {"force and shape": 0.003, "roughness": 0.004, "material curve": 0.02, "mesh": 0.01}},
+    }
+    lost = {**one, "outcome": "not explained by the model"}
+    found = read_answers({"study": {"seed": 7}, "each": [one, lost]})
+    assert found.values == pytest.approx([1.12 * 1.01])
+    assert (found.own[0], found.curve[0], found.mesh[0]) == pytest.approx((1.12 * 5e-3, 0.0224, 0.0112))
+    setup, truth = drawn(3, 7)
+    # The flyer loses at most its drag's share on the way and is slower while it rises.
+    assert 0.6 < found.rates[0] * setup.length / truth.speed < 1.0
+    # One shot's own noise of its curve is in the slope's variance, and does not cancel.
+    values = answers_of(1.12 * np.ones(5), own=0.003, mesh=0.0)
+    flat, noisy = (
+        slope_of(replace(values, curve=u * np.ones(5)), range(5)).fit.sigma(1)  # type: ignore[union-attr]
+        for u in (0.0, 0.004)
+    )
+    assert noisy / flat == pytest.approx(5.0 / 3.0)  # 3, 4, 5
 
 
 def test_the_verdict_in_words() -> None:

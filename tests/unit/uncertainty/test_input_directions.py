@@ -132,7 +132,7 @@ def runs(kind: type[MovedRuns], **held: float) -> MovedRuns:
 def test_a_parameter_is_moved_to_both_sides_or_to_the_one_that_is_allowed() -> None:
     # Central: ((3 + 4 p) step) at p = 0.4, exact for a quadratic.
     np.testing.assert_allclose(runs(Quadratic).change("poisson", 0.05), (3.0 + 1.6) * 0.05, rtol=1e-12)
-    # No Poisson's ratio above 0.4999: p(0.4) - p(0.3), which is 0.3 + 2 (0.16 - 0.09).
+    # No Poisson's ratio above 0.49999: p(0.4) - p(0.3), which is 0.3 + 2 (0.16 - 0.09).
     np.testing.assert_allclose(runs(Quadratic).change("poisson", 0.1), 0.44, rtol=1e-12)
 
 

@@ -1,0 +1,170 @@
+"""What an answer costs: processor seconds of `identify` over those of 100 runs of the solver's problem.
+
+    python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
+
+"free" frees what the data constrain (the default of `kolsky identify`), "held" the stiffness factor alone,
+"wrong" is free with the force's sensitivity 5 % off. A line a stage and mesh tells batches, runs, element
+updates and processor seconds, its last column the seconds over those of `benchmarks.problem` on 16 x 22
+bonded elements, 100 runs in fp64, in the same process; "host" is what is spent outside the solver. Ratios
+hold from machine to machine; let nothing else run meanwhile.
+"""
+
+import argparse
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import explicit
+from benchmarks.problem import SAMPLING, model, samples
+from kolsky.identification import identify
+from kolsky.inverse.settings import Numerics, Settings
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import Shot
+
+PARTS = ("free", "held", "wrong")
+WRONG = 1.05
+"""Factor on the force of the part "wrong" [-]."""
+
+
+@dataclass
+class Cost:
+    """What batches of one stage and mesh cost."""
+
+    batches: int = 0
+    runs: int = 0
+    updates: float = 0.0
+    """Element updates."""
+    seconds: float = 0.0
+    """Processor time of the solver [s]."""
+
+
+@dataclass
+class Ledger:
+    """Costs by stage and mesh while `identify` runs."""
+
+    stage: str = ""
+    costs: dict[tuple[str, str], Cost] = field(default_factory=lambda: defaultdict(Cost))
+
+    def told(self, stage: str, done: int, total: int) -> None:
+        """Progress of `identify`."""
+        self.stage = stage
+
+    def add(self, batch: explicit.Model, response: explicit.Response, seconds: float) -> None:
+        """A batch that has run."""
+        mesh = batch.mesh
+        one = self.costs[self.stage, f"{mesh.n_elements} {batch.element}"]
+        one.batches += 1
+        one.runs += response.n_samples
+        one.updates += float(response.steps.sum()) * mesh.n_elements
+        one.seconds += seconds
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """While it lasts every batch of the solver is counted."""
+        alone, beside = explicit.run, explicit.run_side_by_side
+
+        def run(batch: explicit.Model, *arguments: Any, **named: Any) -> explicit.Response:
+            started = time.process_time()
+            response = alone(batch, *arguments, **named)
+            self.add(batch, response, time.process_time() - started)
+            return response
+
+        def side_by_side(problems: Sequence[explicit.Problem], **named: Any) -> list[explicit.Response]:
+            started = time.process_time()
+            responses = beside(problems, **named)
+            taken = time.process_time() - started
+            size = [
+                float(r.steps.sum()) * p.model.mesh.n_elements
+                for p, r in zip(problems, responses, strict=True)
+            ]
+            for problem, response, share in zip(problems, responses, size, strict=True):
+                self.add(problem.model, response, taken * share / max(sum(size), 1.0))
+            return responses
+
+        explicit.run, explicit.run_side_by_side = run, side_by_side  # type: ignore[assignment]
+        try:
+            yield
+        finally:
+            explicit.run, explicit.run_side_by_side = alone, beside
+
+
+def unit(threads: int | None) -> float:
+    """Processor seconds of 100 runs of the solver's problem, the least of three."""
+    problem, batch, taken = model((16, 22), "bonded"), samples(100), []
+    for _ in range(4):  # the first compiles
+        started = time.process_time()
+        explicit.run(problem, batch, SAMPLING, threads=threads)
+        taken.append(time.process_time() - started)
+    return min(taken[1:])
+
+
+def wrong(shot: Shot) -> Shot:
+    """The shot with its force multiplied."""
+    return replace(shot, force=replace(shot.force, force=WRONG * shot.force.force))
+
+
+def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
+    """Processor seconds of one identification, by stage and mesh."""
+    free = {"stiffness_factor": None} if part == "held" else None
+    settings = Settings(free=free, numerics=Numerics(threads=threads))
+    ledger, started = Ledger(), time.process_time()
+    with ledger.watching():
+        found = identify(wrong(shot) if part == "wrong" else shot, settings, progress=ledger.told)
+    taken = time.process_time() - started
+    m = found.estimates["stiffness_factor"]
+    return {
+        "seconds": taken,
+        "m": m.value,
+        "sigma": m.sigma,
+        "stages": [
+            {"stage": stage, "mesh": mesh, **vars(cost)} for (stage, mesh), cost in ledger.costs.items()
+        ],
+    }
+
+
+def table(part: str, measured: dict[str, Any], one: float) -> str:
+    """A line a stage and mesh."""
+    lines = [f"\n{part}: m = {measured['m']:.5f} ± {2 * measured['sigma']:.5f}"]
+    columns = f"{'batches':>8s} {'runs':>6s} {'updates':>9s} {'ratio':>7s}"
+    lines.append(f"{'stage':12s} {'elements':>16s} {columns}")
+    host = measured["seconds"]
+    for row in measured["stages"]:
+        host -= row["seconds"]
+        lines.append(
+            f"{row['stage']:12s} {row['mesh']:>16s} {row['batches']:8d} {row['runs']:6d} "
+            f"{row['updates']:9.2e} {row['seconds'] / one:7.2f}"
+        )
+    lines.append(f"{'host':12s} {'':>42s} {host / one:7.2f}")
+    lines.append(f"{'all':12s} {'':>42s} {measured['seconds'] / one:7.2f}")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.identify",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("--shot", type=Path, default=Path("runs/open-05"))
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--threads", type=int, help="of the solver; all cores where it is left out")
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    given = parser.parse_args(arguments)
+    shot, one = load_shot(given.shot), unit(given.threads)
+    print(f"100 runs of 16 x 22 elements: {one:.2f} s of processor time")
+    said: dict[str, Any] = {"unit": one}
+    for part in given.parts:
+        said[part] = measure(shot, part, given.threads)
+        print(table(part, said[part], one), flush=True)
+    if given.json:
+        given.json.write_text(json.dumps(said, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Methods of every result: a figure, a table of pandas, a dataset of xarray, and a short text.
+
+Figures and tables are functions of `kolsky.report.notebook`, which no result may import: importing `kolsky`
+registers their maker here.
+"""
+
+from collections.abc import Callable, Sized
+from dataclasses import fields
+from enum import Enum
+from typing import Any
+
+MAKERS: list[Callable[[], Any]] = []
+"""What returns the module of the functions `plot`, `to_dataframe` and `to_xarray`; the last one counts."""
+LONGEST = 160
+"""Most characters of a result's text."""
+
+
+def _maker(result: object) -> Any:
+    if not MAKERS:
+        raise ImportError(f"figures and tables of {type(result).__name__} are made by kolsky: import kolsky")
+    return MAKERS[-1]()
+
+
+class ResultViews:
+    """A result with a figure, tables and a short text."""
+
+    def plot(self, figure: str = "") -> Any:
+        """Draw a figure of the report.
+
+        Parameters
+        ----------
+        figure
+            Name of the figure, that of its file under ``--figures``; the first one if left out.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, with its caption as label.
+
+        Raises
+        ------
+        TypeError
+            If no figure shows such a result.
+        ValueError
+            If there is no figure of that name; the message has the names.
+        """
+        return _maker(self).plot(self, figure)
+
+    def to_pandas(self, table: str = "") -> Any:
+        """Return a table (SI, units in the headings); see `kolsky.report.notebook.to_dataframe`.
+
+        Parameters
+        ----------
+        table
+            Name of a CSV file of the result without ".csv"; the main one if left out.
+
+        Returns
+        -------
+        pandas.DataFrame
+        """
+        return _maker(self).to_dataframe(self, table)
+
+    def to_xarray(self, table: str = "") -> Any:
+        """Return a dataset (SI, units as attributes); see `kolsky.report.notebook.to_xarray`.
+
+        Parameters
+        ----------
+        table
+            As of `to_pandas`.
+
+        Returns
+        -------
+        xarray.Dataset
+        """
+        return _maker(self).to_xarray(self, table)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Keep the short text: a dataclass would write one of all its arrays."""
+        super().__init_subclass__(**options)
+        cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        shown = ((field.name, getattr(self, field.name)) for field in fields(self))  # type: ignore[arg-type]
+        text = ", ".join(part for name, value in shown if (part := _part(name, value)))
+        return f"{type(self).__name__}({text if len(text) <= LONGEST else text[: LONGEST - 1] + '…'})"
+
+
+def _part(name: str, value: object) -> str:
+    """A number or a name as it is, the size of anything that has one, nothing for other records."""
+    if shape := getattr(value, "shape", ()):
+        return f"{name}: {' × '.join(map(str, shape))}"
+    if isinstance(value, Enum | str | bool | int):
+        return f"{name}={getattr(value, 'value', value)!r}"
+    if isinstance(value, float):
+        return f"{name}={value:.6g}"
+    return f"{name}: {len(value)}" if isinstance(value, Sized) and len(value) else ""

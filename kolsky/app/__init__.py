@@ -1,0 +1,1 @@
+"""`kolsky open`: pages in the browser on this computer to set up, run, look at and compare shots."""

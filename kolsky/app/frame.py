@@ -1,0 +1,190 @@
+"""What every page has: head line, colours, addresses of shots, files of results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import Response
+from nicegui import app, ui
+
+from kolsky.survey.tables import SUFFIXES
+
+BLUE, ORANGE, RED, INK, SOFT, RULE, BAND = (
+    "#0072b2", "#d55e00", "#a63c00", "#1a1a1a", "#5c5c5c", "#c9c9c9", "#d5e6f0",
+)  # fmt: skip
+"""Colours of the report."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" '
+    f'fill="{BLUE}"/><path d="M2 12h4l2-8 2 8h4" stroke="white" stroke-width="1.6" fill="none"/></svg>'
+)
+STYLE = files("kolsky.app").joinpath("app.css").read_text("utf-8")
+VIEWS = {"setup": "Set up", "pictures": "Pictures", "run": "Run", "look": "Look"}
+"""Views of one shot: address -> name."""
+
+
+class NoShot(ValueError):
+    """An address that names no folder of the tree."""
+
+
+def folder_at(root: Path, name: str) -> Path:
+    """The folder of a shot by its name in an address; nothing outside the root."""
+    folder = (root / name).resolve()
+    if not folder.is_relative_to(root) or not folder.is_dir():
+        raise NoShot(f"there is no folder {name!r} below {root}")
+    return folder
+
+
+def address(view: str, shot: str = "", **more: str) -> str:
+    """Address of a view of a shot."""
+    words = {**({"shot": shot} if shot else {}), **more}
+    return f"/{view}" + (f"?{urlencode(words)}" if words else "")
+
+
+@contextmanager
+def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
+    """A page with the head line; what is made inside is its content."""
+    ui.add_css(STYLE)
+    ui.colors(primary=BLUE, negative=RED)
+    ui.page_title(f"{title} - kolsky")
+    with ui.header(), ui.row().classes("head").props('role=navigation aria-label="Views"'):
+        _link("Shots", "/", current=view == "shots")
+        _link("Compare", "/compare", current=view == "compare")
+        if shot is not None:
+            ui.label(shot).classes("name")
+            for one, words in VIEWS.items():
+                _link(words, address(one, shot), current=view == one)
+    heading(title, 1)
+    yield
+
+
+def _link(words: str, target: str, *, current: bool) -> None:
+    ui.link(words, target).classes("here" if current else "").props("aria-current=page" if current else "")
+
+
+def heading(words: str, level: int = 2) -> None:
+    """A heading."""
+    with ui.element(f"h{level}"):
+        ui.label(words)
+
+
+def note(words: str, kind: str = "soft") -> ui.label:
+    """A line of text: "soft" or "caution"."""
+    return ui.label(words).classes(kind)
+
+
+def serve_files(root: Path) -> None:
+    """Pages of results, as they lie in a shot's folder; one of a stranger cannot act for the person here."""
+
+    def result_page(shot: str, name: str) -> Response:
+        try:
+            path = (folder_at(root, shot) / "results" / name).resolve()
+        except NoShot as error:
+            return Response(str(error), 404)
+        if not path.is_relative_to(root) or path.suffix != ".html" or not path.is_file():
+            return Response("there is no such page", 404)
+        return Response(
+            path.read_bytes(),
+            media_type="text/html; charset=utf-8",
+            headers={"content-security-policy": "sandbox allow-scripts; default-src 'none'; img-src data:; "
+                     "style-src 'unsafe-inline'; script-src 'unsafe-inline'; font-src data:"},
+        )  # fmt: skip
+
+    app.get("/result")(result_page)
+
+
+def raw_files(folder: Path) -> bool:
+    """True if a folder holds files that a shot may be made of."""
+    return any(p.is_file() and p.suffix.lower() in SUFFIXES for p in folder.iterdir())
+
+
+def plain(values: Any) -> list[float | None]:
+    """Numbers for a plot: seven figures, and a gap where one is not finite."""
+    return [float(f"{v:.7g}") if math.isfinite(v) else None for v in map(float, values)]
+
+
+def points(x: Any, y: Any) -> list[list[float | None]]:
+    """Pairs for a plot."""
+    return [[a, b] for a, b in zip(plain(x), plain(y), strict=True)]
+
+
+def axis(name: str, **more: Any) -> dict[str, Any]:
+    """A value axis with its quantity and unit."""
+    return {
+        "type": "value",
+        "name": name,
+        "nameLocation": "middle",
+        "nameTextStyle": {"color": INK},
+        "axisLabel": {"color": SOFT, "hideOverlap": True},
+        "splitLine": {"show": False},
+        "axisLine": {"show": True, "lineStyle": {"color": INK}},
+        "axisTick": {"show": True},
+        "scale": True,
+        **more,
+    }
+
+
+def chart(
+    x: str, y: str, series: Sequence[dict[str, Any]], *, words: str, legend: bool = True, **more: Any
+) -> ui.echart:
+    """A plot of lines and points. ``x``, ``y``: names of the axes. ``words``: what it shows, for a reader."""
+    plot = ui.echart(
+        {
+            "animation": False,
+            "grid": {"left": 62, "right": 18, "top": 34 if legend else 14, "bottom": 46},
+            "legend": {"show": legend, "top": 0, "left": 50, "textStyle": {"color": INK}, "itemHeight": 8},
+            "tooltip": {"trigger": "axis", "confine": True},
+            "xAxis": axis(x, nameGap=28),
+            "yAxis": axis(y, nameGap=46),
+            "series": list(series),
+            **more,
+        }
+    ).classes("plot")
+    return plot.props(f'role=img aria-label="{words}"')
+
+
+def line(name: str, data: list[Any], colour: str, **more: Any) -> dict[str, Any]:
+    """A line of a plot."""
+    return {
+        "name": name,
+        "type": "line",
+        "showSymbol": False,
+        "data": data,
+        "lineStyle": {"color": colour, "width": 1.6},
+        "itemStyle": {"color": colour},
+        **more,
+    }
+
+
+def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any) -> dict[str, Any]:
+    """Points of a plot."""
+    return {
+        "name": name,
+        "type": "scatter",
+        "symbolSize": size,
+        "data": data,
+        "itemStyle": {"color": colour},
+        **more,
+    }
+
+
+def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:
+    """A band between two curves: what lies below it, unseen, and its width stacked on top."""
+    common = {"type": "line", "stack": name, "symbol": "none", "silent": True, "lineStyle": {"width": 0}}
+    width = [b - a for a, b in zip(map(float, low), map(float, high), strict=True)]
+    return [
+        {**common, "name": "", "data": points(x, low), "stackStrategy": "all", "tooltip": {"show": False}},
+        {
+            **common,
+            "name": name,
+            "data": points(x, width),
+            "stackStrategy": "all",
+            "areaStyle": {"color": BAND, "opacity": 1},
+            "itemStyle": {"color": BAND},
+        },
+    ]

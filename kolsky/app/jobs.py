@@ -1,0 +1,201 @@
+"""Commands of a shot as processes of their own: they outlive a closed tab and an ended server.
+
+The log in the shot's results is all that is kept: its first line names the command and its process, and what
+the command printed follows, so that a later server finds a run again.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from kolsky.base.errors import InputError
+
+_HEAD = re.compile(r"# kolsky (?P<command>\w+) .*, process (?P<process>\d+), started (?P<started>[\d: -]+)")
+_PROGRESS = re.compile(r"(?P<stage>[^:\n]+): (?P<done>\d+) of (?P<total>\d+), \S+ since the start")
+END = "# ended: exit code "
+COMMANDS = ("identify", "dic", "sweep", "check", "report")
+"""Commands that can be run."""
+PROGRESS_EVERY = "1"
+"""Seconds between two lines of progress in a log."""
+_LONGEST = 200_000
+"""Last bytes of a log that are shown."""
+_CHILDREN: dict[Path, subprocess.Popen[bytes]] = {}
+"""Runs of this server, by log."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run of one command, as its log shows it."""
+
+    log: Path
+    """The log."""
+    command: str
+    """The command."""
+    process: int
+    """Number of its process."""
+    started: str
+    """When it began."""
+    text: str
+    """What it printed, without lines of progress."""
+    progress: tuple[str, int, int] | None
+    """Stage, and how much of it is done; None if nothing was said."""
+    exit_code: int | None
+    """Its exit code; None if it runs, or ended when no server watched it."""
+    running: bool
+    """True while it runs."""
+
+    @property
+    def state(self) -> str:
+        """How it is, in words."""
+        if self.running:
+            return "running"
+        if self.exit_code is None:
+            return "ended without a server that watched it; the log has what it printed"
+        if self.exit_code == 0:
+            return "finished"
+        return "cancelled" if self.exit_code in _CANCELLED else f"failed with exit code {self.exit_code}"
+
+
+_CANCELLED = (128 + signal.SIGTERM, 130)
+"""Exit codes of a command that a signal ended."""
+
+
+def log_of(folder: Path, command: str) -> Path:
+    """The log of a command of a shot."""
+    return folder / "results" / f"{command}.log"
+
+
+def start(folder: Path, command: str, options: list[str]) -> Job:
+    """Start a command of a shot.
+
+    ``folder``: the shot's folder. ``command``: one of `COMMANDS`. ``options``: as on the command line.
+    Raises InputError if a command of the shot runs already.
+    """
+    if command not in COMMANDS:
+        raise InputError(folder, f"{command} is not run from here", allowed=", ".join(COMMANDS))
+    if (running := running_job(folder)) is not None:
+        raise InputError(
+            folder, f"kolsky {running.command} runs already", cure="wait for its end, or cancel it"
+        )
+    log = log_of(folder, command)
+    log.parent.mkdir(exist_ok=True)
+    words = [sys.executable, "-m", "kolsky.app.jobs", command, str(folder), *options]
+    with log.open("wb") as file:
+        child = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "KOLSKY_PROGRESS_EVERY": PROGRESS_EVERY},
+            start_new_session=os.name == "posix",  # the end of the server is not its end
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+    _CHILDREN[log] = child
+    return read_job(log)
+
+
+def run_here(words: list[str]) -> None:
+    """Run a command in this process, between the two lines of its log that are read back.
+
+    ``words``: the command, the shot's folder and the options.
+    """
+    command, _, *options = words
+    said = f"# kolsky {command} {' '.join(options)}, process {os.getpid()}, started"
+    print(f"{said} {datetime.now():%Y-%m-%d %H:%M}", flush=True)
+    sys.argv = ["kolsky", *words]
+    code: int | str | None = 1
+    try:
+        runpy.run_module("kolsky.cli", run_name="__main__", alter_sys=True)
+        code = 0
+    except SystemExit as end:
+        code = end.code or 0
+        raise
+    finally:
+        sys.stderr.flush()
+        print(f"{END}{code}", flush=True)
+
+
+def cancel(job: Job) -> None:
+    """End a running command as Ctrl+C would: it cleans up, and earlier results stay."""
+    if job.running:
+        with suppress(ProcessLookupError):
+            os.kill(job.process, signal.SIGTERM)
+
+
+def read_job(log: Path) -> Job:
+    """A run as its log shows it.
+
+    Raises InputError if the file is no log of a command.
+    """
+    size = log.stat().st_size
+    with log.open("rb") as file:
+        head = file.readline().decode("utf-8", "replace")
+        file.seek(max(file.tell(), size - _LONGEST))
+        tail = file.read().decode("utf-8", "replace").split("\n")
+    found, child = _HEAD.match(head), _CHILDREN.get(log)
+    if found is None and child is not None and child.poll() is None:  # it has not begun to write
+        return Job(log, log.stem, child.pid, "just now", "", None, None, True)
+    if found is None:
+        raise InputError(log, "is no log of a command", cure="remove it")
+    progress = [m for line in tail if (m := _PROGRESS.fullmatch(line))]
+    ends = [line for line in tail if line.startswith(END)]
+    process = int(found["process"])
+    return Job(
+        log=log,
+        command=found["command"],
+        process=process,
+        started=found["started"].strip(),
+        text="\n".join(
+            line for line in tail if not _PROGRESS.fullmatch(line) and not line.startswith(END)
+        ).strip(),
+        progress=(progress[-1]["stage"], int(progress[-1]["done"]), int(progress[-1]["total"]))
+        if progress
+        else None,
+        exit_code=int(ends[-1].removeprefix(END)) if ends else None,
+        running=not ends and _alive(process, log),
+    )
+
+
+def jobs_of(folder: Path) -> list[Job]:
+    """The last run of each command of a shot."""
+    found = []
+    for command in COMMANDS:
+        with suppress(OSError, InputError):
+            found.append(read_job(log_of(folder, command)))
+    return found
+
+
+def running_job(folder: Path) -> Job | None:
+    """The command of a shot that runs; None if none does."""
+    return next((job for job in jobs_of(folder) if job.running), None)
+
+
+def is_running(folder: Path) -> bool:
+    """True if a command of a shot runs; only runs of this server are looked up, so that lists are quick."""
+    return any(child.poll() is None for log, child in _CHILDREN.items() if log.parent.parent == folder)
+
+
+def _alive(process: int, log: Path) -> bool:
+    """True if a process is there and is a command of ours, not another one with its number."""
+    child = _CHILDREN.get(log)
+    if child is not None and child.pid == process:
+        return child.poll() is None
+    try:
+        os.kill(process, 0)
+    except OSError:
+        return False
+    words = Path(f"/proc/{process}/cmdline")
+    return "kolsky" in words.read_text("utf-8", errors="replace") if words.exists() else os.name != "posix"
+
+
+if __name__ == "__main__":
+    run_here(sys.argv[1:])

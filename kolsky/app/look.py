@@ -1,0 +1,477 @@
+"""The view of a result: force, outline and specimen linked in time, other parameters, causes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from nicegui import run, ui
+
+from kolsky.app import frame
+from kolsky.app.copies import changed_value, copy_with
+from kolsky.app.draft import Draft
+from kolsky.app.what_if import Answer, Valley, WhatIf
+from kolsky.base.errors import InputError
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Identification
+from kolsky.report.result_folder import RESULT_FILE
+from kolsky.report.scene.cut import cut_svg
+from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
+from kolsky.results.hdf5 import read_identification
+from kolsky.results.identification_rows import fit_line
+from kolsky.results.nomenclature import factor_of
+from kolsky.results.printed import answer, plain_symbol
+from kolsky.schema.shot_file import SHOT_FILE
+from kolsky.shot.load import load_shot
+from kolsky.shot.optical_data import measured
+from kolsky.shot.records import Shot
+
+LEAST_EXPLAINED = 0.05
+"""Least share of the misfit that an input must explain to be offered [-]; less is within its own noise."""
+SECONDS_OF_PLAY = 0.12
+"""Time between two pictures of a play [s]."""
+
+
+@dataclass
+class Result:
+    """A result with its shot, as a page looks at it."""
+
+    folder: Path
+    found: Identification
+    shot: Shot | None
+    why: str
+    """Why the shot is not there; empty if it is."""
+
+
+def read_result(folder: Path) -> Result:
+    """Read the result of a shot and, for simulations, the shot.
+
+    Raises InputError if there is no result.
+    """
+    results = folder / "results"
+    found = read_identification(results / RESULT_FILE)
+    try:
+        shot = load_shot(folder, measure=partial(measured, folder=results))
+    except InputError as error:
+        return Result(folder, found, None, str(error))
+    differing = [n for n, sha in found.provenance.get("inputs", {}).items() if shot.inputs.get(n) != sha]
+    why = (
+        f"{', '.join(differing[:3])} changed since this result was made: identify again" if differing else ""
+    )
+    return Result(folder, found, shot, why)
+
+
+def page(root: Path) -> None:
+    """Register the page."""
+
+    @ui.page("/look", response_timeout=30.0)
+    async def look_page(shot: str = "") -> None:
+        with frame.framed(f"Look at {shot}", view="look", shot=shot):
+            try:
+                folder = frame.folder_at(root, shot)
+            except frame.NoShot as error:
+                frame.note(str(error), "caution")
+                return
+            if not (folder / "results" / RESULT_FILE).is_file():
+                frame.note("There is no result yet: run identify first.")
+                ui.link("Run", frame.address("run", shot))
+                return
+            waiting = frame.note("The result is read ...")
+            await ui.context.client.connected()
+            try:
+                result = await run.io_bound(read_result, folder)
+            except InputError as error:
+                waiting.text = str(error)
+                return
+            waiting.delete()
+            LookView(result, shot)
+
+
+class LookView:
+    """Answer, plots over time, what-if and causes of one result."""
+
+    def __init__(self, result: Result, name: str) -> None:
+        """Build the view."""
+        self.result, self.name, self.found = result, name, result.found
+        self.k = 0
+        self.field = "stretch"
+        self.scenes: dict[str, Scene] = {}
+        self.tried: Answer | None = None
+        self.what_if: WhatIf | None = None
+        self._answer()
+        frame.heading("Over time")
+        self._over_time()
+        frame.heading("What if")
+        self._what_if()
+        self._causes()
+
+    def _answer(self) -> None:
+        with ui.column().classes("answer gap-0"):
+            for i, e in enumerate(self.found.estimates.values()):
+                with ui.element("b" if i == 0 else "p"):
+                    ui.label(answer(e))
+            frame.note(fit_line(self.found))
+        if self.result.why:
+            frame.note(self.result.why, "caution")
+        if self.found.warnings:
+            count = len(self.found.warnings)
+            title = "1 warning" if count == 1 else f"{count} warnings"
+            with ui.expansion(title).classes("w-full").props(f'dense aria-label="{title}"'):
+                for words in self.found.warnings:
+                    frame.note(words, "caution")
+        if (self.result.folder / "results" / "report.html").is_file():
+            target = frame.address("result", self.name, name="report.html")
+            ui.link("report.html, the whole result on one page", target, new_tab=True)
+
+    def _scene(self) -> Scene | None:
+        """The simulated specimen with the chosen field; None if the result does not hold it."""
+        if self.field not in self.scenes:
+            shot = self.result.shot
+            try:
+                solid = None if shot is None else solid_of(shot.curve, self.found)
+                self.scenes[self.field] = scene_of(self.found, field=self.field, solid=solid)
+            except (SceneDataMissing, ValueError):
+                return None
+        return self.scenes[self.field]
+
+    def _over_time(self) -> None:
+        c = self.found.comparison
+        self.times = np.unique(c.centre_line.time) if c.centre_line.time.size else c.force_time
+        self.k = len(self.times) - 1
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            self.play = ui.button(icon="play_arrow", on_click=self._toggle).props(
+                'flat dense aria-label="Play"'
+            )
+            self.slider = ui.slider(min=0, max=len(self.times) - 1, value=self.k).props('aria-label="Time"')
+            self.slider.on_value_change(lambda change: self._at(int(change.value)))
+            self.now = ui.label().classes("soft w-24 text-right").mark("now")
+        self.timer = ui.timer(SECONDS_OF_PLAY, self._next, active=False)
+        with ui.element("div").classes("grid2"):
+            self.force = self._force_plot()
+            self.residual = self._residual_plot()
+            self.outline = self._outline_plot() if c.centre_line.time.size else None
+            self._specimen()
+        self._at(self.k)
+
+    def _force_plot(self) -> ui.echart:
+        c, spread = self.found.comparison, self.found.spread(FORCE)
+        t = 1e6 * c.force_time
+        low, high = c.force_measured - 2.0 * spread, c.force_measured + 2.0 * spread
+        return frame.chart(
+            "Time (µs)",
+            "Transmitted force (N)",
+            [
+                *frame.band("what a right model leaves, k = 2", t, low, high),
+                frame.dots("measured", frame.points(t, c.force_measured), frame.INK, 3.5, z=4),
+                frame.line("model", frame.points(t, c.force_model), frame.ORANGE),
+                frame.line("tried", [], frame.BLUE),
+            ],
+            words="Transmitted force over time, measured and simulated",
+        )
+
+    def _residual_plot(self) -> ui.echart:
+        c = self.found.comparison
+        t = 1e6 * c.force_time
+        series = [
+            frame.line(
+                "force",
+                frame.points(t, (c.force_measured - c.force_model) / self.found.spread(FORCE)),
+                frame.INK,
+            )
+        ]
+        line = c.centre_line
+        if line.time.size:
+            over = np.where(c.inside, (line.Z - c.Z_model) / self.found.spread(OUTLINE), np.nan)
+            rms = [
+                float(np.sqrt(np.nanmean(over[line.time == one] ** 2)))
+                if np.isfinite(over[line.time == one]).any()
+                else np.nan
+                for one in self.times
+            ]
+            series.append(
+                frame.line("outline, rms of a frame", frame.points(1e6 * self.times, rms), frame.BLUE)
+            )
+        area = [[{"yAxis": -2.0, "itemStyle": {"color": frame.BAND}}, {"yAxis": 2.0}]]
+        series[0]["markArea"] = {"silent": True, "data": area}
+        plot = frame.chart(
+            "Time (µs)",
+            "Residual over its expected spread",
+            series,
+            words="Residual of force and outline over time",
+        )
+        largest = max(abs(v[1]) for one in series for v in one["data"] if v[1] is not None)
+        plot.options["yAxis"] |= {"min": -np.ceil(max(largest, 3.0)), "max": np.ceil(max(largest, 3.0))}
+        return plot
+
+    def _outline_plot(self) -> ui.echart:
+        line = self.found.comparison.centre_line
+        span = [float(f"{1e3 * v:.3g}") for v in (line.Z.min() * 0.98, line.Z.max() * 1.02)]
+        plot = frame.chart(
+            "Radius Z (mm)",
+            "Height y (mm)",
+            [
+                frame.dots("measured", [], frame.INK, 4),
+                frame.line("model", [], frame.ORANGE),
+                frame.line("tried", [], frame.BLUE),
+            ],
+            words="Outline of the specimen at the chosen time, measured and simulated",
+        )
+        plot.options["xAxis"] |= {"min": span[0], "max": span[1]}
+        plot.options["yAxis"] |= {"min": 0, "max": float(f"{1.02e3 * line.y.max():.3g}")}
+        return plot
+
+    def _specimen(self) -> None:
+        with ui.column().classes("w-full gap-1"):
+            self.drawing = ui.html(sanitize=False).classes("w-full")
+            if self._scene() is None:
+                return
+            names = {
+                name: kind.label for name, kind in FIELDS.items() if not kind.needs_solid or self.result.shot
+            }
+            chosen = (
+                ui.select(names, value=self.field, label="Colour").classes("w-64").props("dense outlined")
+            )
+            chosen.on_value_change(lambda change: self._colour(str(change.value)))
+
+    def _colour(self, field: str) -> None:
+        self.field = field
+        self._at(self.k)
+
+    def _toggle(self) -> None:
+        self.timer.active = not self.timer.active
+        self.play.props(f"icon={'pause' if self.timer.active else 'play_arrow'}")
+        if self.timer.active and self.k >= len(self.times) - 1:
+            self.slider.value = 0
+
+    def _next(self) -> None:
+        if self.k >= len(self.times) - 1:
+            self._toggle()
+            return
+        step = max(1, len(self.times) // 60)
+        self.slider.value = min(self.k + step, len(self.times) - 1)
+
+    def _at(self, k: int) -> None:
+        """Show everything at a time."""
+        self.k, now = k, float(self.times[k])
+        self.now.text = f"{1e6 * now:.1f} µs"
+        mark = {
+            "silent": True,
+            "symbol": "none",
+            "animation": False,
+            "lineStyle": {"color": frame.BLUE, "type": "solid"},
+            "label": {"show": False},
+            "data": [{"xAxis": float(f"{1e6 * now:.6g}")}],
+        }
+        for plot in (self.force, self.residual):
+            plot.options["series"][-1 if plot is self.residual else -2]["markLine"] = mark
+            plot.update()
+        if self.outline is not None:
+            self._outline_at(now)
+        scene = self._scene()
+        if scene is not None:
+            self.drawing.content = cut_svg(scene, int(np.argmin(np.abs(scene.times - now))))
+
+    def _outline_at(self, now: float) -> None:
+        assert self.outline is not None
+        c = self.found.comparison
+        points = np.flatnonzero(c.centre_line.time == now)
+        points = points[np.argsort(c.centre_line.y[points])]
+        y = 1e3 * c.centre_line.y[points]
+        series = self.outline.options["series"]
+        series[0]["data"] = frame.points(1e3 * c.centre_line.Z[points], y)
+        series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
+        if self.tried is not None:
+            Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)
+            series[2]["data"] = frame.points(1e3 * Z, y)
+        self.outline.update()
+
+    def _what_if(self) -> None:
+        if self.result.shot is None:
+            frame.note(f"The shot cannot be read, so nothing can be simulated: {self.result.why}", "caution")
+            return
+        try:
+            self.what_if = WhatIf(self.result.shot, self.found)
+        except ValueError as error:
+            frame.note(str(error), "caution")
+            return
+        frame.note(
+            "Move a slider: the shot is simulated with these values on the mesh of the search, and the plots "
+            "above show it in blue. Residuals are over what a right model leaves: 1 is as expected."
+        )
+        self.sliders: dict[str, ui.slider] = {}
+        with ui.element("div").classes("grid2"):
+            with ui.column().classes("w-full gap-1"):
+                for name, value in self.what_if.start.items():
+                    self._slider(name, value)
+                with ui.row().classes("items-center gap-2"):
+                    ui.button("Back to the answer", on_click=self._back).props("flat dense")
+                    ui.button("Draw the valley", on_click=self._draw_valley).props("outline dense")
+                self.said = ui.label().props("role=status").mark("misfit")
+            with ui.column().classes("w-full gap-1"):
+                others = [name for name in self.what_if.start if name != "stiffness_factor"]
+                self.across = (
+                    ui.select(
+                        {name: f"m over {plain_symbol(name)}" for name in others},
+                        value="damping",
+                        label="Valley",
+                    )
+                    .classes("w-48")
+                    .props("dense outlined")
+                )
+                self.valley_plot = ui.column().classes("w-full")
+
+    def _slider(self, name: str, value: float) -> None:
+        assert self.what_if is not None
+        low, high = self.what_if.bounds(name)
+        factor, words = factor_of(name), PARAMETERS[name].words
+        unit = "" if PARAMETERS[name].shown_unit == "1" else f" {PARAMETERS[name].shown_unit}"
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            ui.label(PARAMETERS[name].written).classes("w-6")
+            slider = ui.slider(
+                min=low * factor, max=high * factor, step=(high - low) * factor / 200.0, value=value * factor
+            )
+            slider.props(f'aria-label="{words}"').mark(f"what-if-{name}")
+            ui.label().classes("w-28 text-right").bind_text_from(slider, "value", lambda v: f"{v:.5g}{unit}")
+        slider.on("change", self._simulate)
+        self.sliders[name] = slider
+
+    def _values(self) -> dict[str, float]:
+        return {name: float(slider.value) / factor_of(name) for name, slider in self.sliders.items()}
+
+    def _back(self) -> None:
+        assert self.what_if is not None
+        for name, slider in self.sliders.items():
+            slider.value = self.what_if.start[name] * factor_of(name)
+        self.tried = None
+        self.said.text = ""
+        for plot, i in ((self.force, 3), (self.outline, 2)):
+            if plot is not None:
+                plot.options["series"][i]["data"] = []
+        self._at(self.k)
+
+    async def _simulate(self, _: object = None) -> None:
+        """Simulate with the sliders' values and show it."""
+        assert self.what_if is not None
+        try:
+            self.tried = await run.io_bound(self.what_if.run, self._values())
+            reference = await run.io_bound(self.what_if.run, self.what_if.start)
+        except ValueError as error:
+            self.said.text = str(error)
+            return
+        observed = self.what_if.prepared.observations
+        self.force.options["series"][3]["data"] = frame.points(
+            1e6 * observed.force_times, self.tried.prediction.force_bins[0]
+        )
+        self.said.text = f"{misfit_words(self.tried)}; at the answer {misfit_words(reference)}"
+        self._at(self.k)
+
+    async def _draw_valley(self) -> None:
+        assert self.what_if is not None
+        self.valley_plot.clear()
+        with self.valley_plot:
+            waiting = frame.note("169 simulations ...")
+        names = ("stiffness_factor", str(self.across.value))
+        valley = await run.io_bound(self.what_if.valley, names, self._values())
+        waiting.delete()
+        with self.valley_plot:
+            valley_chart(valley, self._values())
+
+    def _causes(self) -> None:
+        declared = Draft(self.result.folder / SHOT_FILE).content()
+        tried = [
+            c
+            for c in self.found.causes
+            if not c.status and c.explained >= LEAST_EXPLAINED and changed_value(c, declared) is not None
+        ]
+        frame.heading("Inputs that would explain the data better")
+        if not tried:
+            frame.note("No single input that was tried explains more of the data.")
+            return
+        frame.note(
+            "A copy of the shot gets the changed input; the shot itself stays as it is. Identify the copy, "
+            "then compare both."
+        )
+        for cause in tried:
+            with ui.row().classes("w-full items-center gap-3"):
+                ui.button("Apply in a copy", on_click=partial(self._apply, cause)).props("outline dense")
+                likely = "likely: " if cause.named else ""
+                ui.label(
+                    f"{likely}{cause.key}: {cause.words}, explains {100.0 * cause.explained:.0f} % of the "
+                    "misfit"
+                )
+
+    def _apply(self, cause: CauseFinding) -> None:
+        """Copy the shot with a changed input, and open its set-up."""
+        try:
+            copy = copy_with(self.result.folder, cause)
+        except InputError as error:
+            ui.notify(str(error), type="warning")
+            return
+        name = f"{self.name.rpartition('/')[0]}/{copy.name}".lstrip("/")
+        ui.navigate.to(frame.address("setup", name))
+
+
+def misfit_words(answer_: Answer) -> str:
+    """Both residuals in words."""
+    m = answer_.misfit
+    outline = "" if np.isnan(m.outline) else f", outline {m.outline:.2f}"
+    return f"force {m.force:.2f}{outline}"
+
+
+def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
+    """The misfit over two parameters, with the sliders' place."""
+    shown = np.log10(np.maximum(valley.misfit, 1e-3))
+    axes = []
+    for name, along in zip(valley.names, (valley.x, valley.y), strict=True):
+        unit = PARAMETERS[name].shown_unit
+        words = PARAMETERS[name].written + ("" if unit == "1" else f" ({unit})")
+        axes.append(
+            frame.axis(
+                words,
+                type="category",
+                data=[f"{v * factor_of(name):.4g}" for v in along],
+                nameGap=28 if not axes else 52,
+            )
+        )
+    cells = [
+        [i, j, float(f"{shown[j, i]:.4g}")]
+        for j in range(len(valley.y))
+        for i in range(len(valley.x))
+        if np.isfinite(shown[j, i])
+    ]
+    place = [
+        int(np.argmin(np.abs(along - values[n])))
+        for n, along in zip(valley.names, (valley.x, valley.y), strict=True)
+    ]
+    best = np.unravel_index(int(np.nanargmin(valley.misfit)), valley.misfit.shape)
+    finite = shown[np.isfinite(shown)]
+    return frame.chart(
+        "",
+        "",
+        [
+            {"name": "misfit", "type": "heatmap", "data": cells, "tooltip": {"show": False}},
+            frame.dots("sliders", [place], "#ffffff", 11, symbol="circle", z=5),
+            frame.dots(
+                "least misfit", [[int(best[1]), int(best[0])]], frame.ORANGE, 9, symbol="diamond", z=6
+            ),
+        ],
+        words="Misfit over the stiffness factor and another parameter",
+        xAxis=axes[0],
+        yAxis=axes[1],
+        grid={"left": 76, "right": 20, "top": 34, "bottom": 90},
+        tooltip={"show": False},
+        visualMap={
+            "min": float(finite.min()),
+            "max": float(finite.max()),
+            "calculable": False,
+            "orient": "horizontal",
+            "left": "center",
+            "bottom": 0,
+            "text": ["large", "misfit (log) small"],
+            "inRange": {"color": ["#0b3c5d", "#2f7fb0", "#8fc1de", "#d5e6f0", "#f6f2e6"]},
+            "seriesIndex": 0,
+            "itemHeight": 120,
+        },
+    )

@@ -1,0 +1,345 @@
+"""The view of a shot's pictures: both cameras over time, regions drawn on them, quality of subsets."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from nicegui import events, run, ui
+
+from dic.images import PictureError, Pictures
+from dic.images.quality import SpeckleQuality, grey_noise, speckle_quality
+from kolsky.app import frame
+from kolsky.base.errors import InputError
+from kolsky.pictures.measurement import read_measurement
+from kolsky.pictures.regions import Drawable, Session, png_of
+from kolsky.schema.pictures import find_measurement_file
+from kolsky.shot.dic import open_region_session
+from kolsky.shot.load import load_pictures
+
+MOST_AVERAGED = 8
+"""Most frames at rest that the quality of the speckles is judged by."""
+GRAB = 0.02
+"""Distance from a corner, relative to the picture's width, within which a press takes it."""
+BINS = 64
+MODES = {"draw": "adds or moves a corner", "subset": "shows what a subset there can measure"}
+"""What a click on the picture of camera 0 does."""
+
+
+@dataclass
+class OpenPictures:
+    """The pictures of a shot or of a measurement, with the session in which regions are drawn."""
+
+    session: Session
+    series: Sequence[Pictures]
+    """Of one camera or two."""
+    static: int
+    """Frames at rest."""
+    subset: int
+    """Side of the subsets [px]."""
+
+
+def open_all(folder: Path) -> OpenPictures:
+    """Open the pictures of a folder.
+
+    Raises InputError if it has none, or they cannot be used.
+    """
+    session = open_region_session(folder)
+    if (path := find_measurement_file(folder)) is not None:
+        measurement = read_measurement(path)
+        dic = measurement.declared.dic
+        return OpenPictures(session, measurement.series, dic.static, dic.subset)
+    loaded = load_pictures(folder).pictures
+    declared = loaded.toml.declared
+    assert declared.dic is not None  # shots with pictures have it
+    return OpenPictures(session, loaded.series, declared.frames.static, declared.dic.subset)
+
+
+def page(root: Path) -> None:
+    """Register the page."""
+
+    @ui.page("/pictures", response_timeout=30.0)
+    async def pictures_page(shot: str = "") -> None:
+        with frame.framed(f"Pictures of {shot}", view="pictures", shot=shot):
+            try:
+                folder = frame.folder_at(root, shot)
+            except frame.NoShot as error:
+                frame.note(str(error), "caution")
+                return
+            waiting = frame.note("The pictures are opened ...")
+            await ui.context.client.connected()
+            try:
+                opened = await run.io_bound(open_all, folder)
+            except InputError as error:
+                waiting.text = str(error)
+                return
+            waiting.delete()
+            PicturesView(opened)
+
+
+class PicturesView:
+    """Pictures, regions and quality of one shot."""
+
+    def __init__(self, opened: OpenPictures) -> None:
+        """Build the view."""
+        self.opened, self.session = opened, opened.session
+        self.k, self.mode, self.held = 0, "draw", None
+        self.wanted: Drawable = self.session.wanted[0]
+        self.corners: dict[str, list[list[float]]] = {}
+        self.frames: dict[str, int] = {}
+        for key, shapes in self.session.drawn.items():
+            self.corners[key] = [list(corner) for corner in shapes[0].corners]
+            self.frames[key] = shapes[0].frame
+        self.quality: SpeckleQuality | None = None
+        self.subset_at: tuple[float, float] | None = None
+        n = self.session.pictures.n_frames
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            self.play = ui.button(icon="play_arrow", on_click=self._toggle).props(
+                'flat dense aria-label="Play"'
+            )
+            self.slider = (
+                ui.slider(min=0, max=max(n - 1, 1), value=0).props('aria-label="Frame"').mark("frame")
+            )
+            self.slider.on_value_change(lambda change: self._at(int(change.value)))
+            self.now = ui.label().classes("soft w-28 text-right")
+        self.timer = ui.timer(0.15, self._next, active=False)
+        with ui.element("div").classes("grid2"):
+            self.images = [self._camera(i) for i in range(len(opened.series))]
+            self._regions()
+            with ui.column().classes("w-full gap-1"):
+                self.histogram = frame.chart(
+                    "Grey value",
+                    "Share of the pixels (%)",
+                    [],
+                    words="Histogram of the frame",
+                    legend=len(opened.series) > 1,
+                )
+                self.said = ui.label().classes("soft").props("role=status").mark("subset")
+        self._at(0)
+
+    def _camera(self, i: int) -> ui.interactive_image:
+        with ui.column().classes("w-full gap-1"):
+            ui.label(f"Camera {i}").classes("soft")
+            image = ui.interactive_image(
+                on_mouse=self._mouse if i == 0 else None,
+                events=["mousedown", "mousemove", "mouseup"] if i == 0 else [],
+                cross=i == 0,
+                sanitize=False,
+            ).classes("w-full")
+            words = f"getHtmlElement({image.id}).querySelector('img').alt = 'Picture of camera {i}'"
+            ui.run_javascript(words)  # the element has no property for it
+        return image
+
+    def _regions(self) -> None:
+        with ui.column().classes("w-full gap-2"):
+            frame.heading("Regions")
+            titles = {one.key: one.title for one in self.session.wanted}
+            kind = ui.select(titles, value=self.wanted.key, label="What is drawn").classes("w-full")
+            kind.props("outlined dense").on_value_change(lambda change: self._want(str(change.value)))
+            mode = ui.select(MODES, value="draw", label="A click on camera 0").classes("w-full")
+            mode.props("outlined dense").on_value_change(
+                lambda change: setattr(self, "mode", str(change.value))
+            )
+            self.text = (
+                ui.textarea('Corners, one "x, y" a line [px]')
+                .classes("w-full")
+                .props("outlined rows=5")
+                .mark("corners")
+            )
+            self.text.on("blur", self._typed)
+            with ui.row().classes("gap-2"):
+                ui.button("Clear", on_click=self._clear).props("flat dense")
+                ui.button(
+                    "Check", on_click=lambda: self._report(self.session.problems(self._content()))
+                ).props("outline dense")
+                ui.button(f"Save into {self.session.path.name}", on_click=self._save).props(
+                    "unelevated dense"
+                )
+            self.problems = ui.label().props("role=status").mark("problems")
+
+    def _want(self, key: str) -> None:
+        self.wanted = next(one for one in self.session.wanted if one.key == key)
+        if key in self.frames and self.frames[key] != self.k:
+            self.slider.value = self.frames[key]
+        self._draw()
+
+    def _mine(self) -> list[list[float]]:
+        return self.corners.setdefault(self.wanted.key, [])
+
+    def _mouse(self, event: events.MouseEventArguments) -> None:
+        """Add a corner, move one, or look at a subset."""
+        rows, columns = self.session.pictures.shape
+        place = [float(np.clip(event.image_x, 0, columns - 1)), float(np.clip(event.image_y, 0, rows - 1))]
+        if event.type == "mouseup":
+            self.held = None
+        elif event.type == "mousemove":
+            if self.held is None:
+                return
+            self._mine()[self.held] = [round(v, 1) for v in place]
+        elif self.mode == "subset":
+            self.subset_at = place[0], place[1]
+            ui.timer(0.0, self._look_at_subset, once=True)
+        else:
+            self._press([round(v, 1) for v in place], columns)
+        self._draw()
+
+    def _press(self, place: list[float], columns: int) -> None:
+        mine = self._mine()
+        near = [float(np.hypot(c[0] - place[0], c[1] - place[1])) for c in mine]
+        if near and min(near) < GRAB * columns:
+            self.held = int(np.argmin(near))
+            return
+        if self.wanted.point:
+            mine.clear()
+        if not mine:
+            self.frames[self.wanted.key] = self.k if self.wanted.framed else self.wanted.home
+        mine.append(place)
+
+    def _typed(self) -> None:
+        found = []
+        for line in str(self.text.value or "").splitlines():
+            try:
+                x, y = (float(part) for part in line.split(","))
+            except ValueError:
+                if line.strip():
+                    self._report([f"{line.strip()!r} is no corner: write x, y"])
+                    return
+                continue
+            found.append([x, y])
+        if found and not self._mine():
+            self.frames[self.wanted.key] = self.k if self.wanted.framed else self.wanted.home
+        self.corners[self.wanted.key] = found
+        self._draw()
+
+    def _clear(self) -> None:
+        self.corners[self.wanted.key] = []
+        self._draw()
+
+    def _content(self) -> dict[str, list[dict[str, object]]]:
+        """What is drawn, as the session takes it; a list of regions keeps those that are not on the page."""
+        content: dict[str, list[dict[str, object]]] = {}
+        for one in self.session.wanted:
+            corners = self.corners.get(one.key, [])
+            if corners:
+                content[one.key] = [{"corners": corners, "frame": self.frames.get(one.key, one.home)}]
+                more = self.session.drawn.get(one.key, [])[1:]
+                content[one.key] += [
+                    {"corners": [list(c) for c in d.corners], "frame": d.frame} for d in more
+                ]
+        return content
+
+    def _save(self) -> None:
+        problems = self.session.save(self._content())
+        self._report(
+            problems, success=f"saved into {self.session.path.name}: {', '.join(self.session.saved)}"
+        )
+
+    def _report(self, problems: Sequence[str], *, success: str = "The regions can be saved.") -> None:
+        self.problems.text = "; ".join(problems) or success
+        self.problems.classes(replace="caution" if problems else "soft")
+
+    def _toggle(self) -> None:
+        self.timer.active = not self.timer.active
+        self.play.props(f"icon={'pause' if self.timer.active else 'play_arrow'}")
+        if self.timer.active and self.k >= self.session.pictures.n_frames - 1:
+            self.slider.value = 0
+
+    def _next(self) -> None:
+        if self.k >= self.session.pictures.n_frames - 1:
+            self._toggle()
+            return
+        self.slider.value = self.k + 1
+
+    def _at(self, k: int) -> None:
+        """Show a frame of each camera, with its histogram."""
+        self.k = k
+        self.now.text = f"frame {k} of {self.session.pictures.n_frames}"
+        for image, pictures in zip(self.images, self.opened.series, strict=True):
+            png = png_of(pictures, k)
+            image.set_source(
+                "" if isinstance(png, str) else f"data:image/png;base64,{b64encode(png).decode()}"
+            )
+        self._histogram()
+        self._draw()
+
+    def _histogram(self) -> None:
+        series = []
+        for i, (pictures, colour) in enumerate(
+            zip(self.opened.series, (frame.INK, frame.BLUE), strict=False)
+        ):
+            try:
+                grey = np.asarray(pictures.frame(self.k))
+            except PictureError:
+                continue  # the picture's place stays empty
+            counts, edges = np.histogram(grey, bins=BINS, range=(0, 2**pictures.bits))
+            share = 100.0 * counts / grey.size
+            series.append(frame.line(f"camera {i}", frame.points(edges[:-1], share), colour, step="end"))
+        self.histogram.options["series"] = series
+        self.histogram.update()
+
+    def _draw(self) -> None:
+        """Draw the regions over camera 0, and list the corners."""
+        _, columns = self.session.pictures.shape
+        width, parts = columns / 400.0, []
+        for key, corners in self.corners.items():
+            if not corners or self.frames.get(key, 0) != self.k:
+                continue
+            colour = frame.ORANGE if key == self.wanted.key else frame.BLUE
+            places = " ".join(f"{x:g},{y:g}" for x, y in corners)
+            line = f'stroke="{colour}" stroke-width="{width:g}"'
+            parts.append(f'<polygon points="{places}" fill="{colour}22" {line}/>')
+            parts += [
+                f'<circle cx="{x:g}" cy="{y:g}" r="{2.2 * width:g}" fill="{colour}"/>' for x, y in corners
+            ]
+            x, y = corners[0]
+            edge = f'stroke="#000" stroke-width="{0.3 * width:g}" paint-order="stroke"'
+            parts.append(
+                f'<text x="{x:g}" y="{y - 3 * width:g}" font-size="{12 * width:g}" fill="{colour}" {edge}>'
+                f"{escape(key.replace('_', ' '))}</text>"
+            )
+        if self.subset_at is not None:
+            x, y = (v - 0.5 * self.opened.subset for v in self.subset_at)
+            size = self.opened.subset
+            look = f'fill="none" stroke="#ffe000" stroke-width="{width:g}"'
+            parts.append(f'<rect x="{x:g}" y="{y:g}" width="{size}" height="{size}" {look}/>')
+        self.images[0].content = "".join(parts)
+        self.text.value = "\n".join(f"{x:g}, {y:g}" for x, y in self._mine())
+
+    async def _look_at_subset(self) -> None:
+        """Say what a subset at the chosen place can measure."""
+        if self.quality is None:
+            try:
+                self.quality = await run.io_bound(quality_of, self.opened)
+            except (ValueError, PictureError) as error:
+                self.said.text = f"The speckles cannot be judged: {error}"
+                return
+        assert self.subset_at is not None
+        self.said.text = subset_words(self.quality, self.subset_at)
+
+
+def quality_of(opened: OpenPictures) -> SpeckleQuality:
+    """The speckles of camera 0, from its frames at rest.
+
+    Raises ValueError if the frames have no contrast or there is only one. Raises PictureError if one cannot
+    be read.
+    """
+    pictures = opened.series[0]
+    count = min(opened.static, MOST_AVERAGED, pictures.n_frames)
+    rest = [np.asarray(pictures.frame(k)) for k in range(count)]
+    noise = grey_noise(rest, range(count))
+    return speckle_quality(np.mean(rest, axis=0), None, opened.subset, noise, averaged=count)
+
+
+def subset_words(quality: SpeckleQuality, place: tuple[float, float]) -> str:
+    """What a subset at a place (x, y) holds and how exactly it is matched."""
+    x, y = (round(v) for v in place)
+    floor, size = quality.floor[y, x], float(np.nanmean(quality.size))
+    speckles = f"about {(quality.subset / (2.0 * size)) ** 2:.0f} speckles" if size > 0.0 else "no speckles"
+    head = f"Subset of {quality.subset} px at ({x}, {y}): {speckles} of {size:.1f} px"
+    if not np.isfinite(floor).all():
+        return f"{head}; it has no contrast, or lies half outside"
+    return f"{head}; expected noise of a match {floor[0]:.4f} px along x, {floor[1]:.4f} px along y"

@@ -1,0 +1,125 @@
+"""The view that runs commands of a shot: their progress, their log, their end."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from nicegui import ui
+
+from kolsky.app import frame, jobs
+from kolsky.base.errors import InputError
+from kolsky.schema.shot_file import SHOT_FILE
+
+WORDS = {
+    "identify": "Identify: stiffness factor with its uncertainty, report",
+    "dic": "Image correlation of the pictures",
+    "sweep": "Sweep: many simulations over the free parameters",
+    "report": "Write the report again",
+}
+"""Commands that can be chosen."""
+EVERY = 1.0
+"""Seconds between two looks at a running command."""
+
+
+def page(root: Path) -> None:
+    """Register the page."""
+
+    @ui.page("/run")
+    def run_page(shot: str = "") -> None:
+        with frame.framed(f"Run {shot}", view="run", shot=shot):
+            try:
+                folder = frame.folder_at(root, shot)
+            except frame.NoShot as error:
+                frame.note(str(error), "caution")
+                return
+            if not (folder / SHOT_FILE).exists():
+                frame.note("There is no shot.toml yet: set the shot up first.", "caution")
+                return
+            RunView(folder, shot)
+
+
+class RunView:
+    """Start, progress and log of the commands of one shot."""
+
+    def __init__(self, folder: Path, shot: str) -> None:
+        """Build the view; it finds a run that another page or an earlier server started."""
+        self.folder, self.shot = folder, shot
+        with ui.row().classes("w-full items-end gap-3"):
+            self.command = (
+                ui.select(WORDS, value="identify", label="Command")
+                .classes("w-96 max-w-full")
+                .props("dense outlined")
+            )
+            self.options = ui.input("Options, as on the command line").classes("grow").props("dense outlined")
+            self.begin = ui.button("Start", on_click=self.start).props("unelevated")
+            self.end = ui.button("Cancel", on_click=self.cancel).props("outline color=negative")
+        frame.note(
+            "A run is a process of its own: it goes on when this page or the server is closed. The same "
+            "command in a terminal writes the same files."
+        )
+        self.state = ui.label().props("role=status")
+        self.bar = ui.linear_progress(value=0.0, show_value=False).props('aria-label="Progress"')
+        self.links = ui.row().classes("gap-4")
+        self.log = ui.label().classes("log").props('tabindex=0 role=log aria-label="Log"')
+        self.shown: object = self  # nothing yet
+        self.look()
+        ui.timer(EVERY, self.look)
+
+    def _job(self) -> jobs.Job | None:
+        """The run that is shown: the running one, else the last one."""
+        found = jobs.jobs_of(self.folder)
+        running = [job for job in found if job.running]
+        return max(running or found, key=lambda job: job.log.stat().st_mtime, default=None)
+
+    def look(self) -> None:
+        """Show how the run is."""
+        job = self._job()
+        self.begin.set_enabled(job is None or not job.running)
+        self.end.set_visibility(job is not None and job.running)
+        self.log.set_visibility(job is not None)
+        if job == self.shown:
+            return
+        self.shown = job
+        if job is None:
+            self.state.text = "Nothing has been run from here yet."
+            self.bar.set_visibility(False)
+            return
+        stage, done, total = job.progress or ("", 0, 0)
+        words = f": {stage}, {done} of {total}" if job.running and total else ""
+        self.state.text = f"kolsky {job.command}, started {job.started}: {job.state}{words}"
+        self.bar.set_visibility(job.running)
+        self.bar.value = done / total if total else 0.0
+        self.log.text = job.text or "(it has printed nothing yet)"
+        self._links(job)
+
+    def _links(self, job: jobs.Job) -> None:
+        self.links.clear()
+        if job.running or job.exit_code != 0:
+            return
+        with self.links:
+            if job.command == "identify":
+                ui.link("Look at the result", frame.address("look", self.shot))
+            for name in ("report", "dic", "sweep"):
+                if (self.folder / "results" / f"{name}.html").is_file():
+                    target = frame.address("result", self.shot, name=f"{name}.html")
+                    ui.link(f"{name}.html", target, new_tab=True)
+
+    def start(self) -> None:
+        """Start the chosen command."""
+        try:
+            options = shlex.split(str(self.options.value or ""))
+            jobs.start(self.folder, str(self.command.value), options)
+        except InputError as error:
+            ui.notify(str(error), type="warning")
+        except ValueError as error:
+            ui.notify(f"The options cannot be read: {error}", type="warning")
+        self.shown = self
+        self.look()
+
+    def cancel(self) -> None:
+        """Cancel the running command."""
+        job = self._job()
+        if job is not None:
+            jobs.cancel(job)
+            ui.notify("It cleans up and ends; earlier results stay.")

@@ -1,0 +1,219 @@
+"""The server of `kolsky open`: on this computer only, behind a secret, without a file from a network."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import webbrowser
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass, field
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlencode
+
+from nicegui import app, ui
+
+from kolsky.app import compare, frame, look, pictures, runs, setup, shots
+from kolsky.base.errors import InputError
+
+HOST = "127.0.0.1"
+FIRST_PORT, PORTS = 8420, 20
+"""First port that is tried, and how many."""
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+
+
+def policy(port: int) -> str:
+    """Content security policy: what a page may load. NiceGUI compiles its templates in the browser."""
+    return (
+        "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
+        "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+        f"connect-src 'self' ws://{HOST}:{port} ws://localhost:{port}; worker-src 'self' blob:; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+
+
+@dataclass(frozen=True)
+class Door:
+    """Who may come in: the own host, the own pages, and the secret."""
+
+    port: int
+    """Port of the server."""
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    """The secret: in the first address, then in a cookie."""
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """Host and port, as a browser of this computer sends them."""
+        return f"{HOST}:{self.port}", f"localhost:{self.port}"
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie; cookies do not know ports, so its name does."""
+        return f"kolsky-{self.port}"
+
+    def url(self, first: str = "/") -> str:
+        """Address of a page with the secret."""
+        joint = "&" if "?" in first else "?"
+        return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
+
+    def refusal(self, scope: Scope) -> str:
+        """Why a request is refused; empty if it is let in, or brings the secret in its address."""
+        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        host = headers.get("host", "")
+        if host not in self.hosts:  # a page whose name was pointed at this computer sends another
+            return "this host is not known here"
+        origin = headers.get("origin")
+        if origin is not None and origin not in {f"http://{one}" for one in self.hosts}:
+            return "a page of another place asked"
+        if scope["type"] == "websocket" and origin is None:
+            return "a websocket says no origin"
+        cookies = SimpleCookie[str]()
+        try:
+            cookies.load(headers.get("cookie", ""))
+        except CookieError:
+            return "the cookies cannot be read"
+        cookie_token = cookies[self.cookie].value if self.cookie in cookies else ""
+        if self._is_token(cookie_token) or (scope["type"] == "http" and self._is_token(given_token(scope))):
+            return ""
+        return "open the address that `kolsky open` printed"
+
+    def _is_token(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode(), self.token.encode())
+
+
+def given_token(scope: Scope) -> str:
+    """The secret in an address; empty if there is none."""
+    return parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+
+
+class Gate:
+    """Lets requests in as `Door` says, by HTTP and by websocket, and sets the policy of every page."""
+
+    def __init__(self, app: Callable[[Scope, Receive, Send], Awaitable[None]], door: Door) -> None:
+        """Stand before an ASGI application."""
+        self.app, self.door = app, door
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse a request, exchange the secret for a cookie, or hand the request on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        if reason := self.door.refusal(scope):
+            await _refuse(scope, send, reason)
+        elif scope["type"] == "http" and given_token(scope):
+            await _to_cookie(scope, send, self.door)
+        else:
+            await self.app(scope, receive, self._with_policy(send))
+
+    def _with_policy(self, send: Send) -> Send:
+        """Send headers with the policy, unless the page has a stricter one."""
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                names = {key.lower() for key, _ in message["headers"]}
+                more = [
+                    (b"content-security-policy", policy(self.door.port).encode()),
+                    (b"x-content-type-options", b"nosniff"),
+                    (b"referrer-policy", b"no-referrer"),
+                    (b"cross-origin-resource-policy", b"same-origin"),
+                ]
+                message["headers"] = [*message["headers"], *(pair for pair in more if pair[0] not in names)]
+            await send(message)
+
+        return sending
+
+
+async def _refuse(scope: Scope, send: Send, reason: str) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": 1008, "reason": reason})
+        return
+    await send(
+        {
+            "type": "http.response.start",
+            "status": 403,
+            "headers": [(b"content-type", b"text/plain; charset=utf-8")],
+        }
+    )
+    await send({"type": "http.response.body", "body": reason.encode()})
+
+
+async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
+    """Set the cookie, and go on without the secret in the address, where a history would keep it."""
+    words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
+    place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
+    cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"
+    headers = [(b"location", place.encode()), (b"set-cookie", cookie.encode())]
+    await send({"type": "http.response.start", "status": 303, "headers": headers})
+    await send({"type": "http.response.body", "body": b""})
+
+
+def pages(folder: Path) -> None:
+    """Register the pages over the shots below a folder."""
+    root = folder.resolve()
+    frame.serve_files(root)
+    for view in (shots, setup, pictures, runs, look, compare):
+        view.page(root)
+
+
+def free_port(number: int | None) -> int:
+    """The wanted port, or the first free one.
+
+    Raises InputError if the wanted one, or each that was tried, is in use.
+    """
+    tried = [number] if number is not None else [*range(FIRST_PORT, FIRST_PORT + PORTS)]
+    for port in tried:
+        with socket.socket() as probe:
+            try:
+                probe.bind((HOST, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise InputError("--port", f"port {tried[0]} is in use", cure="give another port, e.g. --port 8500")
+
+
+def serve(folder: Path, *, port: int | None = None, browser: bool = True, first: str = "/") -> None:
+    """Serve the pages until the program is interrupted.
+
+    Parameters
+    ----------
+    folder
+        Folder that the shots lie below.
+    port
+        Port; the first free one from 8420 on if left out.
+    browser
+        Whether a browser is opened.
+    first
+        Address of the page that is opened.
+
+    Raises
+    ------
+    InputError
+        If the port is in use.
+    """
+    door = Door(free_port(port))
+    app.add_middleware(Gate, door=door)
+    pages(folder)
+    url = door.url(first)
+    print(
+        f"kolsky open: {folder.resolve()}\n{url}\nCtrl+C ends it. Runs that were started go on.",
+        flush=True,
+    )
+    if browser:
+        app.on_startup(lambda: webbrowser.open(url) and None)
+    ui.run(
+        host=HOST,
+        port=door.port,
+        title="kolsky",
+        language="en-US",
+        favicon=frame.ICON,
+        dark=None,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        uvicorn_logging_level="error",
+    )

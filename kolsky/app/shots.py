@@ -1,0 +1,235 @@
+"""The shots below a folder, and the table of them: one file is read a shot, so that thousands are quick."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+
+from kolsky.app import frame
+from kolsky.app.jobs import is_running
+from kolsky.base.errors import InputError
+from kolsky.report.result_folder import RESULT_FILE, SUMMARY
+from kolsky.results.numbers import measured, plain_sentence
+from kolsky.schema.shot_file import SHOT_FILE
+
+_BLANK = re.compile(r'^[^#"\n]*=\s*(""|\[\s*""\s*(,\s*""\s*)*\])', re.MULTILINE)
+M = "stiffness_factor"
+NOT_SEARCHED = {"results", "__pycache__", "node_modules"}
+"""Folders in which no shots are looked for."""
+
+
+@dataclass(frozen=True)
+class ListedShot:
+    """A shot of the table."""
+
+    name: str
+    """Its folder, from the root on."""
+    state: str
+    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since"."""
+    row: Mapping[str, str]
+    """The row of `summary.csv`; empty without one."""
+    time: float
+    """When its result was written, else its shot file [s since 1970]; NaN if neither is there."""
+
+    def number(self, key: str) -> float:
+        """A number of the row; NaN if it has none."""
+        try:
+            return float(self.row.get(key, "nan"))
+        except ValueError:
+            return float("nan")
+
+    @property
+    def rate(self) -> float:
+        """Nominal strain rate [1/s]."""
+        return self.number("nominal strain rate (1/s)")
+
+    @property
+    def verdict(self) -> str:
+        """Verdict on the stiffness factor."""
+        return self.row.get(f"verdict {M}", "")
+
+
+def shot_folders(root: Path) -> Iterator[tuple[Path, bool]]:
+    """Folders of shots and of raw files below a root, and whether each has a shot file; in order of names.
+
+    Inside a shot none is looked for, and neither in folders with a name that begins with a dot.
+    """
+    for place, folders, files in os.walk(root):
+        has_shot = SHOT_FILE in files
+        known = has_shot or (not folders and _raw(files)) or (_raw(files) and Path(place) != root)
+        if known:
+            yield Path(place), has_shot
+            folders.clear()
+        folders[:] = sorted(f for f in folders if f not in NOT_SEARCHED and not f.startswith("."))
+
+
+def _raw(files: list[str]) -> bool:
+    return any(name.lower().endswith(frame.SUFFIXES) for name in files)
+
+
+def list_shots(root: Path) -> list[ListedShot]:
+    """The shots below a root; of each one file is read, its summary or else its shot file."""
+    return [_listed(root, folder, has_shot) for folder, has_shot in shot_folders(root)]
+
+
+def _listed(root: Path, folder: Path, has_shot: bool) -> ListedShot:
+    name = folder.relative_to(root).as_posix()
+    if not has_shot:
+        return ListedShot(name, "no shot.toml", {}, float("nan"))
+    written = _written(folder / SHOT_FILE)
+    if is_running(folder):
+        return ListedShot(name, "running", {}, written)
+    summary = folder / "results" / f"{SUMMARY}.csv"
+    done = _written(summary)
+    if done == done:
+        rows = list(csv.DictReader(StringIO(summary.read_text("utf-8"))))
+        return ListedShot(
+            name, "changed since" if written > done else "identified", rows[0] if rows else {}, done
+        )
+    if (done := _written(folder / "results" / RESULT_FILE)) == done:
+        return ListedShot(
+            name, "identified", {}, done
+        )  # before there was a summary: `kolsky report` shows it
+    blank = _BLANK.search((folder / SHOT_FILE).read_text("utf-8", errors="replace"))
+    return ListedShot(name, "not filled in" if blank else "not identified", {}, written)
+
+
+def _written(path: Path) -> float:
+    """When a file was written [s]; NaN if it is not there."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return float("nan")
+
+
+def table_row(shot: ListedShot) -> dict[str, Any]:
+    """A row of the page's table: texts, and the numbers they are sorted by."""
+    m, U = shot.number(f"{M} (1)"), shot.number(f"U {M} (1)")
+    texts = tuple(map(plain_sentence, measured(m, U))) if m == m and U == U else ("", "")
+    return {
+        "name": shot.name,
+        "state": shot.state,
+        "m": texts[0],
+        "U": texts[1],
+        "m_number": m if m == m else None,
+        "U_number": U if U == U else None,
+        "verdict": shot.verdict,
+        "rate": f"{shot.rate:.4g}" if shot.rate == shot.rate else "",
+        "rate_number": shot.rate if shot.rate == shot.rate else None,
+        "date": datetime.fromtimestamp(shot.time).strftime("%Y-%m-%d %H:%M")
+        if shot.time == shot.time
+        else "",
+        "link": frame.address("look" if shot.row else "setup", shot.name),
+    }
+
+
+def campaign_csv(found: list[ListedShot]) -> str:
+    """The rows of all summaries as one table, with the folder of each."""
+    rows = [{"folder": one.name, **one.row} for one in found if one.row]
+    heads = list(dict.fromkeys(key for row in rows for key in row))
+    text = StringIO()
+    writer = csv.DictWriter(text, heads, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def campaign_parquet(found: list[ListedShot]) -> bytes:
+    """The same as Parquet.
+
+    Raises InputError if no library for it is installed.
+    """
+    from io import BytesIO
+
+    import pandas
+
+    table, data = pandas.read_csv(StringIO(campaign_csv(found))), BytesIO()
+    try:
+        table.to_parquet(data)
+    except ImportError:
+        raise InputError(
+            "Parquet", "needs the package pyarrow", cure="pip install pyarrow, or take the CSV file"
+        ) from None
+    return data.getvalue()
+
+
+COLUMNS = [
+    {"name": "name", "label": "Shot", "field": "name", "align": "left", "sortable": True},
+    {"name": "state", "label": "State", "field": "state", "align": "left", "sortable": True},
+    {"name": "m", "label": "m", "field": "m_number", "sortable": True},
+    {"name": "U", "label": "U (k = 2)", "field": "U_number", "sortable": True},
+    {"name": "verdict", "label": "Verdict", "field": "verdict", "align": "left", "sortable": True},
+    {"name": "rate", "label": "Strain rate (1/s)", "field": "rate_number", "sortable": True},
+    {"name": "date", "label": "Date", "field": "date", "align": "left", "sortable": True},
+]
+CELLS = {
+    "name": '<q-td :props="props"><a :href="props.row.link">{{ props.row.name }}</a></q-td>',
+    "m": '<q-td :props="props">{{ props.row.m }}</q-td>',
+    "U": '<q-td :props="props">{{ props.row.U }}</q-td>',
+    "rate": '<q-td :props="props">{{ props.row.rate }}</q-td>',
+}
+
+
+def page(root: Path) -> None:
+    """Register the page."""
+
+    @ui.page("/")
+    def shots_page() -> None:
+        with frame.framed(root.name or str(root), view="shots"):
+            found = list_shots(root)
+            if not found:
+                frame.note(
+                    f"No shot and no raw files lie below {root}. Put the files of a test into a folder there."
+                )
+                return
+            done = sum(bool(one.row) for one in found)
+            frame.note(f"{len(found)} shots below {root}, {done} of them with a result.")
+            _table(found)
+
+
+def _table(found: list[ListedShot]) -> None:
+    with ui.row().classes("w-full items-end"):
+        words = ui.input("Filter: name, state or verdict").classes("w-64").props("clearable")
+        ui.button("Compare the chosen", on_click=lambda: _compare(table)).props("outline")
+        ui.button(
+            "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
+        ).props("flat")
+        ui.button("as Parquet", on_click=lambda: _parquet(found)).props("flat")
+    table = ui.table(
+        rows=[table_row(one) for one in found],
+        columns=COLUMNS,
+        row_key="name",
+        selection="multiple",
+        pagination={"rowsPerPage": 50, "sortBy": "name"},
+    ).classes("w-full")
+    table.props('flat dense :rows-per-page-options="[50, 200, 0]"')
+    table.bind_filter_from(words, "value", lambda value: value or "")
+    for name, cell in CELLS.items():
+        table.add_slot(f"body-cell-{name}", cell)
+    for slot, words in (("header", "'All shots'"), ("body", "props.row.name")):
+        box = f'<q-checkbox dense v-model="props.selected" :aria-label="{words}"></q-checkbox>'
+        table.add_slot(f"{slot}-selection", box)
+
+
+def _compare(table: ui.table) -> None:
+    chosen = [row["name"] for row in table.selected]
+    if len(chosen) < 2:
+        ui.notify("Choose two shots or more.")
+        return
+    ui.navigate.to(frame.address("compare", shots="|".join(chosen)))
+
+
+def _parquet(found: list[ListedShot]) -> None:
+    try:
+        ui.download(campaign_parquet(found), "campaign.parquet")
+    except InputError as error:
+        ui.notify(str(error), type="warning")

@@ -1,0 +1,224 @@
+"""What the files of an unfinished shot show, for the plots beside its form; nothing here is guessed.
+
+A plot begins as soon as its file and column are known; clocks, units and signs act on it when they are
+declared.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.units import quantity, unit_factor
+from kolsky.readers.recordings import read_contents
+from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
+from kolsky.survey.tables import SUFFIXES, Survey, TableEntry, read_entry
+
+MOST_POINTS = 3000
+"""Most points of a plotted signal; of longer ones each stretch shows its smallest and largest sample."""
+PREVIEW_ROWS = 6
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A curve of a plot."""
+
+    x: FloatArray
+    """Shape [n], in the unit of the axis."""
+    y: FloatArray
+    """Shape [n]."""
+    x_name: str
+    """Quantity and unit along x."""
+    y_name: str
+    """Quantity and unit along y."""
+
+
+def candidate_files(folder: Path) -> list[str]:
+    """Files of a folder and of folders inside it that may be tables or recordings, as a shot file names them.
+
+    Of a series of exports only the first file is listed.
+    """
+    found: list[str] = []
+    for place in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results")):
+        names = sorted(p for p in place.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
+        found += [
+            p.relative_to(folder).as_posix() for p in (names if place == folder or len(names) < 9 else [])
+        ]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _entry(path: Path, changed: float) -> TableEntry:
+    return read_entry(path)
+
+
+def entry(folder: Path, name: str) -> TableEntry:
+    """A file of a shot as a table.
+
+    Raises InputError if it is not there or cannot be read.
+    """
+    path = folder / name
+    if not name or not path.is_file():
+        raise InputError(path, "is not there", cure="choose another file")
+    return _entry(path, path.stat().st_mtime)
+
+
+@lru_cache(maxsize=8)
+def _surfaces(folder: Path, state: tuple[int, float]) -> SurfaceSurvey:
+    return survey_surfaces(folder)
+
+
+def surfaces(folder: Path) -> SurfaceSurvey:
+    """The series of exports of a folder; read again if one of its tables was added or changed."""
+    places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
+    times = [
+        one.stat().st_mtime
+        for place in places
+        for one in os.scandir(place)
+        if one.name.lower().endswith(SUFFIXES)
+    ]
+    return _surfaces(folder, (len(times), max(times, default=0.0)))
+
+
+def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
+    """Headings with units, and the first rows of a file."""
+    heads = [f"{c.name}" + (f" [{c.unit}]" if c.unit and c.unit not in c.name else "") for c in table.columns]
+    columns = [c.values if c.values.size else _samples(table, c.name)[:PREVIEW_ROWS] for c in table.columns]
+    rows = [[f"{c[i]:.6g}" if i < len(c) else "" for c in columns] for i in range(PREVIEW_ROWS)]
+    return heads, rows
+
+
+def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
+    """Values of a table of the shot file that follow from its file: file, layout and columns."""
+    from kolsky.survey.new_file import values_of
+
+    found = values_of(Survey({part: table}, {}))
+    return {key: value for key, value in found.items() if key.startswith(f"{part}.")}
+
+
+def _samples(table: TableEntry, name: str) -> FloatArray:
+    for column in table.columns:
+        if column.name == name and column.values.size:
+            return column.values
+    channel = next((c for c in read_contents(table.path).channels if c.name == name), None)
+    return np.empty(0) if channel is None else np.asarray(channel.values(), dtype=float)
+
+
+def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
+    """Name and unit of a declared column; empty where they are blank."""
+    declared = section.get(key)
+    if not isinstance(declared, dict):
+        return "", ""
+    return str(declared.get("column", "")), str(declared.get("unit", ""))
+
+
+def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, into: float) -> FloatArray:
+    """A declared column in the unit of a plot; its own numbers while its unit is blank or wrong."""
+    name, unit = _column(section, key)
+    values = _samples(table, name)
+    try:
+        return values * unit_factor(unit, si) * into
+    except ValueError:
+        return values
+
+
+def _offset(section: Mapping[str, Any]) -> float:
+    """The declared offset of a clock [s]; zero while it is blank."""
+    try:
+        return quantity(str(section.get("clock_offset", "")), "s")
+    except ValueError:
+        return 0.0
+
+
+def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
+    """The transmitted force's volts on the shot's clock, compression upward once its sign is declared."""
+    section = content.get("force", {})
+    table = entry(folder, str(section.get("file", "")))
+    volts = _values(table, section, "voltage", "V", 1.0)
+    if not volts.size:
+        return None
+    if table.clock is not None:
+        time = np.linspace(table.clock[0], table.clock[1], table.clock[2])[: volts.size]
+    else:
+        time = _values(table, section, "time", "s", 1.0)
+    if time.size != volts.size:
+        return None
+    flip = section.get("compression") == "negative"
+    x, y = thinned(1e6 * (time + _offset(section)), -volts if flip else volts)
+    return Signal(x, y, "Time on the shot's clock (µs)", "Minus signal (V)" if flip else "Signal (V)")
+
+
+def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
+    """The flyer's motion by frame, toward the specimen once its sign is declared."""
+    section = content.get("flyer")
+    if isinstance(section, dict):
+        table = entry(folder, str(section.get("file", "")))
+        travel = _values(table, section, "displacement", "m", 1e3)
+        number = _samples(table, str(section.get("frame", "")))
+        if not travel.size:
+            return None
+        sign = -1.0 if section.get("positive") == "away from specimen" else 1.0
+        frame = number if number.size == travel.size else np.arange(travel.size, dtype=float)
+        return Signal(
+            np.arange(travel.size, dtype=float),
+            sign * travel[np.argsort(frame, kind="stable")],
+            FRAME,
+            MOTION,
+        )
+    series = surfaces(folder).flyer or surfaces(folder).specimen
+    if series is None or "surface" not in content:
+        return None
+    travel = 1e3 * np.linalg.norm(series.motion, axis=1)
+    return Signal(np.arange(travel.size, dtype=float), travel, FRAME, "Mean motion (mm)")
+
+
+FRAME, MOTION = "Frame, counted from 0", "Flyer toward specimen (mm)"
+
+
+def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
+    """The quasi-static curve, tension positive once its convention is declared."""
+    section = content.get("curve", {})
+    table = entry(folder, str(section.get("file", "")))
+    strain, stress = (
+        _values(table, section, "strain", "1", 100.0),
+        _values(table, section, "stress", "Pa", 1e-3),
+    )
+    if not strain.size or strain.size != stress.size:
+        return None
+    sign = -1.0 if section.get("convention") == "compression positive" else 1.0
+    return Signal(sign * strain, sign * stress, "Nominal strain (%)", "Nominal stress (kPa)")
+
+
+def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[float, float] | None:
+    """A declared stretch of time [µs]; None while an end is blank.
+
+    ``keys``: one key with two ends, or the keys of both.
+    """
+    section = content.get(table, {})
+    ends = section.get(keys[0], ["", ""]) if len(keys) == 1 else [section.get(key, "") for key in keys]
+    try:
+        first, last = (1e6 * quantity(str(end), "s") for end in ends)
+    except (ValueError, TypeError):
+        return None
+    return first, last
+
+
+def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A signal of at most `MOST_POINTS`: of each stretch its smallest and largest sample, in their order."""
+    if x.size <= MOST_POINTS:
+        return x, y
+    size = -(-x.size // (MOST_POINTS // 2))
+    whole = x.size // size * size
+    rows = y[:whole].reshape(-1, size)
+    start = np.arange(rows.shape[0]) * size
+    extremes = np.sort(np.stack([rows.argmin(axis=1), rows.argmax(axis=1)], axis=1), axis=1) + start[:, None]
+    chosen = np.unique(np.append(extremes.ravel(), [x.size - 1]))
+    return x[chosen], y[chosen]

@@ -1,0 +1,142 @@
+"""What a shot would look like with other parameters: one simulation, and the valley of the misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.observations import Prediction, predict
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.result import FORCE, OUTLINE, Identification
+from kolsky.inverse.settings import Numerics
+from kolsky.shot.records import Shot
+
+SLIDERS = ("stiffness_factor", "poisson", "damping", "friction")
+"""Parameters that have a slider, where they have an effect."""
+GRID = 13
+"""Values of each of the two parameters over which the valley is drawn."""
+AROUND = 6.0
+"""Half the range of a slider in standard uncertainties of an identified parameter: three times U (k = 2)."""
+LEAST_SHARE = 0.06
+"""Least half range of a slider, relative to its value, so that a well-known parameter can be moved too."""
+_ONE_AT_A_TIME = Lock()
+"""The solver's threads are all of one simulation's."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Residual of each channel over what a right model leaves."""
+
+    force: float
+    """Of the force [-]."""
+    outline: float
+    """Of the outline [-]; NaN if none was measured."""
+
+    @property
+    def joint(self) -> float:
+        """Root mean square over the channels [-]."""
+        return float(np.sqrt(np.nanmean([self.force**2, self.outline**2])))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One simulation beside the data."""
+
+    parameters: dict[str, float]
+    """Parameters by name, SI."""
+    prediction: Prediction
+    """What the instruments would have observed."""
+    misfit: Misfit
+    """How far it is from the data."""
+
+
+@dataclass(frozen=True)
+class Valley:
+    """The misfit over two parameters, the others as they are."""
+
+    names: tuple[str, str]
+    """Parameters along x and y."""
+    x: FloatArray
+    """Values of the first, SI, shape [nx]."""
+    y: FloatArray
+    """Values of the second, SI, shape [ny]."""
+    misfit: FloatArray
+    """`Misfit.joint`, shape [ny, nx]; NaN where a run did not complete."""
+
+
+class WhatIf:
+    """A shot with its result, ready to be simulated with other parameters, on the mesh of the search."""
+
+    def __init__(self, shot: Shot, found: Identification) -> None:
+        """Prepare the shot. Raises ValueError if it cannot be simulated."""
+        self.found = found
+        self.prepared: PreparedShot = prepare_shot(shot)
+        self.numerics = Numerics(mesh=found.mesh)
+        values = {**found.fixed, **{name: e.value for name, e in found.estimates.items()}}
+        slides = "friction" in found.estimates or "coulomb" in (shot.interface.faces, shot.interface.side)
+        self.start = {
+            name: float(values.get(name, PARAMETERS[name].held(shot)))
+            for name in SLIDERS
+            if name != "friction" or slides
+        }
+        self.others = {
+            name: value for name, value in values.items() if name not in SLIDERS and name in found.estimates
+        }
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Range of a parameter's slider, inside what is allowed."""
+        value, (low, high) = self.start[name], PARAMETERS[name].allowed
+        estimate = self.found.estimates.get(name)
+        known = AROUND * estimate.sigma if estimate is not None and np.isfinite(estimate.sigma) else 0.0
+        if name == "poisson":  # what acts is the distance from 0.5
+            half = max(known, 5.0 * LEAST_SHARE * (0.5 - value))
+        else:
+            span = 0.1 * (PARAMETERS[name].upper - PARAMETERS[name].lower)
+            half = max(known, 5.0 * LEAST_SHARE * abs(value) if value else span)
+        return max(value - half, low), min(value + half, high)
+
+    def run(self, parameters: Mapping[str, float]) -> Answer:
+        """Simulate once.
+
+        Raises ValueError if a value is not allowed or the run does not complete.
+        """
+        with _ONE_AT_A_TIME:
+            response = self.prepared.forward.run(
+                {n: np.array([v]) for n, v in {**self.others, **parameters}.items()}, self.numerics
+            )
+        if not response.outcomes[0].ok:
+            raise ValueError(response.describe(0))
+        prediction = predict(response, self.prepared.observations)
+        return Answer(dict(parameters), prediction, self.misfit(prediction, 0))
+
+    def valley(self, names: tuple[str, str], parameters: Mapping[str, float]) -> Valley:
+        """The misfit over the ranges of two sliders. ``parameters``: values of the sliders."""
+        x, y = (np.linspace(*self.bounds(name), GRID) for name in names)
+        grid = {names[0]: np.tile(x, GRID), names[1]: np.repeat(y, GRID)}
+        points = {n: np.full(GRID * GRID, v) for n, v in {**self.others, **parameters}.items()} | grid
+        with _ONE_AT_A_TIME:
+            response = self.prepared.forward.run(points, self.numerics)
+        found = np.full(GRID * GRID, np.nan)
+        ended = np.flatnonzero(response.completed)
+        if ended.size:
+            prediction = predict(response.select(ended), self.prepared.observations)
+            found[ended] = [self.misfit(prediction, i).joint for i in range(ended.size)]
+        return Valley(names, x, y, found.reshape(GRID, GRID))
+
+    def misfit(self, prediction: Prediction, i: int) -> Misfit:
+        """Misfit of one run of a prediction, by the result's own yardstick."""
+        observed, expected = self.prepared.observations, {one.channel: one.expected for one in self.found.fit}
+        force = np.sqrt(np.mean((prediction.force_bins[i] - observed.force_mean) ** 2))
+        outline = np.nan
+        if observed.has_shape:
+            inside = prediction.inside[i]
+            outline = np.sqrt(np.mean((prediction.Z[i, inside] - observed.centre_line.Z[inside]) ** 2))
+        return Misfit(
+            float(force / expected.get(FORCE, np.nan)),
+            float(outline / expected.get(OUTLINE, np.nan)),
+        )

@@ -1,0 +1,152 @@
+"""Commands as processes of their own: progress, end, cancel, a server that was killed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra `app` is not installed")
+
+from nicegui.testing import User
+from simulated import walk
+
+from kolsky.app import jobs
+from kolsky.base.errors import InputError
+
+
+def wait(log: Path, seconds: float = 60.0) -> jobs.Job:
+    """The run once it has ended."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if log.stat().st_size and not (job := jobs.read_job(log)).running:
+            return job
+        time.sleep(0.05)
+    raise AssertionError(f"still running: {log.read_text('utf-8')}")
+
+
+def shot(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "shot.toml").write_text('format = 1\n[specimen]\ndiameter = ""\n', encoding="utf-8")
+    return folder
+
+
+def written(folder: Path, text: str) -> Path:
+    """A log with this text."""
+    log = jobs.log_of(folder, "identify")
+    log.parent.mkdir()
+    log.write_text(text, encoding="utf-8")
+    return log
+
+
+def test_a_command_runs_in_its_own_process_and_leaves_its_log(tmp_path: Path) -> None:
+    folder = shot(tmp_path / "one")
+    job = jobs.start(folder, "check", [])
+    assert job.running
+    assert jobs.is_running(folder)
+    ended = wait(job.log)
+    assert ended.process == job.process != os.getpid()
+    assert ended.exit_code == 2
+    assert ended.state == "failed with exit code 2"
+    assert "specimen.diameter is not filled in" in ended.text
+    jobs._CHILDREN[job.log].wait(20.0)  # it ends a moment after its last line
+    assert not jobs.is_running(folder)
+
+
+def test_progress_is_the_last_line_and_no_part_of_the_text(tmp_path: Path) -> None:
+    log = written(
+        shot(tmp_path / "one"),
+        "# kolsky identify --mesh 12x16, process 1, started 2026-01-02 03:04\n"
+        "coarse search: 10 of 40, 0:00:01 since the start\n"
+        "warning: odd\n"
+        "mesh error: 3 of 7, 0:00:09 since the start\n",
+    )
+    job = jobs.read_job(log)
+    assert job.progress == ("mesh error", 3, 7)
+    assert job.text == "warning: odd"
+    assert job.started == "2026-01-02 03:04"
+    assert not job.running  # process 1 is no command of ours
+    assert "without a server" in job.state
+
+
+@pytest.mark.parametrize(
+    ("code", "state"), [(0, "finished"), (3, "failed with exit code 3"), (143, "cancelled")]
+)
+def test_ends(code: int, state: str, tmp_path: Path) -> None:
+    head = "# kolsky identify , process 1, started 2026-01-02 03:04\nm = 1\n"
+    log = written(shot(tmp_path / "one"), f"{head}{jobs.END}{code}\n")
+    assert jobs.read_job(log).state == state
+    assert jobs.read_job(log).text == "m = 1"
+
+
+def test_no_second_command_and_no_other_one(tmp_path: Path) -> None:
+    folder = shot(tmp_path / "one")
+    with pytest.raises(InputError, match="is not run from here"):
+        jobs.start(folder, "virtual", [])
+    job = jobs.start(folder, "check", [])
+    with pytest.raises(InputError, match="runs already"):
+        jobs.start(folder, "identify", [])
+    wait(job.log)
+
+
+SERVER = """
+import os, sys, time
+from pathlib import Path
+from kolsky.app import jobs
+jobs.start(Path(sys.argv[1]), "check", [])
+os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_run_outlives_a_killed_server(tmp_path: Path) -> None:
+    folder = shot(tmp_path / "one")
+    killed = subprocess.run([sys.executable, "-c", SERVER, str(folder)], check=False)
+    assert killed.returncode == -9
+    log = jobs.log_of(folder, "check")
+    assert wait(log).exit_code == 2
+    assert [job.command for job in jobs.jobs_of(folder)] == ["check"]
+
+
+ENDLESS = """
+import runpy, sys, time
+from kolsky.app import jobs
+runpy.run_module = lambda *words, **named: [print("began", flush=True), time.sleep(100)]
+signal = __import__("signal")
+signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+jobs.run_here(["identify", "one", "--mesh", "8x8"])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_cancel_ends_a_command_and_its_log_says_so(tmp_path: Path) -> None:
+    log = written(shot(tmp_path / "one"), "")
+    with log.open("wb") as file:
+        child = subprocess.Popen([sys.executable, "-c", ENDLESS], stdout=file)
+    while "began" not in log.read_text("utf-8"):
+        assert child.poll() is None
+        time.sleep(0.05)
+    job = jobs.read_job(log)
+    assert job.running
+    assert (job.process, job.command) == (child.pid, "identify")
+    jobs.cancel(job)
+    assert child.wait(20.0) == 143
+    assert jobs.read_job(log).state == "cancelled"
+
+
+def test_the_page_shows_a_run(tmp_path: Path) -> None:
+    folder = shot(tmp_path / "root" / "one")
+
+    async def steps(user: User) -> None:
+        await user.open("/run?shot=one")
+        await user.should_see("Nothing has been run from here yet.")
+        written(folder, f"# kolsky identify , process 1, started 2026-01-02 03:04\nm = 1.1\n{jobs.END}0\n")
+        await user.should_see("kolsky identify, started 2026-01-02 03:04: finished", retries=30)
+        await user.should_see("m = 1.1")
+        await user.should_see("Look at the result")
+
+    walk(tmp_path / "root", tmp_path / "main.py", steps)

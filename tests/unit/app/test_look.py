@@ -1,0 +1,137 @@
+"""A result looked at: the misfit of other parameters, causes applied in a copy, the cut, the page."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra `app` is not installed")
+
+from laboratory_files import OPEN_05
+from nicegui import ui
+from nicegui.testing import User
+from simulated import walk
+from synthetic import fit, synthetic
+
+from kolsky.app.copies import changed_value, copy_with
+from kolsky.app.what_if import GRID, Misfit, WhatIf
+from kolsky.base.errors import InputError
+from kolsky.inverse.result import CauseFinding
+from kolsky.results.hdf5 import write_identification
+from kolsky.shot.inputs import INPUTS
+from kolsky.shot.load import load_shot
+
+
+@pytest.fixture(scope="module")
+def what_if() -> WhatIf:
+    """open-05 on a tiny mesh, with made-up estimates."""
+    found = synthetic()
+    return WhatIf(load_shot(OPEN_05), replace(found, mesh=(4, 6), fit=fit(tuple(found.estimates))))
+
+
+def test_the_misfit_is_the_residual_over_what_a_right_model_leaves(what_if: WhatIf) -> None:
+    seen = what_if.prepared.observations
+    expected = {one.channel: one.expected for one in what_if.found.fit}
+    n = len(seen.centre_line.Z)
+    prediction = SimpleNamespace(
+        force_bins=np.array([seen.force_mean + 2.0 * expected["force"]]),
+        Z=np.array([np.where(np.arange(n) % 2, 1.0, -1.0) * 3.0 * expected["outline"] + seen.centre_line.Z]),
+        inside=np.ones((1, n), dtype=bool),
+    )
+    prediction.inside[0, 0], prediction.Z[0, 0] = False, 9.0  # a point outside the model does not count
+    misfit = what_if.misfit(prediction, 0)
+    assert misfit.force == pytest.approx(2.0, rel=1e-12)
+    assert misfit.outline == pytest.approx(3.0, rel=1e-9)
+    assert misfit.joint == pytest.approx(np.sqrt(6.5), rel=1e-9)
+    assert Misfit(2.0, float("nan")).joint == 2.0
+
+
+def test_one_simulation_and_the_valley_around_it(what_if: WhatIf) -> None:
+    start = what_if.start
+    assert set(start) == {"stiffness_factor", "poisson", "damping"}  # bonded: no friction
+    for name, value in start.items():
+        low, high = what_if.bounds(name)
+        assert low < value < high
+    answer = what_if.run(start)
+    valley = what_if.valley(("stiffness_factor", "damping"), start)
+    assert valley.misfit.shape == (GRID, GRID)
+    middle = valley.misfit[GRID // 2, GRID // 2]  # the answer lies in the middle of both sliders
+    assert middle == pytest.approx(answer.misfit.joint, rel=1e-6)
+    softer = what_if.run({**start, "stiffness_factor": valley.x[0]})
+    assert softer.misfit.force != answer.misfit.force
+    assert valley.misfit[GRID // 2, 0] == pytest.approx(softer.misfit.joint, rel=1e-6)
+    with pytest.raises(ValueError, match="poisson"):
+        what_if.run({**start, "poisson": 0.6})
+
+
+def cause(key: str, value: float) -> CauseFinding:
+    return CauseFinding(key, "a change", "1", 1.0, value, 0.1, 0.5, 9.0, 0.01, {}, {}, True)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "of"),
+    [
+        ("specimen.length", 1.02, "specimen_length"),
+        ("specimen.diameter", 0.98, "specimen_diameter"),
+        ("specimen.density", 1.1, "specimen_density"),
+        ("force.sensitivity", 1.25, "sensitivity"),
+        ("force.clock_offset", 4e-6, "clock_offset"),
+        ("centre_line.y_offset", 5e-5, "y_offset"),
+        ("centre_line.Z_offset", -2e-5, "Z_offset"),
+    ],
+)
+def test_a_copy_says_what_the_diagnosis_applied(key: str, value: float, of: str, tmp_path: Path) -> None:
+    """The copy's file gives the shot that the input's own rule makes."""
+    folder = tmp_path / "one"
+    shutil.copytree(OPEN_05, folder)
+    apply = INPUTS[of].applied
+    assert apply is not None
+    right, made = apply(load_shot(folder), value), load_shot(copy_with(folder, cause(key, value)))
+    for name in ("diameter", "length", "density"):
+        assert getattr(made.specimen, name) == pytest.approx(getattr(right.specimen, name), rel=1e-8)
+    assert made.force.transducer.sensitivity == pytest.approx(right.force.transducer.sensitivity, rel=1e-8)
+    assert made.force.clock_offset == pytest.approx(right.force.clock_offset, abs=1e-15)
+    np.testing.assert_allclose(made.centre_line.y, right.centre_line.y, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(made.centre_line.Z, right.centre_line.Z, rtol=0, atol=1e-12)
+    with pytest.raises(InputError, match="is there already"):
+        copy_with(folder, cause(key, value))
+
+
+def test_values_of_the_model_take_the_place_of_the_declared_ones(tmp_path: Path) -> None:
+    shutil.copytree(OPEN_05, tmp_path / "one")
+    assert load_shot(copy_with(tmp_path / "one", cause("model.poisson", 0.4985))).model.poisson == 0.4985
+    made = load_shot(copy_with(tmp_path / "one", cause("model.damping", 3.2e-5)))
+    assert made.model.damping == pytest.approx(3.2e-5, rel=1e-9)
+    assert changed_value(cause("interface.faces", 0.3), {}) is None
+    with pytest.raises(InputError, match="no single value"):
+        copy_with(tmp_path / "one", cause("interface.faces", 0.3))
+
+
+def test_the_page(tmp_path: Path) -> None:
+    folder = tmp_path / "root" / "one"
+    shutil.copytree(OPEN_05, folder)
+    (folder / "results").mkdir()
+    found = synthetic()
+    write_identification(
+        folder / "results" / "identification.h5",
+        replace(found, mesh=(4, 6), fit=fit(tuple(found.estimates)), warnings=("it is made up",)),
+    )
+
+    async def steps(user: User) -> None:
+        await user.open("/look?shot=one")
+        await user.should_see("1 warning", retries=100)
+        await user.should_see("it is made up")
+        await user.should_see(marker="what-if-damping")
+        (slider,) = user.find(marker="what-if-stiffness_factor").elements
+        assert isinstance(slider, ui.slider)
+        user.find(marker="what-if-stiffness_factor").trigger("change")
+        await user.should_see("at the answer force", retries=100)
+        user.find("Draw the valley").click()
+        await user.should_not_see("169 simulations", retries=100)
+
+    walk(tmp_path / "root", tmp_path / "main.py", steps)

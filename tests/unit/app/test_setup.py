@@ -1,0 +1,233 @@
+"""A shot file edited in a page: single changes, remarks kept, undo, conflicts, and the way from raw files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra `app` is not installed")
+
+from laboratory_files import OPEN_05, TYPED, laboratory
+from nicegui import ui
+from nicegui.testing import User
+from simulated import walk
+
+from kolsky.app.draft import Conflict, Draft, choices, fields_of, optional_keys
+from kolsky.app.setup import new_shot
+from kolsky.app.signals import (
+    MOST_POINTS,
+    assigned,
+    curve_signal,
+    entry,
+    force_signal,
+    interval_of,
+    motion_signal,
+    thinned,
+)
+from kolsky.base.errors import InputError
+from kolsky.shot.load import check_shot
+from kolsky.survey.new_file import fill_in
+
+SMALL = """# a shot
+format = 1
+
+[specimen] # round
+diameter = "9.5 mm"   # measured twice
+length = ""           # > 0
+# density = "1 g/cm^3" # weigh it
+"""
+
+
+def draft(folder: Path, text: str = SMALL) -> Draft:
+    (folder / "shot.toml").write_text(text, encoding="utf-8")
+    return Draft(folder / "shot.toml")
+
+
+def test_fields_have_their_remarks() -> None:
+    found = {e.dotted: e for e in fields_of(SMALL)}
+    assert list(found) == ["format", "specimen.diameter", "specimen.length"]
+    assert found["specimen.diameter"].display == "9.5 mm"
+    assert found["specimen.diameter"].remark == "measured twice"
+    assert found["specimen.length"].blank
+    assert not found["specimen.diameter"].blank
+    assert optional_keys(SMALL, "specimen") == ["density"]
+
+
+def test_choices_are_those_of_the_schema() -> None:
+    assert choices("force.compression") == ("positive", "negative")
+    assert "bonded" in choices("interface.faces")
+    assert choices("model.damping_kind") == ("deviatoric", "full")
+    assert choices("specimen.length") == ()
+    assert choices("nothing.here") == ()
+
+
+def test_a_change_keeps_everything_else_and_undo_gives_the_same_bytes(tmp_path: Path) -> None:
+    one = draft(tmp_path)
+    one.enter("specimen.length", "6.5 mm")
+    one.enter("specimen.density", "870 kg/m^3")
+    text = (tmp_path / "shot.toml").read_text("utf-8")
+    assert text == SMALL.replace('length = ""           #', 'length = "6.5 mm"           #').replace(
+        '# density = "1 g/cm^3" # weigh it', 'density = "870 kg/m^3"                # weigh it'
+    )
+    assert one.undo()
+    assert one.undo()
+    assert (tmp_path / "shot.toml").read_bytes() == SMALL.encode()
+    assert not one.undo()
+
+
+@pytest.mark.parametrize(
+    ("key", "typed", "toml"),
+    [
+        ("frames.static", "12", "12"),
+        ("model.poisson", "0.499", "0.499"),
+        ("specimen.length", "6.5 mm", '"6.5 mm"'),
+        ("specimen.length", "", '""'),
+        ("specimen.length", '6.5 "', '"6.5 \\""'),
+        ("force.baseline", '["0 us", "1 us"]', '["0 us", "1 us"]'),
+    ],
+)
+def test_what_is_typed_becomes_what_the_schema_wants(key: str, typed: str, toml: str, tmp_path: Path) -> None:
+    one = draft(tmp_path, (OPEN_05 / "shot.toml").read_text("utf-8"))
+    assert one.as_toml(key, typed) == toml
+
+
+def test_two_tabs_cannot_overwrite_each_other(tmp_path: Path) -> None:
+    one, other = draft(tmp_path), Draft(tmp_path / "shot.toml")
+    one.enter("specimen.length", "6.5 mm")
+    with pytest.raises(Conflict, match="was changed by another page"):
+        other.enter("specimen.length", "7 mm")
+    assert tomllib.loads((tmp_path / "shot.toml").read_text())["specimen"]["length"] == "6.5 mm"
+    with pytest.raises(Conflict):
+        other.write("format = 1\n")
+    other.reload()
+    other.enter("specimen.length", "7 mm")
+    with pytest.raises(Conflict):
+        one.undo()
+    assert tomllib.loads((tmp_path / "shot.toml").read_text())["specimen"]["length"] == "7 mm"
+
+
+def test_a_text_that_is_no_toml_is_not_written(tmp_path: Path) -> None:
+    one = draft(tmp_path)
+    with pytest.raises(InputError, match="is no valid TOML"):
+        one.write(SMALL + "x = \n")
+    assert (tmp_path / "shot.toml").read_text() == SMALL
+
+
+def test_long_signals_keep_their_peaks() -> None:
+    x = np.arange(100_003.0)
+    y = np.sin(x)
+    y[77_777] = 5.0
+    fewer, values = thinned(x, y)
+    assert fewer.size <= MOST_POINTS + 2
+    assert values.max() == 5.0
+    assert (np.diff(fewer) > 0.0).all()
+    assert fewer[-1] == x[-1]
+
+
+def test_plots_follow_signs_units_and_clocks() -> None:
+    text = (OPEN_05 / "shot.toml").read_text("utf-8")
+    content = tomllib.loads(text)
+    force = force_signal(OPEN_05, content)
+    moved = motion_signal(OPEN_05, content)
+    curve = curve_signal(OPEN_05, content)
+    assert force is not None
+    assert moved is not None
+    assert curve is not None
+    assert interval_of(content, "force", "baseline") == pytest.approx((-200.0, 0.0))
+    assert interval_of(content, "window", "start", "end") is None
+    other = tomllib.loads(
+        text.replace('compression = "positive"', 'compression = "negative"')
+        .replace('clock_offset = "0 us"', 'clock_offset = "10 us"', 1)
+        .replace('positive = "toward specimen"', 'positive = "away from specimen"')
+        .replace('convention = "tension positive"', 'convention = "compression positive"')
+    )
+    turned = force_signal(OPEN_05, other)
+    assert turned is not None
+    np.testing.assert_allclose(turned.x - force.x, 10.0, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(turned.y, -force.y)
+    assert "Minus" in turned.y_name
+    np.testing.assert_array_equal(getattr(motion_signal(OPEN_05, other), "y", None), -moved.y)
+    np.testing.assert_array_equal(getattr(curve_signal(OPEN_05, other), "y", None), -curve.y)
+
+
+def test_a_chosen_file_brings_its_columns() -> None:
+    assert assigned("curve", entry(OPEN_05, "quasi_static.csv"))["curve.file"] == '"quasi_static.csv"'
+    assert "nominal strain" in str(assigned("curve", entry(OPEN_05, "quasi_static.csv"))["curve.strain"])
+    with pytest.raises(InputError, match="is not there"):
+        entry(OPEN_05, "none.csv")
+
+
+def fill(user: User, key: str, typed: str) -> None:
+    """Type or choose a value in the form, as a person does."""
+    (element,) = user.find(marker=key).elements
+    if isinstance(element, ui.select):
+        element.set_value(typed)
+        return
+    element.set_value(typed)
+    user.find(marker=key).trigger("blur")
+
+
+@pytest.mark.slow  # surveys and checks 372 exports three times
+def test_from_raw_files_to_a_shot_that_passes_the_check(tmp_path: Path) -> None:
+    """A German scope file, VIC-3D's series and a workbook; nothing is typed but what no file holds."""
+    folder = laboratory(tmp_path / "root" / "shot5")
+    twin = tmp_path / "twin"
+    shutil.copytree(folder, twin)
+
+    async def steps(user: User) -> None:
+        await user.open("/setup?shot=shot5")
+        user.find("Look at the files and write shot.toml").click()
+        await user.should_see("values are not filled in", retries=300)
+        await user.should_see("11 values are not filled in")
+        for key, toml in TYPED.items():
+            value = json.loads(toml)
+            if isinstance(value, list):
+                for i, one in enumerate(value):
+                    fill(user, f"{key}.{i}", one)
+            else:
+                fill(user, key, str(value))
+        await user.should_see("Every value is filled in")
+        user.find(kind=ui.button, content="Check").click()
+        await user.should_see("The check passed", retries=400)
+
+    walk(tmp_path / "root", tmp_path / "main.py", steps)
+    new_shot(twin, "exports")  # as `kolsky new` writes it; a person fills it in an editor
+    text = fill_in((twin / "shot.toml").read_text("utf-8"), TYPED)
+    made = (folder / "shot.toml").read_text("utf-8")
+    assert tomllib.loads(made) == tomllib.loads(text)
+    assert [line.partition("#")[2] for line in made.splitlines()] == [
+        line.partition("#")[2] for line in text.splitlines()
+    ]
+    assert check_shot(folder).name
+
+
+def test_a_second_tab_is_told(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    shutil.copytree(OPEN_05, root / "one")
+
+    async def steps(user: User) -> None:
+        await user.open("/setup?shot=one")
+        await user.should_see("Every value is filled in")
+        path = root / "one" / "shot.toml"
+        path.write_text(path.read_text("utf-8") + "# by hand\n", encoding="utf-8")
+        fill(user, "specimen.length", "7 mm")
+        await user.should_see("was changed by another page or program")
+        assert path.read_text("utf-8").endswith("# by hand\n")
+        assert tomllib.loads(path.read_text("utf-8"))["specimen"]["length"] == "6.5 mm"
+        user.find("Read the file again").click()
+        fill(user, "specimen.length", "7 mm")
+        await user.should_see("Every value is filled in")
+        assert tomllib.loads(path.read_text("utf-8"))["specimen"]["length"] == "7 mm"
+        user.find("Undo").click()
+        assert tomllib.loads(path.read_text("utf-8"))["specimen"]["length"] == "6.5 mm"
+        fill(user, "force.compression", "negative")
+        assert tomllib.loads(path.read_text("utf-8"))["force"]["compression"] == "negative"
+        fill(user, "specimen.length", "7 furlongs per")
+        await user.should_see("1 values cannot be used yet")
+
+    walk(root, tmp_path / "main.py", steps)
