@@ -109,13 +109,13 @@ def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = N
 
 
 LARGEST_RECORDED = 0.6
-"""Largest nominal compression of the virtual shot [-]: that of the quasi-static test of Mates et al. (2012)."""
+"""Largest nominal compression of the virtual shot [-]: as far as Mates et al. (2012) go."""
 SHARE_OF_LARGEST = 0.95
 """Of the largest compression, where that is less: the flyer still moves toward the specimen."""
 
 
 def write_specification(folder: Path, found: Prediction) -> Path:
-    """Write `virtual.toml`, the virtual laboratory's specification of the test, and the flyer's path beside it.
+    """Write `virtual.toml`, a specification for the virtual laboratory, and the flyer's path beside it.
 
     Specimen, material and interface are those of the test file. The parts behind the specimen become one bar
     of their whole length with the steel of the last one.
@@ -169,7 +169,7 @@ def write_specification(folder: Path, found: Prediction) -> Path:
     }
     head = (
         "# The predicted test for the virtual laboratory: kolsky virtual make virtual.toml --out SHOT\n"
-        "# The flyer's path is that of the prediction; every other key has the default of `kolsky virtual new`.\n"
+        "# The flyer's path is that of the prediction; others have the defaults of `kolsky virtual new`.\n"
     )
     file = folder / "virtual.toml"
     file.write_text(toml_text(tables, name=test.name, head=head), encoding="utf-8")

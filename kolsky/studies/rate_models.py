@@ -40,7 +40,7 @@ CREEP_RESISTANCES = (0.1, 1.0, 10.0)
 RESISTANCES = (1e-4, 1e4)
 """Allowed resistances over that stress [-]: beyond, the network has flowed at once, or never flows."""
 AT_END = 1e-3
-"""Distance of a logarithm from the end of its range below which the constant is not determined, as of a series."""
+"""Distance of a logarithm from the end of its range below which the constant is not determined [-]."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ class ModelComparison:
         best = self.best
         if self.scatter > POOR_FIT:
             return (
-                f"the data do not choose: no model describes them (the best leaves a chi-square of {self.scatter:.3g}"
-                " per degree of freedom); declare the material's [law], or correct the sigmas"
+                f"the data do not choose: no model describes them (chi-square per degree of freedom"
+                f" {self.scatter:.3g} or more); declare the material's [law], or correct the sigmas"
             )
         if best.doubt:
             return f"the data do not choose: {best.name}: {best.doubt}"
@@ -137,7 +137,9 @@ class ModelComparison:
             )
             return f"the data do not choose between {best.name} and {near}"
         others = [one.bic(self.n_data) for one in self.candidates if one is not best]
-        gap = f"the next model's BIC is {min(others) - best.bic(self.n_data):.1f} higher" if others else "no other"
+        gap = "no other"
+        if others:
+            gap = f"the next model's BIC is {min(others) - best.bic(self.n_data):.1f} higher"
         return f"the data choose {best.name} ({gap})"
 
 
@@ -202,10 +204,12 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
 
     def residuals(x: FloatArray) -> FloatArray:
         found = constants(x)
-        network = Relaxation("bergstrom_boyce", {**{name: found[name] for name in NETWORK_FREE}, **NETWORK_DEFAULTS})
+        network = Relaxation(
+            "bergstrom_boyce", {**{name: found[name] for name in NETWORK_FREE}, **NETWORK_DEFAULTS}
+        )
         try:
             predicted = slow_predicted(slow, law, network, {"stiffness_factor": found["factor"]})
-        except ValueError:  # a flow that cannot be integrated is worse than any that can: the search turns back
+        except ValueError:  # this flow cannot be integrated: the search turns back
             return np.full(len(values), REFUSED)
         return (predicted - values) / sigma
 
@@ -257,7 +261,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
     for name, result in results.items():
         choice = result.choice
         if choice is None:
-            raise ValueError(f"{name}: the identification did not compare what relaxes with an elastic material")
+            raise ValueError(f"{name}: the identification did not compare it with an elastic material")
         k = len(result.estimates) - len(choice.elastic)
         lower = choice.aic - 2.0 * k
         sizes.append(round(float(np.exp((choice.bic - lower) / k))))
