@@ -16,10 +16,10 @@ from kolsky.base.errors import InputError
 from kolsky.base.toml import blanks
 from kolsky.base.units import dimension_of
 from kolsky.cli import app
-from kolsky.survey.blank_file import template
 from kolsky.readers.header import likely_unit
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
+from kolsky.survey.blank_file import template
 from kolsky.survey.new_file import fill_in, with_notes
 from kolsky.survey.tables import survey
 
