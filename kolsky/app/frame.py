@@ -13,8 +13,6 @@ from urllib.parse import urlencode
 from fastapi import Response
 from nicegui import app, run, ui
 
-from kolsky.survey.tables import SUFFIXES
-
 BLUE, ORANGE, RED, INK, SOFT, RULE, BAND = (
     "#0072b2", "#d55e00", "#a63c00", "#1a1a1a", "#5c5c5c", "#c9c9c9", "#d5e6f0",
 )  # fmt: skip
@@ -105,11 +103,6 @@ def serve_files(root: Path) -> None:
         )  # fmt: skip
 
     app.get("/result")(result_page)
-
-
-def raw_files(folder: Path) -> bool:
-    """True if a folder holds files that a shot may be made of."""
-    return any(p.is_file() and p.suffix.lower() in SUFFIXES for p in folder.iterdir())
 
 
 def plain(values: Any) -> list[float | None]:

@@ -64,7 +64,7 @@ class Door:
         joint = "&" if "?" in first else "?"
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
-    def refusal(self, scope: Scope) -> str:
+    def objection(self, scope: Scope) -> str:
         """Why a request is refused; empty if it is let in, or brings the secret in its address."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
@@ -106,7 +106,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        if reason := self.door.refusal(scope):
+        if reason := self.door.objection(scope):
             await _refuse(scope, send, reason)
         elif scope["type"] == "http" and given_token(scope):
             await _to_cookie(scope, send, self.door)

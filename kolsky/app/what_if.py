@@ -8,6 +8,7 @@ from threading import Lock
 
 import numpy as np
 
+from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
@@ -78,7 +79,7 @@ class WhatIf:
         self.prepared: PreparedShot = prepare_shot(shot)
         self.numerics = Numerics(mesh=found.mesh)
         values = {**found.fixed, **{name: e.value for name, e in found.estimates.items()}}
-        slides = "friction" in found.estimates or "coulomb" in (shot.interface.faces, shot.interface.side)
+        slides = "friction" in found.estimates or SLIDING_LAW in (shot.interface.faces, shot.interface.side)
         self.start = {
             name: float(values.get(name, PARAMETERS[name].held(shot)))
             for name in SLIDERS

@@ -58,6 +58,6 @@ def judged(
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
     limit = poisson_limit(runner, fine)
     if limit is not None:
-        warnings = [*warnings, limit.sentence]
+        warnings = (*warnings, limit.sentence)
         result = replace(result, surrogate={**result.surrogate, "least_poisson": limit.least})
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))

@@ -260,7 +260,7 @@ def plot(data: object, figure: str = "") -> Figure:
     return build(known[name], shown)
 
 
-def _drawn(data: object) -> Any:
+def _drawn(data: Any) -> Any:
     """What the figures of a result show: itself, or its view."""
     from kolsky.report import picture_views
 

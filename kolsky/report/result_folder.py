@@ -19,7 +19,6 @@ from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
-from kolsky.studies.rates.records import strain_history
 
 if TYPE_CHECKING:
     from dic.result import FullField
@@ -253,6 +252,8 @@ def write_identify_results(
 
 def _nominal_rate(shot: Shot) -> float:
     """Nominal strain rate of a shot in its window [1/s]; NaN if the specimen was hardly compressed."""
+    from kolsky.studies.rates.records import strain_history
+
     try:
         return strain_history(shot).nominal_rate
     except ValueError:

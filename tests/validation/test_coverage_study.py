@@ -146,7 +146,7 @@ def test_the_flyer_moves_as_its_velocity_says() -> None:
 
 
 def test_a_truth_as_coarse_as_the_answer_is_refused() -> None:
-    with pytest.raises(ValueError, match="64 of the identification"):
+    with pytest.raises(ValueError, match="48 of the identification"):
         Study((M,), truth_mesh=(64, 86))
 
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
@@ -53,6 +52,8 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
 
 def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
     """The signal after a first-order low-pass, Eq. (E.6)."""
+    from scipy.signal import lfilter  # it takes a quarter of a second to load
+
     x = 2.0 * np.pi * frequency * step
     decay = np.exp(-x)
     # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.

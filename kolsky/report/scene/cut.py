@@ -62,5 +62,5 @@ def cut_svg(scene: Scene, k: int) -> str:
     )  # fmt: skip
 
 
-def _hex(colour: tuple[int, ...]) -> str:
+def _hex(colour: tuple[float, ...]) -> str:
     return "#" + "".join(f"{int(part):02x}" for part in colour[:3])

@@ -201,7 +201,9 @@ def _moved(shift: float):
     mesh = Pneunet(chambers=2, element="hex8").mesh
     u = np.zeros((1, *mesh.points.shape))
     u[0, mesh.points[:, 0] > 15e-3 - 1e-9, 0] = shift
-    solution = SimpleNamespace(model=SimpleNamespace(mesh=mesh), displacements=u)
+    solution = SimpleNamespace(
+        model=SimpleNamespace(mesh=mesh, solid=SimpleNamespace(shear_modulus=2e4)), displacements=u
+    )
     return SimpleNamespace(solution=solution, pressures=np.array([[4e4]]), angle=np.array([0.1]))
 
 

@@ -214,7 +214,8 @@ def test_the_command(tmp_path: Path) -> None:
     assert found["aim"]["reached"]
     assert found["numbers"]["flyer_speed"] == pytest.approx(2.7, rel=0.01)
     names = {path.name for path in (tmp_path / "p").iterdir()}
-    assert names == {"prediction.html", "prediction.json", "signals.csv", "events.csv", "scan.csv"}
+    made = {"prediction.html", "prediction.json", "signals.csv", "events.csv", "scan.csv"}
+    assert names == made | {"virtual.toml", "motion.csv"}
     assert to_json(predict(read_test(tmp_path / "t.toml"), quick=True))["specimen"] == "static curve"
     run_kolsky("predict", tmp_path / "t.toml", "--out", tmp_path / "q", "--want", "flyer_speed=2", code=2)
 

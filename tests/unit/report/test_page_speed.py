@@ -96,6 +96,7 @@ def test_a_result_file_that_cannot_be_written_leaves_nothing(
 
     monkeypatch.setattr(result_folder, "shot_recordings", lambda shot, folder: SimpleNamespace(numbers={}))
     monkeypatch.setattr(result_folder, "write_identify_page", page)
+    monkeypatch.setattr(result_folder, "_nominal_rate", lambda shot: 1.0)
     result_folder.write_identify_results(tmp_path / "good", RESULTS["one"], None, processes=processes)
     assert {"identification.h5", "report.html"} <= {path.name for path in (tmp_path / "good").iterdir()}
     monkeypatch.setattr("kolsky.results.hdf5.write_identification", refuse)

@@ -1,4 +1,4 @@
-// node app.js URL OUT ROOT: the pages of `kolsky open` as a person uses them: a shot from raw files to its answer,
+// node walk.js URL OUT ROOT: the pages of `kolsky open` as a person uses them: a shot from raw files to its answer,
 // by mouse and keyboard; a picture of each view and axe-core at 1280 and 390 px. Prints one JSON object.
 const fs = require("fs");
 const path = require("path");

@@ -1,4 +1,4 @@
-"""`kolsky open` in a real browser, from raw files to m: `AUDIT=FOLDER pytest --long tests/pages/test_app.py`.
+"""`kolsky open` in a browser, from raw files to m: `AUDIT=FOLDER pytest --long tests/unit/app/test_walk.py`.
 
 FOLDER has `npm install axe-core puppeteer-core` behind it; CHROMIUM names the browser. PICTURES names a
 folder that gets the pictures of the how-to.
@@ -75,7 +75,7 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     server, url = served(root)
     try:
         surroundings = {**os.environ, "NODE_PATH": f"{audit}/node_modules", "OPTIONS": " ".join(OPTIONS)}
-        script = Path(__file__).with_name("app.js")
+        script = Path(__file__).with_name("walk.js")
         done = subprocess.run(
             ["node", script, url, out, root],
             env=surroundings,
