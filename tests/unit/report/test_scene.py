@@ -131,7 +131,7 @@ def test_results_that_cannot_be_shown(change: Any, words: str) -> None:
 
 
 def test_unknown_fields_and_fields_without_their_material() -> None:
-    with pytest.raises(ValueError, match="there is no field 'heat'; choose from stretch, pressure, energy"):
+    with pytest.raises(ValueError, match="there is no field 'heat'; choose from stretch, pressure, stress, energy"):
         scene_of(result(), field="heat")
     with pytest.raises(ValueError, match="needs the material"):
         scene_of(result(), field="pressure")
@@ -193,7 +193,7 @@ def test_chosen_pictures() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--field", "heat"], "it must be stretch, pressure or energy"),
+        (["--field", "heat"], "it must be stretch, pressure, stress or energy"),
         (["--format", "avi"], "it must be mp4, gif, png or vtu"),
         ([], "identification.h5"),
     ],
