@@ -251,6 +251,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     if declared.geometry.mesh is None:
         with toml.refusing("geometry", "makes no actuator"):
             shape = _pneunet_of(declared.geometry)
+        _check_size(toml, max(shape.length, *shape.chamber))  # before a mesh of as many cells is made
         mesh, cavities = shape.mesh, shape.cavities
     else:
         mesh = _mesh(toml, declared.geometry, inputs)
@@ -263,14 +264,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
                 cure='name the points in Gmsh\'s physical groups, or point data "set:clamp" of a VTU file',
             )
         _check_closed(toml, mesh, cavities)
-    size = float(np.ptp(mesh.points, axis=0).max())
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise toml.error(
-            "geometry",
-            f"makes an actuator that is {1e3 * size:.4g} mm long",
-            allowed=f"{1e3 * SIZES[0]:g} mm to {SIZES[1]:g} m",
-            cure="check mesh_unit, or the units of the dimensions",
-        )
+        _check_size(toml, float(np.ptp(mesh.points, axis=0).max()))
     given = declared.material.constants
     solid = _solid(toml, declared, "material.constants", given, declared.material.D1)
     healed = None
@@ -292,6 +286,17 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
     return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
+
+
+def _check_size(toml: TomlFile, size: float) -> None:
+    """Refuse an actuator whose longest side no soft one has."""
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise toml.error(
+            "geometry",
+            f"makes an actuator that is {1e3 * size:.4g} mm long",
+            allowed=f"{1e3 * SIZES[0]:g} mm to {SIZES[1]:g} m",
+            cure="check mesh_unit, or the units of the dimensions",
+        )
 
 
 _OPENINGS = ("clamp", "mirror", "inlet")

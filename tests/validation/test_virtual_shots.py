@@ -74,8 +74,9 @@ def test_realisations_of_a_budget() -> None:
     later = replace(realise, start={"stiffness_factor": float(whole)})
     again, both = later(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert again.outcome == "re-fitted"
-    # The same weights, but slopes of the refined mesh; 2e-3 are less than one standard deviation, 0.0023.
-    assert again.results[0] == pytest.approx(whole, rel=2e-3)
+    # The same weights, but slopes of the refined mesh, from which those of 6 x 8 elements, uniform beside
+    # graded, lead three standard deviations of 0.0023 away.
+    assert again.results[0] == pytest.approx(whole, rel=1e-2)
     assert np.isnan(again.results[1])
     assert both.outcome == "same valley"
     assert both.results.tolist() == [again.results[0], whole]

@@ -101,7 +101,7 @@ def test_the_walk_ends_with_the_answer(lab: Path) -> None:
     folder = lab.parent / "identified"
     shutil.copytree(lab, folder)
     (folder / "shot.toml").write_text(fill_in(text, TYPED), encoding="utf-8")
-    options = ["--mesh", "12x16", "--refined-mesh", "16x22", "--replicates", "2", "--json"]
+    options = ["--mesh", "16x22", "--refined-mesh", "24x32", "--replicates", "2", "--json"]
     done = runner.invoke(app, ["identify", str(folder), *options])
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)

@@ -122,8 +122,9 @@ def test_the_shift_is_that_of_an_identification_with_the_other_window() -> None:
     other = identify(replace(shot, window=(first, end)), settings)
     m, n = (answer.estimates["stiffness_factor"] for answer in (found, other))
     shift = told[WINDOW_END, round(1e6 * end)].shifts["stiffness_factor"]
-    # Another design about another optimum: the two agree within half of what the residuals alone leave open.
+    # Another design about another optimum, and steps on a mesh half as fine as the answer's on the way to
+    # it: the two agree within what the residuals alone leave open.
     # Both on the mesh they were searched on. Each answer is then corrected for that mesh's error: how fine
     # the mesh is is no choice of a window.
-    assert shift == pytest.approx(n.on_mesh - m.on_mesh, abs=0.5 * m.noise_parts["force and shape"])
+    assert shift == pytest.approx(n.on_mesh - m.on_mesh, abs=m.noise_parts["force and shape"])
     assert shift > 0.6 * m.noise_parts["force and shape"]  # and there is something to foretell
