@@ -326,8 +326,8 @@ def _analysed(
 
 
 SOLVED = 1.5
-"""Misfit of both channels with a cause at which no other start is searched: the largest that is left of right
-shots of seed 4181 with their wrong input put right is below, and 1 is what a right model leaves."""
+"""Misfit of both channels with a cause at which no other start is searched. 1 is what a right model leaves;
+half of it more is a guess, not chosen on a population."""
 
 
 def solved(t: Trial) -> bool:
