@@ -20,6 +20,7 @@ from kolsky.base.errors import InputError
 from kolsky.report.result_folder import RESULT_FILE, SUMMARY
 from kolsky.results.numbers import measured, plain_sentence
 from kolsky.schema.shot_file import SHOT_FILE
+from kolsky.survey.tables import SUFFIXES
 
 _BLANK = re.compile(r'^[^#"\n]*=\s*(""|\[\s*""\s*(,\s*""\s*)*\])', re.MULTILINE)
 M = "stiffness_factor"
@@ -73,7 +74,7 @@ def shot_folders(root: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _raw(files: list[str]) -> bool:
-    return any(name.lower().endswith(frame.SUFFIXES) for name in files)
+    return any(name.lower().endswith(SUFFIXES) for name in files)
 
 
 def list_shots(root: Path) -> list[ListedShot]:

@@ -131,7 +131,8 @@ def test_results_that_cannot_be_shown(change: Any, words: str) -> None:
 
 
 def test_unknown_fields_and_fields_without_their_material() -> None:
-    with pytest.raises(ValueError, match="there is no field 'heat'; choose from stretch, pressure, stress, energy"):
+    said = "there is no field 'heat'; choose from stretch, pressure, stress, energy"
+    with pytest.raises(ValueError, match=said):
         scene_of(result(), field="heat")
     with pytest.raises(ValueError, match="needs the material"):
         scene_of(result(), field="pressure")
