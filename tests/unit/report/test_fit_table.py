@@ -70,7 +70,7 @@ def test_rows_of_a_terminal() -> None:
     assert rows["outline, information"] == "30 % of m"
     assert rows["force, would notice"] == "a residual beyond 0.4 N rms"
     late = rows["force, late by"]
-    assert late == "-0.20 ± 1.00 us (k = 2): on time, would notice 1.5 us"
+    assert late == "-0.20 ± 1.00 us: on time, notices 1.5 us"
 
 
 def test_tables_of_a_page() -> None:
