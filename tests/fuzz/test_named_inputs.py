@@ -146,10 +146,10 @@ def test_one_stray_frame_does_not_move_the_answer(tmp_path: Path) -> None:
     from kolsky.identification import identify
     from kolsky.inverse.settings import Numerics, Settings
 
-    coarse = Numerics(mesh=(4, 6), threads=1)
+    coarse = Numerics(mesh=(8, 11), threads=1)
     settings = Settings(
-        free={"stiffness_factor": None}, numerics=coarse, refined_mesh=(6, 8), replicates=2,
-        replicate_mesh=(4, 6),
+        free={"stiffness_factor": None}, numerics=coarse, refined_mesh=(12, 16), replicates=2,
+        replicate_mesh=(8, 11),
     )  # fmt: skip
     folder = small_shot(tmp_path / "shot")
     answers = []

@@ -184,7 +184,7 @@ def test_dic_writes_what_it_says(short, correlated):
     assert header.startswith("X,Y,Z,U,V,W,x,y,Sigma,sigma_X,sigma_Y,sigma_Z,e,exx,eyy,exy,outcome")
     assert first.endswith(",VALID")
     page = (out / "dic.html").read_text()
-    assert page.count("<figure") == 7  # the flight and the speckles too
+    assert page.count("<figure") == 8  # the flight, the speckles and the maps too
     assert "a &lt;virtual&gt; lens &amp; no other" in page  # texts of a shot are not markup
     assert "not stated" in page
     assert not re.search(r"(?:src|href)=.https?:", page)  # nothing from outside

@@ -414,7 +414,7 @@ def test_a_failed_write_leaves_old_results_as_they_were(shot: Path, monkeypatch:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("kolsky.base.files.os.fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     result = run_kolsky(*arguments, "-p", "stiffness_factor=1.3", code=2)
     assert result.stderr == (
         f"{shot / 'results' / 'simulation'}: results cannot be written: No space left on device. "
