@@ -160,6 +160,8 @@ class Sheet:
     """Materials of the held regions."""
     device: str = "cpu"
     """Where the element kernels run."""
+    turned: int = 0
+    """Cells that run clockwise in the mesh's file and were turned."""
 
     def model(self, solid: Solid) -> Model:
         """The sheet of a material."""

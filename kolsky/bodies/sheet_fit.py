@@ -415,6 +415,10 @@ class FieldFit:
     def warnings(self) -> list[str]:
         """What to know before using the constants."""
         warnings = [] if self.converged else ["the search did not come to rest"]
+        turned, cells = self.problem.sheet.turned, len(self.problem.sheet.mesh.cells)
+        if turned:
+            axis = "; one of its axes may be mirrored" if turned == cells else ""
+            warnings.append(f"{turned} of {cells} cells of the mesh run clockwise and were turned{axis}")
         warnings += [
             f"{name} is at its bound: the data ask for a value outside"
             for name, held in zip(self.constants.free, self.at_bound, strict=True)

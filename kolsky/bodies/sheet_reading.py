@@ -52,8 +52,6 @@ class MeasuredField:
     """SHA-256 of the files, by name."""
     declared_sigma: float | None = None
     """Declared standard deviation of a point's displacement [m]; None: that which the points show."""
-    turned: int = 0
-    """Cells that run clockwise in the mesh's file and were turned."""
 
 
 def read_field(spec: Specification) -> MeasuredField:
@@ -62,7 +60,7 @@ def read_field(spec: Specification) -> MeasuredField:
     assert section is not None  # whoever calls this has looked
     folder = toml.path.parent
     raw = read_gmsh(folder / section.mesh)
-    sheet, constants, turned = _sheet(toml, section, spec.constants, raw)
+    sheet, constants = _sheet(toml, section, spec.constants, raw)
     hashes: dict[str, str] = {}
     hashes[section.mesh] = raw.sha256
     points, displacements, hashes[section.points.file] = _points(toml, section)
@@ -84,9 +82,7 @@ def read_field(spec: Specification) -> MeasuredField:
     )  # fmt: skip
     problem = FieldProblem(sheet, data, constants)
     frames = tuple(section.frames)
-    measured = keeping(
-        MeasuredField(problem, points, bad, displacements, frames, hashes, declared, turned), bad
-    )
+    measured = keeping(MeasuredField(problem, points, bad, displacements, frames, hashes, declared), bad)
     if not measured.problem.data.cells.any():
         scale = mesh_scale(sheet.mesh.points, points)
         unit = f"; the mesh would hold them if it were {scale:g} times as large" if scale else ""
@@ -153,8 +149,8 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
 
 def _sheet(
     toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh
-) -> tuple[Sheet, Constants, int]:
-    """The sheet, the constants with those of its other regions, and the cells that were turned."""
+) -> tuple[Sheet, Constants]:
+    """The sheet, and the constants with those of its other regions."""
     groups, curves = raw.cell_groups, raw.point_groups
     sets = {}
     for key, names in (("moving", section.moving), ("fixed", section.fixed)):
@@ -188,8 +184,10 @@ def _sheet(
             "field.region", "is missing", cure="name the group of surfaces that [material] is of"
         )
     axis = "xy".index(section.axis)
-    sheet = Sheet(mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held)
-    return sheet, constants, turned
+    sheet = Sheet(
+        mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held, turned=turned
+    )
+    return sheet, constants
 
 
 MIRRORED = {

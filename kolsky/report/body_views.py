@@ -117,10 +117,6 @@ class SheetView:
                 f"{gone} of {len(self.measured.left_out)} points are left out: neither their "
                 "neighbours nor the fitted sheet predict them (field.points.gate)"
             )
-        turned, cells = self.measured.turned, len(self.mesh.cells)
-        if turned:
-            axis = "; one of its axes may be mirrored" if turned == cells else ""
-            said.append(f"{turned} of {cells} cells of the mesh run clockwise and were turned{axis}")
         if self.stiffness is not None and not self.stiffness.explained:
             said.append(
                 "no map of stiffness explains the field within its noise: chi-square over its degrees of "
