@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from types import ModuleType
 
 from nicegui.testing import User, user_simulation
 
@@ -25,4 +27,21 @@ def walk(folder: Path, main: Path, steps: Callable[[User], Awaitable[None]]) -> 
         async with user_simulation(main_file=main) as user:
             await steps(user)
 
-    asyncio.run(all_steps())
+    before = {name: module for name, module in sys.modules.items() if _is_ours(name)}
+    try:
+        asyncio.run(all_steps())
+    finally:
+        _put_back(before)
+
+
+def _is_ours(name: str) -> bool:
+    return name.partition(".")[0] in ("dic", "doe", "explicit", "kolsky")
+
+
+def _put_back(before: dict[str, ModuleType]) -> None:
+    """Undo that the simulation forgets our packages, whose next import would have none of its parts."""
+    sys.modules.update(before)
+    for name in sorted(filter(_is_ours, sys.modules)):
+        parent, _, child = name.rpartition(".")
+        if parent:
+            setattr(sys.modules[parent], child, sys.modules[name])

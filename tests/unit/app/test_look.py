@@ -88,7 +88,7 @@ def cause(key: str, value: float) -> CauseFinding:
 def test_a_copy_says_what_the_diagnosis_applied(key: str, value: float, of: str, tmp_path: Path) -> None:
     """The copy's file gives the shot that the input's own rule makes."""
     folder = tmp_path / "one"
-    shutil.copytree(OPEN_05, folder)
+    shutil.copytree(OPEN_05, folder, ignore=shutil.ignore_patterns("results"))
     apply = INPUTS[of].applied
     assert apply is not None
     right, made = apply(load_shot(folder), value), load_shot(copy_with(folder, cause(key, value)))
@@ -114,7 +114,7 @@ def test_values_of_the_model_take_the_place_of_the_declared_ones(tmp_path: Path)
 
 def test_the_page(tmp_path: Path) -> None:
     folder = tmp_path / "root" / "one"
-    shutil.copytree(OPEN_05, folder)
+    shutil.copytree(OPEN_05, folder, ignore=shutil.ignore_patterns("results"))
     (folder / "results").mkdir()
     found = synthetic()
     write_identification(
