@@ -80,7 +80,7 @@ nitpick_ignore_regex = [
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
     (
         "py:class",
-        r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|Schema|Shown|T|Result)|_P|dic\.chain\.stages\.Result",
+        r"FloatArray|NDArray|Panels|Kind|Figure|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|Schema|Shown|T|Result)|_P|dic\.chain\.stages\.Result",
     ),
     ("py:.*", module_pages.without_page(module_pages.sources())),  # modules that have no page
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
