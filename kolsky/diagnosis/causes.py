@@ -506,27 +506,43 @@ SURE = 1e-6
 
 
 def with_suspects(
-    causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigmas: Mapping[str, float]
+    causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigma: float
 ) -> tuple[CauseFinding, ...]:
     """The causes of an explained answer, with those named that would move it out of its interval.
 
     The goodness of fit leaves room for the mesh and for inputs; a wrong input may hide in it. It is suspected
-    where the data prefer another value of it at the level `SURE` and a free parameter leaves its k = 2
+    where the data prefer another value of it at the level `SURE` and the stiffness factor leaves its k = 2
     interval with it.
 
-    ``causes``: all that were tried, none of them named. ``unchanged``: `CauseAnalysis.unchanged`. ``sigmas``:
-    standard uncertainty of each free parameter.
+    ``causes``: all that were tried, none of them named. ``unchanged``: `CauseAnalysis.unchanged`. ``sigma``:
+    standard uncertainty of the stiffness factor.
     """
-
-    def moves(f: CauseFinding) -> bool:
-        return any(
-            abs(value - unchanged[name]) > COVERAGE * sigmas[name]
-            for name, value in f.parameters.items()
-            if name in unchanged and name in sigmas
-        )
-
-    chosen = [f for f in causes if f.probability < SURE and not f.within and not f.status and moves(f)]
+    if MOVED not in unchanged:
+        return tuple(causes)
+    chosen = [
+        f
+        for f in causes
+        if f.probability < SURE
+        and not f.within
+        and not f.status
+        and abs(f.parameters[MOVED] - unchanged[MOVED]) > COVERAGE * sigma
+    ]
     chosen.sort(key=lambda f: f.probability)
+    return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
+
+
+def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
+    """The causes of an answer that is withheld, with the leading ones named though their evidence is small.
+
+    Something is wrong there, so that an input needs less evidence than where an alarm could be false: it must
+    be significant and explain `LEAST_SHARE`. At a bound the data ask for what lies beyond it.
+
+    ``causes``: all that were tried, by their evidence, none of them named. ``at_bound``: whether the
+    stiffness factor ends at a bound.
+    """
+    beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
+    strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
+    chosen = beyond + [f for f in strong if not f.within and not f.status and f not in beyond]
     return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
 
 

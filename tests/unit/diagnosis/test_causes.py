@@ -12,6 +12,8 @@ from kolsky.diagnosis.cause_search import Trial
 from kolsky.diagnosis.causes import (
     ALIKE,
     CONTENDERS,
+    LEAST_SHARE,
+    LEVEL,
     MISTAKE,
     SURE,
     Best,
@@ -24,11 +26,12 @@ from kolsky.diagnosis.causes import (
     sentence,
     stiffness_at_bound,
     strangeness,
+    with_leading,
     with_suspects,
     without_twin_between,
 )
 from kolsky.inverse.result import CauseFinding
-from kolsky.shot.inputs import DENSITY, POISSON, SENSITIVITY, causes
+from kolsky.shot.inputs import CURVE_SCALE, DENSITY, POISSON, SENSITIVITY, causes
 
 BY_KEY = {c.key: c for c in causes()}
 
@@ -225,7 +228,7 @@ def test_an_input_is_suspected_where_the_data_are_sure_and_the_answer_leaves_its
         one("moves", 0.2 * SURE, 1.021),
         one("moves more surely", 0.1 * SURE, 0.979),
     )
-    found = with_suspects(tried, {"stiffness_factor": 1.0}, {"stiffness_factor": 0.01})
+    found = with_suspects(tried, {"stiffness_factor": 1.0}, 0.01)
     assert [f.key for f in found if f.named] == ["moves more surely", "moves"]
     assert [f.key for f in found][2:] == ["stays", "by chance", "within", "lost"]
     (said, _) = cause_warnings(CauseAnalysis(found, np.ones(2)), explained=True)
@@ -248,3 +251,24 @@ def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_o
     assert _contenders(judge, far) == []
     weak = [best(SENSITIVITY, 90.0), best(DENSITY, 101.0)]
     assert _contenders(judge, weak) == []
+
+
+def test_of_an_answer_that_is_withheld_the_leading_inputs_are_named() -> None:
+    """Significant and a share of the misfit are enough there; at a bound what lies beyond comes first."""
+
+    def one(key: str, probability: float, share: float, **more: Any) -> CauseFinding:
+        return finding(key=key, named=False, probability=probability, explained=share, evidence=4.0, **more)
+
+    tried = (
+        one("leads", 0.9 * LEVEL, LEAST_SHARE),
+        one("by chance", 1.1 * LEVEL, 0.9),
+        one("little", 0.0, 0.9 * LEAST_SHARE),
+        one("within", 0.0, 0.9, declared_sigma=0.4),
+        one("lost", 0.0, 0.9, status="the run ended"),
+        one(CURVE_SCALE, 1.0, 0.0),
+        one("follows", 0.0, 0.9),
+    )
+    assert [f.key for f in with_leading(tried, at_bound=False) if f.named] == ["leads", "follows"]
+    found = with_leading(tried, at_bound=True)
+    assert [f.key for f in found if f.named] == [CURVE_SCALE, "leads", "follows"]
+    assert len(found) == len(tried)
