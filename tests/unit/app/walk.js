@@ -109,7 +109,7 @@ async function fill(page, key, value) {
   const track = await slider.evaluateHandle((one) => one.closest(".q-slider"));
   const place = await track.boundingBox();
   await page.mouse.click(place.x + 0.62 * place.width, place.y + 0.5 * place.height);
-  await see(page, "at the answer force", 60);
+  await see(page, ", at the answer ", 60);
   await press(page, "Draw the valley");
   await page.waitForSelector('[aria-label^="Misfit over"]', { timeout: 90000 });
   await page.evaluate(() => scrollTo(0, 0));
