@@ -168,7 +168,7 @@ class LookView:
             "Time (µs)",
             "Transmitted force (N)",
             [
-                *frame.band("what a right model leaves, k = 2", t, low, high),
+                *frame.band("expected of a correct model, k = 2", t, low, high),
                 frame.dots("measured", frame.points(t, c.force_measured), frame.INK, 3.5, z=4),
                 frame.line("model", frame.points(t, c.force_model), frame.ORANGE),
                 frame.line("tried", [], frame.BLUE),
@@ -303,7 +303,8 @@ class LookView:
             return
         frame.note(
             "Move a slider: the shot is simulated with these values on the mesh of the search, and the plots "
-            "above show it in blue. Residuals are over what a right model leaves: 1 is as expected."
+            "above show it in blue. Residuals are divided by those expected of a correct model: 1 is as "
+            "expected."
         )
         self.sliders: dict[str, ui.slider] = {}
         with ui.element("div").classes("grid2"):
@@ -395,7 +396,7 @@ class LookView:
             frame.note("No single input that was tried explains more of the data.")
             return
         frame.note(
-            "A copy of the shot gets the changed input; the shot itself stays as it is. Identify the copy, "
+            "A copy of the shot gets the changed input; the shot itself is not changed. Identify the copy, "
             "then compare both."
         )
         for cause in tried:

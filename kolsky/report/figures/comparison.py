@@ -38,8 +38,8 @@ from kolsky.report.scene.stills import COUNT as STILLS
 from kolsky.report.scene.stills import draw_still, scene_of_stills
 from kolsky.results.numbers import percent, plain
 
-RIGHT = "right model, k = 2"
-"""Label of the band of what a right model leaves."""
+RIGHT = "correct model, k = 2"
+"""Label of the band of the residual of a correct model."""
 
 
 def right_model(result: Identification, channel: str) -> str:
@@ -51,7 +51,8 @@ def right_model(result: Identification, channel: str) -> str:
     added = f" with the root mean square left by {', '.join(others)}" if others else ""
     limit = f"limit {plain(fit.limit, 2)}" if np.isfinite(fit.limit) else "no limit"
     return (
-        f"The band is what a right model may leave, k = 2: the noise of each value{added}. The verdict "
+        f"The band is the residual expected of a correct model, k = 2: the noise of each value{added}. The "
+        "verdict "
         f"compares the residual with the same spread: {plain(fit.excess, 2)} of it, {limit}."
     )
 
@@ -251,7 +252,8 @@ def profiles(result: Identification, panels: Panels) -> str:
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ of their noise "
         "and the simulated side surface (top); ΔZ, simulated minus measured Z of the same points, and the "
-        "band of what a right model may leave, k = 2 (bottom). y is the height above the transmission platen."
+        "band of the residual expected of a correct model, k = 2 (bottom). y is the height above the "
+        "transmission platen."
     )
 
 
@@ -289,8 +291,8 @@ def force_residual(result: Identification, panels: Panels) -> str:
     share.set_xlim(left=0.0)
     share.tick_params(labelleft=False)
     return (
-        "Residual of the force over the standard deviation σ of what a right model may leave in each bin, "
-        "with the band of k = 2 (left), and its distribution beside the standard normal one (right). "
+        "Residual of the force over the standard deviation σ expected of a correct model in each bin, "
+        "with the band of k = 2 (left), and its distribution with the standard normal one (right). "
         "Stretches of one sign are error of the model, not noise."
     )
 
@@ -430,7 +432,8 @@ def scene(result: Identification, panels: Panels) -> str:
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
     colour_bar(colours, axes, kind.label, location="bottom", aspect=50, shrink=0.5)
     return (
-        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
-        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
+        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by "
+        "the smallest principal stretch; next to it the measured outline, nearest frame, revolved about "
+        "the axis. "
         "Points: as measured."
     )
