@@ -168,7 +168,7 @@ def answer_lines(result: "JointResult") -> list[str]:
 
 
 def _verdict_line(result: "JointResult") -> str:
-    """The verdict on the whole, with the largest residual over the residual of a correct model."""
+    """The verdict on the whole, with the largest residual over that expected of a correct model."""
     fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
     fits += [(fit.channel, fit) for fit in result.slow_fit]
     if not fits:

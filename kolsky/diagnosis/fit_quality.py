@@ -65,7 +65,7 @@ def mesh_changes(mesh: MeshChange) -> FloatArray:
 
 
 LIMITS = {"force": 3.0, "outline": 2.0}
-"""Largest residual over the residual of a correct model, by channel [-]."""
+"""Largest residual over that expected of a correct model, by channel [-]."""
 SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 """The same of the means over blocks [-]."""
 ALONE = 0.1

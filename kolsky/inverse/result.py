@@ -183,12 +183,12 @@ class FitQuality:
 
     @property
     def excess(self) -> float:
-        """Residual over the residual of a correct model [-]."""
+        """Residual over that expected of a correct model [-]."""
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
     def slow_excess(self) -> float:
-        """Slow residual over the residual of a correct model of it [-]."""
+        """Slow residual over that expected of a correct model of it [-]."""
         return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
 
     @property

@@ -127,8 +127,8 @@ def test_a_residual_far_above_the_noise_is_accounted_for() -> None:
     parts = {"noise": 1e-6, "flyer motion": 2e-6, "mesh": 7e-6}
     meshed = replace(OUTLINE, residual=6.9e-6, predicted=parts, chi2=48.0)
     assert why_beyond_noise(meshed) == (
-        "The outline's residual is 6.9 times its noise. A correct model leaves as much: mesh alone brings "
-        "7 µm, the noise 1 µm. The band of the figure has all sources."
+        "The outline's residual is 6.9 times its noise, as expected (mesh: 7 µm, noise: 1 µm). The band of "
+        "the figure includes all sources."
     )
     assert why_beyond_noise(OUTLINE) == ""
     assert why_beyond_noise(replace(meshed, residual=70e-6)) == ""

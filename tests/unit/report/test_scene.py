@@ -115,7 +115,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     ("change", "words"),
     [
         (lambda r: replace(r, response=replace(r.response, nodes=None)), "kept no nodes"),
-        (lambda r: replace(r, provenance={}), "how large the specimen was"),
+        (lambda r: replace(r, provenance={}), "does not hold the size"),
         (lambda r: replace(r, refined_mesh=(3, 4)), "nodes, its mesh has 20"),
         (
             lambda r: replace(r, response=replace(r.response, nodes=np.full_like(r.response.nodes, np.nan))),
