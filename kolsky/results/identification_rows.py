@@ -71,8 +71,8 @@ def why_beyond_noise(f: FitQuality) -> str:
     source = max(others, key=lambda name: others[name])
     return (
         f"The {f.channel}'s residual is {f.over_noise:.2g} times its noise, as expected ({source}: "
-        f"{factor * others[source]:.2g} {unit}, noise: {factor * f.predicted[NOISE]:.2g} {unit}). The band of "
-        "the figure includes all sources."
+        f"{factor * others[source]:.2g} {unit}, noise: {factor * f.predicted[NOISE]:.2g} {unit}). The band "
+        "of the figure includes all sources."
     )
 
 

@@ -33,9 +33,9 @@ from kolsky.report.figures.base import (
     largest,
     note_empty,
 )
-from kolsky.report.scene.scene_data import FIELDS, has_scene
-from kolsky.report.scene.stills import COUNT as STILLS
-from kolsky.report.scene.stills import draw_still, scene_of_stills
+from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista, render
+from kolsky.report.scene.film import evenly_spaced
+from kolsky.report.scene.scene_data import FIELDS, has_scene, scene_of
 from kolsky.results.numbers import percent, plain
 
 RIGHT = "correct model, k = 2"
@@ -419,14 +419,30 @@ def meshes(result: Identification, panels: Panels) -> str:
     )
 
 
+STILLS = 3
+"""Number of pictures of the specimen in three dimensions."""
+STILL_SIZE = (800, 480)
+"""Width and height of one of them [px]: 350 dots per inch in a third of the page."""
+
+
 @figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
 def scene(result: Identification, panels: Panels) -> str:
-    stage = scene_of_stills(result)
+    stage = scene_of(result, chosen=lambda n: evenly_spaced(n, STILLS))
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
     for ax in axes:
         ax.set_axis_off()
-    for ax, (k, time) in zip(axes, enumerate(stage.times), strict=False):
-        draw_still(ax, stage, k)
+    try:
+        pyvista = offscreen_pyvista()
+    except CannotRender as why:
+        axes[STILLS // 2].text(0.5, 0.5, "not drawn", transform=axes[STILLS // 2].transAxes, ha="center")
+        return f"The specimen in three dimensions is not drawn: {why}."
+    stills = np.stack(
+        [render(pyvista, stage, k, size=STILL_SIZE, bar=False) for k in range(len(stage.times))]
+    )
+    paper = (stills == np.iinfo(np.uint8).max).all(axis=(0, 3))  # one frame for all, so one scale
+    (rows,), (columns,) = (~paper).any(axis=1).nonzero(), (~paper).any(axis=0).nonzero()
+    for ax, still, time in zip(axes, stills, stage.times, strict=False):
+        ax.imshow(still[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], interpolation="none")
         ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
@@ -434,6 +450,5 @@ def scene(result: Identification, panels: Panels) -> str:
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by "
         "the smallest principal stretch; next to it the measured outline, nearest frame, revolved about "
-        "the axis. "
-        "Points: as measured."
+        "the axis. Points: as measured."
     )
