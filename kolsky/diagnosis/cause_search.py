@@ -88,8 +88,8 @@ class CauseSearch:
     What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
     is a misfit.
 
-    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, what a
-    right model leaves. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
+    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, the residual of
+    a correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
     inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
     out.
     """
@@ -187,7 +187,7 @@ class CauseSearch:
         return evidence(self.before, misfits, self.expected.times)
 
     def loss(self, misfits: FloatArray) -> float:
-        """What a search makes small; below what a right model leaves it still falls."""
+        """What a search makes small; below the residual of a correct model it still falls."""
         return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
 
     def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:

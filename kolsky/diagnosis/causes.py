@@ -235,7 +235,7 @@ class CauseAnalysis:
     findings: tuple[CauseFinding, ...]
     """The likely causes first, the most likely before all; then the others by their evidence."""
     misfits: FloatArray
-    """Mean squared residual of force and outline over what a right model leaves, shape [2]."""
+    """Mean squared residual of force and outline over the residual of a correct model, shape [2]."""
     unchanged: Mapping[str, float] = field(default_factory=dict)
     """The free parameters as the same search finds them with no input changed."""
     lost: str = ""
@@ -343,12 +343,12 @@ def _analysed(
 
 
 SOLVED = 1.5
-"""Misfit of both channels with a cause at which no other start is searched. 1 is what a right model leaves;
-half of it more is a guess, not chosen on a population."""
+"""Misfit of both channels with a cause at which no other start is searched. 1 is the residual of a correct
+model; half of it more is a guess, not chosen on a population."""
 
 
 def solved(t: Trial) -> bool:
-    """True if a cause leaves what a right model does, so that no other valley can explain more."""
+    """True if a cause leaves what a correct model does, so that no other valley can explain more."""
     return not t.lost and bool((t.misfits <= SOLVED).all())
 
 
@@ -470,7 +470,7 @@ def best_trials(
 ) -> list[Trial]:
     """The best value of every candidate; far ones are tried only where the data are not explained.
 
-    What a right model leaves is known to the search from two meshes alone; `explained` may know better.
+    What a correct model leaves is known to the search from two meshes alone; `explained` may know better.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:
@@ -575,8 +575,8 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
-            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "
-            "force and outline): more than one input may be wrong, or the model"
+            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times the residual expected of a "
+            "correct model, of force and outline): more than one input may be wrong, or the model"
         )
 
 

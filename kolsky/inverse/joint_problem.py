@@ -316,7 +316,9 @@ class JointProblem:
         for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
             if np.isnan(seen).all():
                 name = prepared.forward.shot.name
-                raise ValueError(f"{name}: the run at the start did not complete: `kolsky simulate` says why")
+                raise ValueError(
+                    f"{name}: the run at the start did not complete: `kolsky simulate` prints why"
+                )
             inside = ~np.isnan(seen[0, one.observations.n_force :])
             shots.append(replace(one, counted=inside))
         self.stack = replace(self.stack, shots=tuple(shots))
@@ -352,7 +354,7 @@ class JointProblem:
         up, down = np.minimum(x + h, upper), np.maximum(x - h, lower)
         vectors = self.predict("slopes", np.concatenate([x[None], up, down]), numerics)
         if np.isnan(vectors).any():
-            raise ValueError("a run beside the optimum did not complete: give narrower bounds with --free")
+            raise ValueError("a run next to the optimum did not complete: give narrower bounds with --free")
         d = len(x)
         rows = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
         return vectors[0], rows.T

@@ -308,11 +308,9 @@ def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() ->
 
 
 def test_the_choice_otherwise() -> None:
-    assert choice_in_words(-8.0, 1e-4, asked=True).startswith(
-        "the data ask for what relaxes (AIC -8.0; 0.01 %"
-    )
+    assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
     assert choice_in_words(2.0, 0.3, asked=False).startswith(
-        "the data do not ask for what relaxes (AIC +2.0; 30 %"
+        "the data do not need relaxation (AIC +2.0; 30 %"
     )
 
 
@@ -492,7 +490,7 @@ def test_a_foreign_slow_test_is_not_explained() -> None:
     assert right.slow_expected == pytest.approx(1.0 / np.sqrt(8.0))
     foreign = slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
     assert not foreign.explained
-    # The curve is uncertain by 20 sigma there: a right model leaves as much.
+    # The curve is uncertain by 20 sigma there: a correct model leaves as much.
     known = slow_fit(
         "relaxation", noise + 20.0, {"material curve": np.full((1, 64), 20.0)}, peak=50.0, judged=True
     )
