@@ -293,12 +293,12 @@ def follow_on_refined(
 
 def patterns_at_refined(runner: Runner, front: MovedFront, last: RefinedRun) -> MovedFront | None:
     """The same path with patterns of its noise at a run; None if one of their runs does not complete."""
-    deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
-    runs = runner.under_other_motions(last.x[None], one * deviations, last.numerics)[0]
-    if runs is None or len(runs.force_bins) <= len(deviations):
+    jerks = front.modes.own_jerks
+    runs = runner.under_other_motions(last.x[None], jerks, last.numerics)[0]
+    if runs is None or len(runs.force_bins) <= len(jerks):
         return None
-    modes = PathModes.of(data_change(runs)[1:] / one, noise_of(runner.problem.observations), deviations)
-    return MovedFront(front.fitted, modes, modes.amplitudes(shares))
+    modes = PathModes.of(data_change(runs)[1:], noise_of(runner.problem.observations), jerks)
+    return MovedFront(front.fitted, modes, modes.amplitudes(front.amplitudes))
 
 
 def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:
@@ -319,7 +319,7 @@ DIFFERENCE_STEP = 0.5
 """Half the distance of the differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
 """Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
-RUNS_PER_PARAMETER = 12
+RUNS_PER_PARAMETER = 6
 """Runs of that surrogate for each parameter."""
 
 

@@ -95,8 +95,9 @@ class MadeUp:
             points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
         )
 
-    def front_deviations(self, n: int) -> np.ndarray:
-        return np.zeros((n, 1))
+    @property
+    def front_jerks(self) -> np.ndarray:
+        return np.zeros((2, 1))
 
     def under_other_motions(self, points: np.ndarray, deviations: Any, numerics: Any) -> Any:
         n = len(deviations) + 1
