@@ -210,6 +210,19 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
 
 
+def test_a_mesh_whose_slopes_fall_short_as_those_before_is_reached_by_one_step() -> None:
+    """Slopes that are twice the model's ask for half the way from -10 to 0."""
+    made: Any = Chord()
+    one, slope = objective(np.zeros(10), np.empty(0)), np.full((10, 1), 2.0)
+    found = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
+    assert made.visited == pytest.approx([-10.0, -5.0, 0.0], abs=1e-9)
+    assert found.factor == pytest.approx(2.0)
+    made = Chord()
+    again = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined, found.factor)
+    assert made.visited == pytest.approx([-10.0, 0.0], abs=1e-9)
+    assert again.factor == pytest.approx(2.0)
+
+
 def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:
     # Of a step of 4 the run takes off 3, a share of 0.75; what it still asks for is a third too short.
     move = np.array([4.0, 0.0])
