@@ -124,7 +124,7 @@ def write_vtu(
     nodes, `sample` or `every` is out of range, or the mesh has other nodes.
     """
     if response.nodes is None:
-        raise ValueError("the response kept no nodes; ask for them when the simulation is run")
+        raise ValueError("the response kept no nodes; request them when the simulation is run")
     if not 0 <= sample < response.n_samples:
         raise ValueError(f"sample must be in [0, {response.n_samples - 1}], got {sample}")
     if every < 1:
