@@ -1,6 +1,7 @@
 """Regions found in the pictures: rendered bodies whose rows are known, in four directions, and bad scenes."""
 
 import tracemalloc
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +12,8 @@ from speckle_pictures import render, speckle_pattern
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
 from dic.bodies.region import _painted, find_regions, polygon_mask
 from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
+from kolsky.pictures.regions import Drawn
+from kolsky.shot.dic import regions_in_pictures
 
 SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
 TOP, BOTTOM = 5.3, 84.6  # where the specimen begins and ends at rest [px]
@@ -66,6 +69,22 @@ def test_rows_of_one_body_are_alike_and_an_edge_is_not(plain):
     likeness = row_correlation(plain.frame(0)[:, 14:96])
     assert np.median(likeness[10:80]) > 0.6  # speckles of 5 px, rows 2 px apart
     assert likeness[5:7].mean() < 0.3
+
+
+def test_what_a_shot_file_leaves_out_is_proposed_and_nothing_else(plain):
+    region = SimpleNamespace(corners=((20.0, 10.0), (90.0, 10.0), (90.0, 80.0)), frame=0)
+    section = SimpleNamespace(specimen=region, flyer=None, transmission_edge=None, flyer_side="up")
+    declared = SimpleNamespace(dic=section, frames=SimpleNamespace(static=STATIC))
+    whole = Memory(tuple(plain.frame(k).round().clip(0, 255).astype(np.uint8) for k in range(FRAMES)))
+    pictures = SimpleNamespace(
+        toml=SimpleNamespace(declared=declared), time=np.arange(float(FRAMES)), series=(whole, whole)
+    )
+    proposed, why = regions_in_pictures(pictures)
+    found = search(whole)
+    assert list(proposed) == ["flyer", "transmission_edge"]
+    assert proposed["flyer"] == [Drawn(found.flyer.corners, found.flyer.frame)]
+    assert proposed["transmission_edge"] == [Drawn((found.edge,), 0)]
+    assert why == found.why
 
 
 @pytest.mark.parametrize("platen", ["even", "speckled"])
