@@ -346,7 +346,8 @@ class LookView:
             return
         frame.note(
             "Move a slider: the shot is simulated with these values on the mesh of the search, and the plots "
-            "above show it in blue. The numbers are residuals over those expected of a correct model."
+            "above show it in blue. Residuals are divided by those expected of a correct model: 1 is as "
+            "expected."
         )
         self.sliders: dict[str, ui.slider] = {}
         with ui.element("div").classes("grid2"):
@@ -442,7 +443,7 @@ class LookView:
             frame.note("No single input that was tried explains more of the data.")
             return
         frame.note(
-            "A copy of the shot gets the changed input; the shot itself stays as it is. Identify the copy, "
+            "A copy of the shot gets the changed input; the shot itself is not changed. Identify the copy, "
             "then compare both."
         )
         for cause in tried:

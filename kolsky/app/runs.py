@@ -59,7 +59,7 @@ class RunView:
             self.begin = ui.button("Start", on_click=self.start).props("unelevated")
             self.end = ui.button("Cancel", on_click=self.cancel).props("outline color=negative")
         frame.note(
-            "A run is a process of its own: it goes on when this page or the server is closed. The same "
+            "A run is a separate process: it continues when this page or the server is closed. The same "
             "command in a terminal writes the same files."
         )
         self.state = ui.label().props("role=status")
