@@ -133,7 +133,8 @@ def _write_film(out: Path, pictures: Sequence[tuple[str, str, float]], target: P
     for name, words, _ in pictures:
         frame = Image.new("RGB", FILM, "#0072b2")
         with Image.open(out / name) as image:
-            frame.paste(image.convert("RGB").resize((800, 500), Image.Resampling.LANCZOS), (0, 0))
+            seen = image.convert("RGB").crop((0, 0, 1280, 800))
+            frame.paste(seen.resize((800, 500), Image.Resampling.LANCZOS), (0, 0))
         ImageDraw.Draw(frame).text((14, 505), words, fill="white", font=font)
         frames.append(frame)
     durations = [round(1000.0 * seconds) for _, _, seconds in pictures]

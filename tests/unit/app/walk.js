@@ -36,7 +36,7 @@ async function looked(page, name, widths = [1280, 390]) {
 // One picture of the film, its caption and how long it stays.
 async function film(page, words, seconds = 1.6) {
   const name = `film-${String(found.film.length).padStart(2, "0")}.png`;
-  await page.screenshot({ path: path.join(out, name), clip: { x: 0, y: 0, width: 1280, height: 800 }, captureBeyondViewport: false });
+  await page.screenshot({ path: path.join(out, name) });
   found.film.push([name, words, seconds]);
 }
 
