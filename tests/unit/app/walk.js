@@ -36,7 +36,7 @@ async function looked(page, name, widths = [1280, 390]) {
 // One picture of the film, its caption and how long it stays.
 async function film(page, words, seconds = 1.6) {
   const name = `film-${String(found.film.length).padStart(2, "0")}.png`;
-  await page.screenshot({ path: path.join(out, name), clip: { x: 0, y: 0, width: 1280, height: 800 }, captureBeyondViewport: false });
+  await page.screenshot({ path: path.join(out, name) });
   found.film.push([name, words, seconds]);
 }
 
@@ -95,10 +95,10 @@ async function twoTabs(browser, page, address) {
   await other.setViewport({ width: 1280, height: 900 });
   await other.goto(address, { waitUntil: "networkidle2" });
   await fill(other, "specimen.length", "6.6 mm");
-  await see(other, "Every value is filled in", 30);
+  await see(other, "Every value is filled in", 90);
   await page.bringToFront();
   await fill(page, "specimen.density", "880 kg/m^3");
-  await see(page, "was changed by another page", 30);
+  await see(page, "was changed by another page", 90);
   await press(page, "Read the file again");
   await pause(1500);
   found.states.tabs = [await declared(page, "length"), await declared(page, "density")];
@@ -187,7 +187,7 @@ async function fill(page, key, value) {
     await fill(page, key, words);
     if (i % 3 === 2) await film(page, "Type what no file holds: sizes, density, sensitivity, contact", 0.7);
   }
-  await see(page, "Every value is filled in", 30);
+  await see(page, "Every value is filled in", 90);
   const plot = await to(page, '[aria-label="The force\'s signal"]');
   const box = await plot.boundingBox();
   await page.mouse.move(box.x + 80, box.y + 120);
@@ -208,6 +208,7 @@ async function fill(page, key, value) {
   await film(page, "Check reads every file");
   await looked(page, "setup");
   await page.goto(`${origin}/run?shot=shot5`, { waitUntil: "networkidle2" });
+  await page.type('[aria-label="Options, as on the command line"]', process.env.OPTIONS);
   await press(page, "Start");
   await see(page, "running: .*, \\d+ of \\d+", 120);
   await film(page, "Identify: progress, log, cancel");
@@ -218,7 +219,7 @@ async function fill(page, key, value) {
   gone = false;
   await page.goto(`${origin}/run?shot=shot5`, { waitUntil: "networkidle2" });
   found.states.afterKill = await page.$eval("body", (one) => one.innerText.match(/kolsky identify, started .*/)[0]);
-  await see(page, "finished", 900);
+  await see(page, "finished", 1500);
   found.log = await page.$eval('[role="log"]', (one) => one.innerText);
   await film(page, "Finished: the answer with its uncertainty", 2.5);
   await page.goto(`${origin}/look?shot=shot5`, { waitUntil: "networkidle2" });
@@ -254,9 +255,9 @@ async function fill(page, key, value) {
   await page.goto(`${origin}/setup?shot=${encodeURIComponent("shot5, longer")}`, { waitUntil: "networkidle2" });
   await fill(page, "specimen.length", "6.6 mm");
   await page.goto(`${origin}/run?shot=${encodeURIComponent("shot5, longer")}`, { waitUntil: "networkidle2" });
-  await page.type('[aria-label="Options, as on the command line"]', process.env.OPTIONS);
+  await page.type('[aria-label="Options, as on the command line"]', process.env.COARSER);
   await press(page, "Start");
-  await see(page, "finished", 420);
+  await see(page, "finished", 900);
   await page.goto(`${origin}/compare?shots=${encodeURIComponent("shot5|shot5, longer")}`, { waitUntil: "networkidle2" });
   await see(page, "longer: m =|There is no rate study", 90);
   await pause(800);
