@@ -82,7 +82,7 @@ def test_tables_of_a_page() -> None:
     assert shown["channels"][0]["predicted"] == "noise 0.12 N, flyer motion 0.16 N"
     assert shown["channels"][0]["weight"] == ["70 %"]
     assert all(state.startswith("on time; a lag above ") for _, _, state in shown["clocks"])
-    assert shown["clocks"][0][2].endswith(" 1.5 µs")  # three times 0.5 us
+    assert shown["clocks"][0][2].endswith(" 1.5 µs would be detected")  # three times 0.5 us
     late = replace(RESULT.clocks[0], lag=1.51e-6)  # sigma is 0.5 us
     assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2].startswith("late; ")
     lost = replace(late, sigma=float("nan"))
