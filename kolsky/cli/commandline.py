@@ -1,7 +1,9 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
 import errno
+import inspect
 import os
+import re
 import signal
 import sys
 import time
@@ -213,10 +215,16 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(refusing_bad_input()(with_settings(command)))
+        made_of = refusing_bad_input()(with_settings(command))
+        place.command(name, help=_paragraphs(command), hidden=words in former)(made_of)
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made
+
+
+def _paragraphs(command: Command) -> str:
+    """The docstring with each paragraph on one line, which the terminal breaks at its own width."""
+    return re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
 
 
 @contextmanager
