@@ -110,13 +110,9 @@ SWITCHES: dict[str, Switch] = {
 }
 
 
-UPDATES = 7.04e7
-"""Element updates of 100 runs of the solver's problem: 352 elements, 2000 steps."""
-
-
 def answer(shot: Path, name: str) -> dict[str, Any]:
     """One identification with a switch off."""
-    from benchmarks.identify import Ledger, unit
+    from benchmarks.identify import UPDATES, Ledger, unit
     from kolsky.identification import identify
 
     switch, truth = SWITCHES[name], json.loads((shot / "truth.json").read_text("utf-8"))
