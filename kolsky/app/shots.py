@@ -19,11 +19,14 @@ from kolsky.app.jobs import is_running
 from kolsky.base.errors import InputError
 from kolsky.report.result_folder import RESULT_FILE, SUMMARY
 from kolsky.results.numbers import measured, plain_sentence
+from kolsky.schema.pictures import MEASUREMENT_FILE
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.survey.tables import SUFFIXES
 
 _BLANK = re.compile(r'^[^#"\n]*=\s*(""|\[\s*""\s*(,\s*""\s*)*\])', re.MULTILINE)
 M = "stiffness_factor"
+PICTURES_ONLY = "pictures only"
+"""State of a measurement by image correlation without a shot."""
 NOT_SEARCHED = {"results", "__pycache__", "node_modules"}
 """Folders in which no shots are looked for."""
 
@@ -35,7 +38,8 @@ class ListedShot:
     name: str
     """Its folder, from the root on."""
     state: str
-    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since"."""
+    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since", or
+    `PICTURES_ONLY`."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
     time: float
@@ -59,16 +63,18 @@ class ListedShot:
         return self.row.get(f"verdict {M}", "")
 
 
-def shot_folders(root: Path) -> Iterator[tuple[Path, bool]]:
-    """Folders of shots and of raw files below a root, and whether each has a shot file; in order of names.
+def shot_folders(root: Path) -> Iterator[tuple[Path, str]]:
+    """Folders of shots, of pictures alone and of raw files below a root, in order of names.
+
+    Yields: a folder with the name of its shot file or dic.toml, empty without one.
 
     Inside a shot none is looked for, and neither in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
-        has_shot = SHOT_FILE in files
-        known = has_shot or (not folders and _raw(files)) or (_raw(files) and Path(place) != root)
+        file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
+        known = file or (not folders and _raw(files)) or (_raw(files) and Path(place) != root)
         if known:
-            yield Path(place), has_shot
+            yield Path(place), file
             folders.clear()
         folders[:] = sorted(f for f in folders if f not in NOT_SEARCHED and not f.startswith("."))
 
@@ -79,13 +85,15 @@ def _raw(files: list[str]) -> bool:
 
 def list_shots(root: Path) -> list[ListedShot]:
     """The shots below a root; of each one file is read, its summary or else its shot file."""
-    return [_listed(root, folder, has_shot) for folder, has_shot in shot_folders(root)]
+    return [_listed(root, folder, file) for folder, file in shot_folders(root)]
 
 
-def _listed(root: Path, folder: Path, has_shot: bool) -> ListedShot:
+def _listed(root: Path, folder: Path, file: str) -> ListedShot:
     name = folder.relative_to(root).as_posix()
-    if not has_shot:
+    if not file:
         return ListedShot(name, "no shot.toml", {}, float("nan"))
+    if file == MEASUREMENT_FILE:
+        return ListedShot(name, PICTURES_ONLY, {}, _written(folder / file))
     written = _written(folder / SHOT_FILE)
     if is_running(folder):
         return ListedShot(name, "running", {}, written)
@@ -129,8 +137,15 @@ def table_row(shot: ListedShot) -> dict[str, Any]:
         "date": datetime.fromtimestamp(shot.time).strftime("%Y-%m-%d %H:%M")
         if shot.time == shot.time
         else "",
-        "link": frame.address("look" if shot.row else "setup", shot.name),
+        "link": frame.address(_view(shot), shot.name),
     }
+
+
+def _view(shot: ListedShot) -> str:
+    """The view that opens a shot."""
+    if shot.state == PICTURES_ONLY:
+        return "pictures"
+    return "look" if shot.row else "setup"
 
 
 def campaign_csv(found: list[ListedShot]) -> str:
@@ -204,7 +219,7 @@ def _table(found: list[ListedShot]) -> None:
         ui.button(
             "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
         ).props("flat")
-        ui.button("as Parquet", on_click=lambda: _parquet(found)).props("flat")
+        ui.button("Campaign as Parquet", on_click=lambda: _parquet(found)).props("flat")
     table: ui.table = ui.table(
         rows=[table_row(one) for one in found],
         columns=COLUMNS,
@@ -226,7 +241,7 @@ def _compare(table: ui.table) -> None:
     if len(chosen) < 2:
         ui.notify("Choose two shots or more.")
         return
-    ui.navigate.to(frame.address("compare", shots="|".join(chosen)))
+    ui.navigate.to(frame.comparison(*chosen))
 
 
 def _parquet(found: list[ListedShot]) -> None:

@@ -22,7 +22,7 @@ from kolsky.cli.budget import budget
 from kolsky.cli.check import channels, check
 from kolsky.cli.dic import calibrate, dic
 from kolsky.cli.doctor import doctor
-from kolsky.cli.identify import identify
+from kolsky.cli.identify import demo, identify
 from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
@@ -41,6 +41,7 @@ from kolsky.cli.virtual import virtual_make, virtual_new
 Command = Callable[..., None]
 
 COMMANDS: dict[str, Command] = {
+    "demo": demo,
     "new": new,
     "open": open_pages,
     "check": check,

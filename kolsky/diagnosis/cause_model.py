@@ -230,7 +230,7 @@ AVERAGED_BINS = 7
 
 
 def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual:
-    """What a right model leaves of the data vector at the answer.
+    """What a correct model leaves of the data vector at the answer.
 
     ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
     is carried to the data.

@@ -368,7 +368,7 @@ def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray
     points = np.concatenate([optimum.x[None], up, down])
     done = runner.simulate("refinement", from_points(box, points), runner.problem.numerics)
     if len(done.points) < len(points):
-        raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
+        raise ValueError(f"the slopes at the optimum need every neighbouring run to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
     objective = runner.objective(inside, slowly=True)
     vectors = objective.vectors(done.prediction)

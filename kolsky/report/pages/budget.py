@@ -103,7 +103,7 @@ def _warnings(result: Budget) -> list[str]:
         texts.append(
             f"{len(result.elsewhere)} of {result.searched} whole searches with all errors at once ended in "
             f"another valley of the misfit, at {places}. The uncertainties here are those within the valley "
-            "of the test without errors; a jump is no part of them."
+            "of the test without errors; jumps are not included."
         )
     if lost := [source.factor.words for source in result.sources if source.refused]:
         texts.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")

@@ -1,6 +1,6 @@
 """Picture of the specimen cut in half between its platens, rendered by PyVista.
 
-For the stills and films of `kolsky film`; the report draws the same scene without it, see `stills`.
+For the report, and the stills and films of `kolsky film`.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,29 @@ def test_two_tabs_cannot_overwrite_each_other(tmp_path: Path) -> None:
     with pytest.raises(Conflict):
         one.undo()
     assert tomllib.loads((tmp_path / "shot.toml").read_text())["specimen"]["length"] == "7 mm"
+
+
+def test_of_many_tabs_at_once_no_change_is_lost_or_torn(tmp_path: Path) -> None:
+    """Each enters its own key again and again; a refused one reads the file and enters it then."""
+    keys = [f"key_{i}" for i in range(4)]
+    path = draft(tmp_path, "# many\n" + "".join(f'{key} = "0"  # of {key}\n' for key in keys)).path
+
+    def enter(key: str) -> int:
+        mine, refused = Draft(path), 0
+        for number in range(1, 9):
+            while True:
+                try:
+                    mine.set_values({key: f'"{number}"'})
+                    break
+                except Conflict:
+                    refused += 1
+                    mine.reload()
+        return refused
+
+    with ThreadPoolExecutor(len(keys)) as tabs:
+        list(tabs.map(enter, keys))
+    assert path.read_text("utf-8") == "# many\n" + "".join(f'{key} = "8"  # of {key}\n' for key in keys)
+    assert list(tmp_path.iterdir()) == [path]  # no part of a file is left
 
 
 def test_a_text_that_is_no_toml_is_not_written(tmp_path: Path) -> None:
