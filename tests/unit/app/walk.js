@@ -140,6 +140,9 @@ async function press(page, words) {
 async function fill(page, key, value) {
   const selector = `[data-key="${key}"]`;
   const field = await page.waitForSelector(selector, { timeout: 20000 });
+  const closed = await field.evaluate((one) => one.getClientRects().length === 0); // its table is folded
+  if (closed) await field.evaluate((one) => one.closest(".q-expansion-item").querySelector(".q-item").click());
+  await pause(closed ? 900 : 0);
   await field.evaluate((one) => one.scrollIntoView({ block: "center" }));
   const select = await field.evaluate((one) => one.closest(".q-select") !== null || one.classList.contains("q-select"));
   await pause(150);
