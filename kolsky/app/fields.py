@@ -140,7 +140,7 @@ class FieldsView:
             self._scale()
         if self.chosen is not None:
             self._mark_time()
-            self._say()
+            self._describe()
 
     def overlay(self, camera: int) -> str:
         """The map and the chosen point's path over a camera's picture, as SVG."""
@@ -190,7 +190,7 @@ class FieldsView:
         self.plot.options["xAxis"]["name"] = "Time (µs)" if points.timed else "Frame"
         self.plot.options["yAxis"]["name"] = f"{one.symbol} ({one.unit})"
         self._mark_time()
-        self._say()
+        self._describe()
 
     def _mark_time(self) -> None:
         mark = {"xAxis": float(f"{time_of(self.points)[self.k]:.6g}")}
@@ -200,7 +200,7 @@ class FieldsView:
         }  # fmt: skip
         self.plot.update()
 
-    def _say(self) -> None:
+    def _describe(self) -> None:
         assert self.chosen is not None
         self.about.text = point_words(self.points, self.chosen, self.k, self.followed)
 
