@@ -36,7 +36,7 @@ from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
 from kolsky.cli.report import film, report
 from kolsky.cli.simulate import simulate
-from kolsky.cli.specimen import specimen_fit, specimen_plan, specimen_simulate
+from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import sweep
 from kolsky.cli.virtual import virtual_make, virtual_new
 
@@ -67,6 +67,7 @@ COMMANDS: dict[str, Command] = {
     "material fit": material_fit,
     "material relaxation": material_relaxation,
     "material healing": material_healing,
+    "specimen new": specimen_new,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,

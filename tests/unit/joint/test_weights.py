@@ -139,6 +139,11 @@ def test_an_unknown_that_nothing_sees_keeps_the_width_of_its_range() -> None:
     found = np.linalg.inv(information(rows, np.array([10.0, 6.0])))
     # 1 / 25 of what is seen; the variance of an even distribution over 6 is 36 / 12
     np.testing.assert_allclose(found, np.diag([0.04, 3.0]))
+    # Of two unknowns only the sum is seen: what the first has more the second has less, and its variance is
+    # that of the way inside both ranges, w^2 / 12 along (1, -1) / sqrt(2).
+    sums = np.linalg.inv(information(np.array([[5.0], [5.0]]), np.array([6.0, 6.0])))
+    np.testing.assert_allclose(sums @ [1.0, 1.0], [0.02, 0.02])
+    np.testing.assert_allclose(np.array([1.0, -1.0]) @ sums @ [1.0, -1.0], 2.0 * 3.0)
 
 
 def test_a_step_stops_at_a_bound_and_the_others_follow() -> None:
