@@ -14,6 +14,7 @@ from kolsky.diagnosis.cause_inputs import changed_vector, radii
 from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.path_noise import PATTERNS
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
@@ -220,8 +221,6 @@ def _key(runner: Runner, point: Point) -> tuple[object, object]:
     return launch, run
 
 
-PATTERNS = 40
-"""Most patterns of the flyer's noise."""
 FIRST_ORDER = 1.0
 """Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
 SECOND_ORDER = 2.0

@@ -7,9 +7,8 @@ once, about the surrogate mesh's optimum, and every step takes one run on the re
 method), lengthened where two steps show that the slopes fall short. Where these steps do not converge,
 `descend` takes slopes on the refined mesh itself and halves a step that makes the misfit worse.
 
-The patterns of the front face's noise are then computed again at the refined optimum, on a graded mesh;
-the path is moved to the amplitudes that the residual asks for, and the optimum searched for under it,
-until both stay.
+The front face's path is then moved to the amplitudes that the residual on a graded mesh asks for, and the
+optimum searched for under it, until both stay.
 """
 
 from __future__ import annotations
@@ -27,11 +26,8 @@ from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.path_noise import (
     FrontPath,
     MovedFront,
-    PathModes,
     credible,
-    data_change,
     likely_amplitudes,
-    noise_of,
     rms_amplitude,
 )
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, check_run
@@ -272,16 +268,13 @@ def follow_on_refined(
 
     Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
     """
-    path, before = runner.front, runner.front.moved
-    if before is None or not last.confirmed:
+    path, front = runner.front, runner.front.moved
+    if front is None or not last.confirmed:
         return last, slope, path
-    front = patterns_at_refined(runner, before, last) or before
-    vector = last.vector + (before.offset - front.offset)[last.step.objective.kept]
-    for number in range(MOST_MOVES):
-        amplitudes = _amplitudes_of_residual(front, last.step.objective, vector)
-        if not credible(amplitudes) or (
-            number and rms_amplitude(amplitudes - front.amplitudes) <= AMPLITUDES_STAY
-        ):
+    for _ in range(MOST_MOVES):
+        amplitudes = _amplitudes_of_residual(front, last.step.objective, last.vector)
+        stay = rms_amplitude(amplitudes - front.amplitudes) <= AMPLITUDES_STAY
+        if stay or not credible(amplitudes):
             break
         front = replace(front, amplitudes=amplitudes)
         path = FrontPath.following(front)
@@ -289,18 +282,7 @@ def follow_on_refined(
         last, slope = search(runner.under(path), under, slope, last.x, last.numerics)
         if not last.confirmed:
             break
-        vector = last.vector
     return last, slope, path
-
-
-def patterns_at_refined(runner: Runner, front: MovedFront, last: RefinedRun) -> MovedFront | None:
-    """The same path with patterns of its noise at a run; None if one of their runs does not complete."""
-    jerks = front.modes.own_jerks
-    runs = runner.under_other_motions(last.x[None], jerks, last.numerics)[0]
-    if runs is None or len(runs.force_bins) <= len(jerks):
-        return None
-    modes = PathModes.of(data_change(runs)[1:], noise_of(runner.problem.observations), jerks)
-    return MovedFront(front.fitted, modes, modes.amplitudes(front.amplitudes))
 
 
 def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:

@@ -142,7 +142,11 @@ class Settings:
     ] = (48, 64)
     replicates: Annotated[
         int,
-        Option("Random draws of the curve's noise; 0: neither its nor the flyer's.", min=0, panel=ADVANCED),
+        Option(
+            "Random draws of the curve's noise, and of the flyer's in several shots or sliding; 0: none.",
+            min=0,
+            panel=ADVANCED,
+        ),
     ] = 32
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""

@@ -57,6 +57,9 @@ MOST_MOVES = 4
 STILL = 1.0
 """Move of the optimum, in standard deviations, by which the patterns are not made anew: they are as much out
 of step then as where the answer may lie anyhow."""
+STILL_HELD = 8.0
+"""The same where Poisson's ratio is held and the path stays: the frequency goes with the root of m, and eight
+standard deviations of half a per mille move thirty oscillations by 0.06 of one."""
 STEP = 1e-3
 """Half the distance of the differences in the unit box of the search."""
 
@@ -177,7 +180,8 @@ def follow_front(
             front = FrontPath.following(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, front=front.noise)
         (best,) = _least_squares_on(runner.under(front), weighed, numerics, best.x[None], MOST_STEPS)
-        if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
+        still = STILL_HELD if followed and not shares.any() else STILL
+        if (np.abs(best.x - before.x) <= still * best.sigma).all():
             break
         jerks, shares = modes.own_jerks, modes.amplitudes(shares)
     return best, front
