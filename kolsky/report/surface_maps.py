@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from io import BytesIO
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps, colors
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
@@ -118,18 +120,19 @@ def map_png(
     dot = (0.72 * step * factor * 0.6) ** 2  # 72 points an inch of 100 px; 0.6 of the distance of points
     if name == OUTCOME:
         shades = [OUTCOME_COLOURS[PointOutcome(int(v))] for v in values[known]]
-        ax.scatter(*places[known].T, c=shades, s=dot, lw=0.0)
+        x, y = places[known].T
+        ax.scatter(x, y, c=shades, s=dot, lw=0.0)
     else:
         faces = faces_of(points, frame)
         faces = faces[known[faces].all(axis=1)]
         lone = known.copy()
         lone[faces.ravel()] = False
-        style = {"cmap": COLOURS, "vmin": limits[0], "vmax": limits[1]}
+        style: dict[str, Any] = {"cmap": COLOURS, "vmin": limits[0], "vmax": limits[1]}
         if len(faces):
             x, y = np.where(known[:, None], places, 0.0).T
-            shown = np.where(known, values, 0.0)
-            ax.tripcolor(x, y, faces, shown, shading="gouraud", **style)
-        ax.scatter(*places[lone].T, c=values[lone], s=dot, lw=0.0, **style)
+            ax.tripcolor(Triangulation(x, y, faces), np.where(known, values, 0.0), shading="gouraud", **style)
+        x, y = places[lone].T
+        ax.scatter(x, y, c=values[lone], s=dot, lw=0.0, **style)
     ax.set_xlim(-0.5, columns - 0.5)
     ax.set_ylim(rows - 0.5, -0.5)
     canvas.draw()
@@ -196,7 +199,7 @@ def _fill(plotter, pyvista, points, name, frame, limits, chosen) -> None:  # typ
     if len(whole):
         net = pyvista.PolyData(at_reference, faces=np.column_stack([np.full(len(whole), 3), whole]).ravel())
         plotter.add_mesh(net, style="wireframe", color="#c9c9c9", line_width=1, lighting=False)
-    finite = np.isfinite(now).all(axis=1)
+    finite = np.asarray(np.isfinite(now).all(axis=1))
     style = {"cmap": COLOURS, "clim": limits, "show_scalar_bar": False, "nan_color": "#e6e6e6"}
     if name == OUTCOME:
         shades = np.array([colors.to_rgb(OUTCOME_COLOURS[PointOutcome(int(v))]) for v in values])
@@ -223,7 +226,7 @@ def _look(plotter, points: MeasuredPoints, view: View) -> None:  # type: ignore[
     right = np.array([np.cos(a), 0.0, -np.sin(a)])
     frames = range(0, points.surface.n_frames, max(1, points.surface.n_frames // 20))
     places = np.vstack([positions_of(points, frame) for frame in (None, *frames)])
-    places = places[np.isfinite(places).all(axis=1)]
+    places = places[np.asarray(np.isfinite(places).all(axis=1))]
     axes = np.column_stack([right, np.cross(eye, right)])
     flat = places @ axes
     low, high = flat.min(axis=0), flat.max(axis=0)

@@ -105,7 +105,7 @@ class MeasuredPoints:
         """Places of all points in a picture [px], shape [n_points, 2]; of a lost one the last place that is
         known, NaN if the camera has not seen it yet."""
         history = self.pixels[camera][: frame + 1]
-        known = np.isfinite(history).all(axis=2)
+        known = np.asarray(np.isfinite(history).all(axis=2))
         last = frame - np.argmax(known[::-1], axis=0)
         places = history[last, np.arange(history.shape[1])]
         unseen = ~known.any(axis=0)
