@@ -133,8 +133,8 @@ class CalibrationView:
             plot.options["tooltip"] = {"trigger": "item"}
             plot.on("chart:click", lambda event: self._clicked(event.args), args=["data"])
 
-    def _clicked(self, given: object) -> None:
-        if isinstance(given, dict) and isinstance(data := given.get("data"), list):
+    def _clicked(self, event: object) -> None:
+        if isinstance(event, dict) and isinstance(data := event.get("data"), list):
             self.slider.value = int(data[0])
 
     def _at(self, k: int) -> None:

@@ -88,7 +88,7 @@ class FieldsView:
     def _begin_space(self) -> None:
         """Make the picture in space and its sliders; VTK is loaded now and not before."""
         self.place.clear()
-        self.space_note.text = "Drag to turn. Net: the surface at its reference."
+        self.space_note.text = "The surface is drawn; the first time takes some seconds ..."
         with self.place:
             self.space = ui.interactive_image(
                 on_mouse=self._turn, events=["mousedown", "mousemove", "mouseup", "mouseleave"]
@@ -140,7 +140,7 @@ class FieldsView:
             self._scale()
         if self.chosen is not None:
             self._mark_time()
-            self._say()
+            self._describe()
 
     def overlay(self, camera: int) -> str:
         """The map and the chosen point's path over a camera's picture, as SVG."""
@@ -190,7 +190,7 @@ class FieldsView:
         self.plot.options["xAxis"]["name"] = "Time (µs)" if points.timed else "Frame"
         self.plot.options["yAxis"]["name"] = f"{one.symbol} ({one.unit})"
         self._mark_time()
-        self._say()
+        self._describe()
 
     def _mark_time(self) -> None:
         mark = {"xAxis": float(f"{time_of(self.points)[self.k]:.6g}")}
@@ -200,7 +200,7 @@ class FieldsView:
         }  # fmt: skip
         self.plot.update()
 
-    def _say(self) -> None:
+    def _describe(self) -> None:
         assert self.chosen is not None
         self.about.text = point_words(self.points, self.chosen, self.k, self.followed)
 
@@ -241,6 +241,7 @@ class FieldsView:
                 chosen=self.chosen,
             )
             self.space.set_source(data_uri(png))
+            self.space_note.text = "Drag to turn. Net: the surface at its reference."
         except CannotRender as error:
             self.can_render = False
             self.space_note.text = str(error)

@@ -111,8 +111,8 @@ class RunView:
                 ui.link("Look at the result", frame.address("look", self.shot))
                 original = original_of(self.folder)
                 if original is not None:
-                    both = frame.comparison(frame.beside(self.shot, original), self.shot)
-                    ui.link(f"Compare with {original.name}", both)
+                    target = frame.comparison(frame.beside(self.shot, original), self.shot)
+                    ui.link(f"Compare with {original.name}", target)
             for name in ("report", "dic", "sweep"):
                 if (self.folder / "results" / f"{name}.html").is_file():
                     target = frame.address("result", self.shot, name=f"{name}.html")

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from io import StringIO
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,8 @@ class ListedShot:
     name: str
     """Its folder, from the root on."""
     state: str
-    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since", or
-    `PICTURES_ONLY`."""
+    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since",
+    `PICTURES_ONLY`, or which file cannot be read."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
     time: float
@@ -63,7 +64,7 @@ class ListedShot:
         return self.row.get(f"verdict {M}", "")
 
 
-def shot_folders(root: Path) -> Iterator[tuple[Path, str]]:
+def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
     """Folders of shots, of pictures alone and of raw files below a root, in order of names.
 
     Yields: a folder with the name of its shot file or dic.toml, empty without one.
@@ -72,9 +73,8 @@ def shot_folders(root: Path) -> Iterator[tuple[Path, str]]:
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
-        known = file or (not folders and _raw(files)) or (_raw(files) and Path(place) != root)
-        if known:
-            yield Path(place), file
+        if file or (_raw(files) and (not folders or Path(place) != root)):
+            yield place, file
             folders.clear()
         folders[:] = sorted(f for f in folders if f not in NOT_SEARCHED and not f.startswith("."))
 
@@ -85,37 +85,44 @@ def _raw(files: list[str]) -> bool:
 
 def list_shots(root: Path) -> list[ListedShot]:
     """The shots below a root; of each one file is read, its summary or else its shot file."""
-    return [_listed(root, folder, file) for folder, file in shot_folders(root)]
+    start = len(os.path.join(root, ""))
+    return [
+        _listed(place[start:].replace(os.sep, "/") or ".", place, file) for place, file in shot_folders(root)
+    ]
 
 
-def _listed(root: Path, folder: Path, file: str) -> ListedShot:
-    name = folder.relative_to(root).as_posix()
+def _listed(name: str, place: str, file: str) -> ListedShot:
     if not file:
         return ListedShot(name, "no shot.toml", {}, float("nan"))
+    written = _written(f"{place}/{file}")
     if file == MEASUREMENT_FILE:
-        return ListedShot(name, PICTURES_ONLY, {}, _written(folder / file))
-    written = _written(folder / SHOT_FILE)
-    if is_running(folder):
+        return ListedShot(name, PICTURES_ONLY, {}, written)
+    if is_running(Path(place)):
         return ListedShot(name, "running", {}, written)
-    summary = folder / "results" / f"{SUMMARY}.csv"
-    done = _written(summary)
-    if done == done:
-        rows = list(csv.DictReader(StringIO(summary.read_text("utf-8"))))
-        return ListedShot(
-            name, "changed since" if written > done else "identified", rows[0] if rows else {}, done
-        )
-    if (done := _written(folder / "results" / RESULT_FILE)) == done:
+    if (done := _written(f"{place}/results/{SUMMARY}.csv")) == done:
+        state = "changed since" if written > done else "identified"
+        try:
+            with open(f"{place}/results/{SUMMARY}.csv", encoding="utf-8", newline="") as text:
+                head, values = islice(csv.reader(text), 2)
+        except (OSError, ValueError, csv.Error):
+            return ListedShot(name, f"{SUMMARY}.csv cannot be read", {}, done)
+        return ListedShot(name, state, dict(zip(head, values, strict=False)), done)
+    if (done := _written(f"{place}/results/{RESULT_FILE}")) == done:
         return ListedShot(
             name, "identified", {}, done
         )  # before there was a summary: `kolsky report` shows it
-    blank = _BLANK.search((folder / SHOT_FILE).read_text("utf-8", errors="replace"))
-    return ListedShot(name, "not filled in" if blank else "not identified", {}, written)
+    try:
+        with open(f"{place}/{file}", encoding="utf-8", errors="replace") as text:
+            state = "not filled in" if _BLANK.search(text.read()) else "not identified"
+    except OSError:
+        state = f"{SHOT_FILE} cannot be read"
+    return ListedShot(name, state, {}, written)
 
 
-def _written(path: Path) -> float:
+def _written(path: str) -> float:
     """When a file was written [s]; NaN if it is not there."""
     try:
-        return path.stat().st_mtime
+        return os.stat(path).st_mtime
     except OSError:
         return float("nan")
 

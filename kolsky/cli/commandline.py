@@ -1,7 +1,9 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
 import errno
+import inspect
 import os
+import re
 import signal
 import sys
 import time
@@ -34,7 +36,7 @@ from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
 from kolsky.cli.report import film, report
 from kolsky.cli.simulate import simulate
-from kolsky.cli.specimen import specimen_fit, specimen_plan, specimen_simulate
+from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import sweep
 from kolsky.cli.virtual import virtual_make, virtual_new
 
@@ -65,6 +67,7 @@ COMMANDS: dict[str, Command] = {
     "material fit": material_fit,
     "material relaxation": material_relaxation,
     "material healing": material_healing,
+    "specimen new": specimen_new,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
@@ -213,10 +216,16 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(refusing_bad_input()(with_settings(command)))
+        made_of = refusing_bad_input()(with_settings(command))
+        place.command(name, help=_paragraphs(command), hidden=words in former)(made_of)
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made
+
+
+def _paragraphs(command: Command) -> str:
+    """The docstring with each paragraph on one line, which the terminal breaks at its own width."""
+    return re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
 
 
 @contextmanager

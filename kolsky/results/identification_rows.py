@@ -91,7 +91,7 @@ def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, 
         rows[f"{f.channel}, over expected"] = _limited(f.excess, f.limit)
         rows[f"{f.channel}, the same, slow"] = _limited(f.slow_excess, f.slow_limit)
         if f.limit < float("inf"):
-            rows[f"{f.channel}, would notice"] = f"a residual beyond {factor * f.noticed:.2g} {unit} rms"
+            rows[f"{f.channel}, detectable"] = f"a residual above {factor * f.noticed:.2g} {unit} rms"
         rows[f"{f.channel}, neighbours"] = (
             f"correlation {f.correlation:.2g}, white with p = {f.whiteness:.2g}"
         )
@@ -154,7 +154,7 @@ def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
     value, U = numbers.measured(1e6 * lag.lag, 2e6 * lag.sigma)
     state = lag_state(result, lag)
     if state != "not found":
-        state += f"; would notice a lag beyond {1e6 * lag.noticed:.2g} µs"
+        state += f"; a lag above {1e6 * lag.noticed:.2g} µs would be detected"
     return lag.recording, f"{value} ± {U} µs", state
 
 

@@ -104,10 +104,10 @@ class MeasuredPoints:
     def places(self, camera: int, frame: int) -> FloatArray:
         """Places of all points in a picture [px], shape [n_points, 2]; of a lost one the last place that is
         known, NaN if the camera has not seen it yet."""
-        seen = self.pixels[camera][: frame + 1]
-        known = np.isfinite(seen).all(axis=2)
+        history = self.pixels[camera][: frame + 1]
+        known = np.isfinite(history).all(axis=2)
         last = frame - np.argmax(known[::-1], axis=0)
-        places = seen[last, np.arange(seen.shape[1])]
+        places = history[last, np.arange(history.shape[1])]
         unseen = ~known.any(axis=0)
         if camera == 0:
             places[unseen] = self.reference[unseen]

@@ -421,8 +421,6 @@ def meshes(result: Identification, panels: Panels) -> str:
 
 STILLS = 3
 """Number of pictures of the specimen in three dimensions."""
-STILL_SIZE = (800, 480)
-"""Width and height of one of them [px]: 350 dots per inch in a third of the page."""
 
 
 @figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
@@ -436,9 +434,7 @@ def scene(result: Identification, panels: Panels) -> str:
     except CannotRender as why:
         axes[STILLS // 2].text(0.5, 0.5, "not drawn", transform=axes[STILLS // 2].transAxes, ha="center")
         return f"The specimen in three dimensions is not drawn: {why}."
-    stills = np.stack(
-        [render(pyvista, stage, k, size=STILL_SIZE, bar=False) for k in range(len(stage.times))]
-    )
+    stills = np.stack([render(pyvista, stage, k, bar=False) for k in range(len(stage.times))])
     paper = (stills == np.iinfo(np.uint8).max).all(axis=(0, 3))  # one frame for all, so one scale
     (rows,), (columns,) = (~paper).any(axis=1).nonzero(), (~paper).any(axis=0).nonzero()
     for ax, still, time in zip(axes, stills, stage.times, strict=False):

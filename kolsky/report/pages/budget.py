@@ -93,8 +93,8 @@ def _warnings(result: Budget) -> list[str]:
     texts = []
     if result.adds_up is False:
         texts.append(
-            "The sources added in quadrature do not give the uncertainty of all at once: they act on each "
-            "other, or the answer is not linear in them. The draws of all at once hold."
+            "The sources added in quadrature do not give the uncertainty with all sources at once: they "
+            "interact, or the answer is not linear in them. Use the uncertainty with all sources at once."
         )
     if len(result.elsewhere):
         places = ", ".join(

@@ -337,7 +337,7 @@ class Slope:
         )
         if self.verdict is SlopeVerdict.NONE_SEEN:
             found = f"{self.verdict.value} beyond ± {max(-low, high):.2g} per decade"
-        return f"{found}; would notice a slope beyond {self.fit.noticeable(1):.2g} per decade"
+        return f"{found}; a slope above {self.fit.noticeable(1):.2g} per decade would be detected"
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -65,6 +65,15 @@ def test_every_state(tmp_path: Path) -> None:
     assert next(one.state for one in list_shots(tmp_path) if one.name == "day 0/shot-0") == "changed since"
 
 
+@pytest.mark.parametrize("content", [b"", b"a,b\n", b"\xff\xfe,\n1,2\n"], ids=["empty", "no row", "no text"])
+def test_a_damaged_summary_is_a_row_and_no_end(content: bytes, tmp_path: Path) -> None:
+    root = tree(tmp_path, 2)
+    (root / "day 0" / "shot-0" / "results" / "summary.csv").write_bytes(content)
+    states = {one.name: one.state for one in list_shots(root)}
+    assert states["day 0/shot-0"] == "summary.csv cannot be read"
+    assert states["day 1/shot-1"] == "identified"
+
+
 def test_of_each_shot_one_file_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """So that 2 000 shots are listed in a second: the time is in benchmarks/app_shots.py."""
     root, opened = tree(tmp_path, 12), []

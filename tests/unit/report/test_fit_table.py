@@ -71,7 +71,7 @@ def test_rows_of_a_terminal() -> None:
     assert rows["force, over expected"] == "1, at most 2"
     assert rows["outline, residual"].startswith("4.1 um rms")
     assert rows["outline, information"] == "30 % of m"
-    assert rows["force, would notice"] == "a residual beyond 0.4 N rms"
+    assert rows["force, detectable"] == "a residual above 0.4 N rms"
     late = rows["force, late by"]
     assert late == "-0.20 ± 1.00 us: on time, notices 1.5 us"
 
@@ -81,8 +81,8 @@ def test_tables_of_a_page() -> None:
     assert [c["explained"] for c in shown["channels"]] == [True, True]
     assert shown["channels"][0]["predicted"] == "noise 0.12 N, flyer motion 0.16 N"
     assert shown["channels"][0]["weight"] == ["70 %"]
-    assert all(state.startswith("on time; would notice a lag beyond ") for _, _, state in shown["clocks"])
-    assert shown["clocks"][0][2].endswith(" 1.5 µs")  # three times 0.5 us
+    assert all(state.startswith("on time; a lag above ") for _, _, state in shown["clocks"])
+    assert shown["clocks"][0][2].endswith(" 1.5 µs would be detected")  # three times 0.5 us
     late = replace(RESULT.clocks[0], lag=1.51e-6)  # sigma is 0.5 us
     assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2].startswith("late; ")
     lost = replace(late, sigma=float("nan"))
