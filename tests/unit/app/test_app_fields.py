@@ -162,7 +162,7 @@ def test_the_surface_in_space_turns(specimen: MeasuredPoints) -> None:
         slender.append(tall / wide)
     b, g, r = np.moveaxis(np.asarray(pictures[1]).astype(int), 2, 0)
     assert ((r > 150) & (g < 130) & (b < 60)).sum() > 30  # the chosen point
-    assert slender[1] > 2.0 * slender[2]  # from above, the height is gone
+    assert slender[1] > 1.5 * slender[2]  # from above, 0.24 of a radius is left of the height
 
 
 def test_what_is_known_of_a_point_is_told(specimen: MeasuredPoints) -> None:
