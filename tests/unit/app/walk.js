@@ -56,7 +56,8 @@ async function to(page, selector) {
 }
 
 async function choose(page, label, option) {
-  const field = await page.waitForSelector(`.q-select:has([aria-label="${label}"])`);
+  const field = await page.waitForFunction((t) => [...document.querySelectorAll(".q-select")]
+    .find((one) => one.querySelector(".q-field__label")?.innerText === t), {}, label);
   await field.click();
   await page.waitForFunction((v) => [...document.querySelectorAll(".q-menu .q-item")].some((i) => i.innerText.trim() === v), {}, option);
   await pause(300);
@@ -234,7 +235,8 @@ async function fill(page, key, value) {
   found.log = await page.$eval('[role="log"]', (one) => one.innerText);
   await film(page, "Finished: the answer with its uncertainty", 2.5);
   await page.goto(`${origin}/look?shot=shot5`, { waitUntil: "networkidle2" });
-  const time = await page.waitForSelector('.q-slider:has([aria-label="Time"])');
+  const now = await page.waitForSelector('[aria-label="Time"]');
+  const time = await now.evaluateHandle((one) => one.closest(".q-slider"));
   await pause(1500);
   const row = await time.boundingBox();
   for (const share of [0.15, 0.3, 0.45, 0.6, 0.75, 0.9]) {
