@@ -67,6 +67,10 @@ async function choose(page, label, option) {
 
 const declared = (page, key) => page.$eval("textarea", (one, k) => one.value.match(new RegExp(`^${k} = "(.*?)"`, "m"))[1], key);
 
+// Waits until the text of a tab declares a value.
+const declares = (page, key, value) => page.waitForFunction(
+  (k, v) => new RegExp(`^${k} = "${v}"`, "m").test(document.querySelector("textarea").value), {}, key, value);
+
 // What a page of another server of this computer reaches in the same browser, which has the secret's cookie.
 async function hostile(browser, origin) {
   const server = http.createServer((_, answer) => { answer.setHeader("content-type", "text/html"); answer.end("<h1>prizes</h1>"); });
@@ -109,15 +113,15 @@ async function twoTabs(browser, page, address) {
   await fill(page, "specimen.density", "880 kg/m^3");
   await see(page, "was changed by another page", 90);
   await press(page, "Read the file again");
-  await pause(1500);
+  await declares(page, "length", "6.6 mm");
   found.states.tabs = [await declared(page, "length"), await declared(page, "density")];
   await other.bringToFront();
   await press(other, "Undo");
-  await pause(1200);
+  await declares(other, "length", "6.5 mm");
   await other.close();
   await page.bringToFront();
   await press(page, "Read the file again");
-  await pause(1500);
+  await declares(page, "length", "6.5 mm");
 }
 
 // The server dies at once, without a word; another one is started over the same folder.
