@@ -139,7 +139,10 @@ async def _refuse(scope: Scope, send: Send, reason: str) -> None:
         {
             "type": "http.response.start",
             "status": 403,
-            "headers": [(b"content-type", b"text/plain; charset=utf-8")],
+            "headers": [
+                (b"content-type", b"text/plain; charset=utf-8"),
+                (b"cross-origin-resource-policy", b"same-origin"),
+            ],
         }
     )
     await send({"type": "http.response.body", "body": reason.encode()})

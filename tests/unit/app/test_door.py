@@ -84,6 +84,7 @@ def test_the_cookie_lets_in_and_the_page_gets_its_policy() -> None:
 def test_all_others_are_refused(request_: dict[str, str]) -> None:
     (start, body) = answer(**request_)
     assert start["status"] == 403
+    assert (b"cross-origin-resource-policy", b"same-origin") in start["headers"]
     assert body["body"]
 
 

@@ -56,7 +56,8 @@ async function to(page, selector) {
 }
 
 async function choose(page, label, option) {
-  const field = await page.waitForSelector(`.q-select:has([aria-label="${label}"])`);
+  const field = await page.waitForFunction((t) => [...document.querySelectorAll(".q-select")]
+    .find((one) => one.querySelector(".q-field__label")?.innerText === t), {}, label);
   await field.click();
   await page.waitForFunction((v) => [...document.querySelectorAll(".q-menu .q-item")].some((i) => i.innerText.trim() === v), {}, option);
   await pause(300);
@@ -65,6 +66,10 @@ async function choose(page, label, option) {
 }
 
 const declared = (page, key) => page.$eval("textarea", (one, k) => one.value.match(new RegExp(`^${k} = "(.*?)"`, "m"))[1], key);
+
+// Waits until the text of a tab declares a value.
+const declares = (page, key, value) => page.waitForFunction(
+  (k, v) => new RegExp(`^${k} = "${v}"`, "m").test(document.querySelector("textarea").value), {}, key, value);
 
 // What a page of another server of this computer reaches in the same browser, which has the secret's cookie.
 async function hostile(browser, origin) {
@@ -108,15 +113,15 @@ async function twoTabs(browser, page, address) {
   await fill(page, "specimen.density", "880 kg/m^3");
   await see(page, "was changed by another page", 90);
   await press(page, "Read the file again");
-  await pause(1500);
+  await declares(page, "length", "6.6 mm");
   found.states.tabs = [await declared(page, "length"), await declared(page, "density")];
   await other.bringToFront();
   await press(other, "Undo");
-  await pause(1200);
+  await declares(other, "length", "6.5 mm");
   await other.close();
   await page.bringToFront();
   await press(page, "Read the file again");
-  await pause(1500);
+  await declares(page, "length", "6.5 mm");
 }
 
 // The server dies at once, without a word; another one is started over the same folder.
@@ -234,7 +239,8 @@ async function fill(page, key, value) {
   found.log = await page.$eval('[role="log"]', (one) => one.innerText);
   await film(page, "Finished: the answer with its uncertainty", 2.5);
   await page.goto(`${origin}/look?shot=shot5`, { waitUntil: "networkidle2" });
-  const time = await page.waitForSelector('.q-slider:has([aria-label="Time"])');
+  const now = await page.waitForSelector('[aria-label="Time"]');
+  const time = await now.evaluateHandle((one) => one.closest(".q-slider"));
   await pause(1500);
   const row = await time.boundingBox();
   for (const share of [0.15, 0.3, 0.45, 0.6, 0.75, 0.9]) {
