@@ -23,7 +23,7 @@ BY_DOCUTILS = {
     '<div class="table-wrapper',
 }
 BY_PANDAS = {
-    "<style scoped>",
+    "<div>\\n<style scoped>",
     '</style>\\n<table border="1" class="dataframe">',
     "<th></th>",
     "<tr>\\n      <th>",
