@@ -46,7 +46,6 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
-    assert result.posterior is not None
     assert result.posterior.samples.shape == (20, 4)
     assert result.methods[0].runs == 20
     assert result.response.nodes is not None
