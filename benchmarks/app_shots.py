@@ -4,7 +4,7 @@
 
 Every shot has a shot file and the summary of a result. The least of `REPEATS` counts, with the files in the
 system's cache: of the list, of the page's table, and of a GET of the page. It is the processor's time, so
-that other work on the machine matters little; of the page that of the server's process, by Linux.
+that other work on the machine matters little; of the page that of the server's process, which Linux tells.
 """
 
 import argparse

@@ -157,8 +157,8 @@ def _(data: Identification) -> str:
     first = "; ".join(answer(estimate) for estimate in data.estimates.values())
     short = [("fit", fit_line(data).removeprefix("fit: ")), *summary(data).items()]
     short += [("warning", text) for text in data.warnings]
-    rest = html_table("Every value", list(details(data).items()))
-    return f"{html_table(first, short)}<details><summary>Every value</summary>{rest}</details>"
+    table = html_table("Every value", list(details(data).items()))
+    return f"{html_table(first, short)}<details><summary>Every value</summary>{table}</details>"
 
 
 @to_dataframe.register

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -21,6 +22,13 @@ BY_DOCUTILS = {
     "<pre>",
     '<div class="table-wrapper',
 }
+BY_PANDAS = {
+    "<div>\\n<style scoped>",
+    '</style>\\n<table border="1" class="dataframe">',
+    "<th></th>",
+    "<tr>\\n      <th>",
+    "<th>",
+}
 
 
 def replaced() -> dict[str, str]:
@@ -29,7 +37,7 @@ def replaced() -> dict[str, str]:
 
 
 def test_every_replacement_is_of_known_text() -> None:
-    assert set(replaced()) == {*WRITTEN_BY, *BY_DOCUTILS}
+    assert set(replaced()) == {*WRITTEN_BY, *BY_DOCUTILS, *BY_PANDAS}
 
 
 @pytest.mark.parametrize("text", WRITTEN_BY)
@@ -37,6 +45,12 @@ def test_the_theme_still_writes_it(text: str) -> None:
     furo = pytest.importorskip("furo")
     page = Path(furo.__file__).parent / "theme" / "furo" / WRITTEN_BY[text]
     assert text in page.read_text("utf-8")
+
+
+@pytest.mark.parametrize("text", sorted(BY_PANDAS))
+def test_pandas_still_writes_it(text: str) -> None:
+    table = pd.DataFrame({"a": [1]})._repr_html_()
+    assert text.replace("\\n", "\n") in table
 
 
 def test_names_and_levels_are_given() -> None:
