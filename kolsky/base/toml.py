@@ -354,7 +354,7 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
         path,
         f"is not valid TOML: {message}{column}{shown}",
         line=line,
-        cure='values with units stand in quotes: key = "9.5 mm"'
+        cure='values with units need quotes: key = "9.5 mm"'
         if path.suffix == ".toml"
         else "give the folder of a shot, or its shot.toml",
     )

@@ -468,7 +468,7 @@ class FieldFit:
             axis = "; one of its axes may be mirrored" if turned == cells else ""
             warnings.append(f"{turned} of {cells} cells of the mesh run clockwise and were turned{axis}")
         warnings += [
-            f"{name} is at its bound: the data ask for a value outside"
+            f"{name} is at its bound: the data need a value outside"
             for name, held in zip(self.constants.free, self.at_bound, strict=True)
             if held
         ]

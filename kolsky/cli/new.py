@@ -94,7 +94,7 @@ def new(
     for key, name in _parts(series).items():
         typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
     for one in () if series is None else series.others:
-        typer.echo(f"  {one.said}: of no part of the shot beyond doubt")
+        typer.echo(f"  {one.said}: not clearly part of the shot")
     recordings = {table.path.name for table in contents.recordings} if bars else set()
     for name, why in contents.doubtful.items():
         if name not in recordings:
