@@ -349,7 +349,8 @@ class ModelFit:
         return tuple(
             name
             for name, value in self.constants.items()
-            if abs(value) <= 2.0 * self.sigma[name] or (name in _NUMBERS and abs(value) >= LARGEST_NUMBER)
+            if abs(value) <= 2.0 * self.sigma[name]
+            or (name in _NUMBERS and not -LARGEST_NUMBER < value < LARGEST_NUMBER)
         )
 
     @classmethod
