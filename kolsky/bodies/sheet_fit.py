@@ -135,7 +135,7 @@ class FieldProblem:
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 
-    def moved(self, cost: Cost, step: FloatArray) -> Cost:
+    def advance(self, cost: Cost, step: FloatArray) -> Cost:
         """The cost after a short step of the constants, its fields by their slopes."""
         state = cost.state
         moved = replace(
@@ -628,8 +628,8 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
     if ended.converged:
         step = bounded_step(final, ended.gradient, low - free, high - free)
         if (np.abs(step) <= 10.0 * STEP_TOLERANCE * _sizes(problem.constants, free)).all():
-            free, here = free + step, problem.moved(here, step)
-    own = FieldProblem(problem.sheet, problem.data, problem.constants.changed(free))
+            free, here = free + step, problem.advance(here, step)
+    own = FieldProblem(problem.sheet, problem.data, problem.constants.with_free(free))
     held = _at_bounds(free, here.gradients.sum(axis=0), low, high)
     seen = np.flatnonzero(~held)
     converged, relative = ended.converged, np.sqrt(np.abs(np.diag(final)))
@@ -686,7 +686,7 @@ def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = 
     model explains the cost at the answer is that of noise, and no other place has less. Constants with two
     bounds start at `OTHER_PLACES` of their range, others where the fit has them.
     """
-    if fit.explained and not any(fit.at_bound):
+    if not any(fit.at_bound) and fit.explained:
         return fit
     problem, constants = fit.problem, fit.constants
     low, high = constants.bounds

@@ -150,7 +150,7 @@ class Constants:
         """All constants with these values of the free ones."""
         return {**self.values, **dict(zip(self.free, map(float, free), strict=True))}
 
-    def changed(self, free: Sequence[float] | FloatArray) -> "Constants":
+    def with_free(self, free: Sequence[float] | FloatArray) -> "Constants":
         """The law with these values of the free constants in place."""
         return replace(self, values=self.all(free))
 

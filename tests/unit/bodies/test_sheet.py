@@ -1,14 +1,18 @@
 """Sheets: forces and mass in closed form; planted constants come back."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags
 
+from kolsky.base.arrays import FloatArray
 from kolsky.bodies.sheet import ENDS, Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.bodies.sheet_checks import (
     LackingFactor,
+    _force_counts,
     fit_measured,
     interpolated,
     lacking_factor,
@@ -16,16 +20,20 @@ from kolsky.bodies.sheet_checks import (
     one_change,
 )
 from kolsky.bodies.sheet_fit import (
+    Cost,
     FieldData,
     FieldFit,
     FieldProblem,
     before_test,
+    bounded_step,
     fit_field,
     fit_steps,
     parameter_change,
     relative_deviation,
+    secant,
     smoothed,
     variance,
+    with_other_starts,
 )
 from kolsky.bodies.sheet_reading import (
     MeasuredField,
@@ -35,11 +43,14 @@ from kolsky.bodies.sheet_reading import (
     plan_sheet,
     simulate_sheet,
 )
-from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_constants import LARGEST_POISSON, Constants
 from kolsky.bodies.stiffness_map import SMOOTHING, _Blocks, blocks_of, stiffness_map, total_variation
 from kolsky.equilibrium.meshes import Mesh, rectangle
 from kolsky.equilibrium.solve import solve
 from tests.unit.bodies.sheets import PAD, TRUE, constants, made, small_mesh
+
+NOWHERE = (np.zeros(2), 1.0)
+"""End of a search that was not made."""
 
 
 def _sheet(**options: object) -> Sheet:
@@ -181,7 +192,7 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     p = len(constants().start)
     zeros = np.zeros((2, p, *data.displacements.shape[1:]))
     found = FieldFit(
-        off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, p)), True, (False, False), 1
+        off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, p)), True, (False, False), 1, NOWHERE
     )
     assert found.misfit == pytest.approx([0.1, 0.1])
     assert not found.adequate
@@ -209,7 +220,7 @@ def test_a_field_that_is_explained_does_not_excuse_a_force() -> None:
     assert not isinstance(cost, str)
     zeros = np.zeros((2, 2, *data.displacements.shape[1:]))
     no = (False, False)
-    found = FieldFit(off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, 2)), True, no, 1)
+    found = FieldFit(off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, 2)), True, no, 1, NOWHERE)
     assert found.force_misfit == pytest.approx(0.1)
     assert found.adequate
     assert not found.force_explained
@@ -582,6 +593,76 @@ def test_a_doubted_point_comes_back_if_the_sheet_predicts_it(two_materials: Fiel
     measured = MeasuredField(two_materials, points, doubted, moved, (1, 2), {}, 1e-6)
     kept, _ = fit_measured(measured, gate=6.0)
     assert np.flatnonzero(kept.left_out).tolist() == [40]
+
+
+def test_a_secant_of_the_gradient_is_exact_of_a_parabola() -> None:
+    # Of p steps that span the constants the change of rank one makes any symmetric matrix.
+    exact = np.array([[4.0, -1.0], [-1.0, -3.0]])
+    found = np.zeros((2, 2))
+    for step in (np.array([1.0, 0.2]), np.array([-0.3, 1.0])):
+        found = secant(found, step, exact @ step, np.ones(2))
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+    # What is lacking across the step has no bound: nothing is learnt.
+    along, across = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    still = secant(found, along, found @ along + across, np.ones(2))
+    np.testing.assert_array_equal(still, found)
+
+
+def test_a_step_stops_at_a_bound_and_the_other_constant_follows() -> None:
+    # 1/2 (2 x^2 + 2 x y + 2 y^2) - 3 x - 3 y has its minimum at (1, 1), on x <= 0.5 at y = 1.25.
+    hessian, gradient = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-3.0, -3.0])
+    far = np.full(2, 9.0)
+    np.testing.assert_allclose(bounded_step(hessian, gradient, -far, far), [1.0, 1.0])
+    np.testing.assert_allclose(bounded_step(hessian, gradient, -far, np.array([0.5, 9.0])), [0.5, 1.25])
+    # on a bound already, the cost falling beyond it
+    np.testing.assert_allclose(bounded_step(hessian, gradient, -far, np.array([0.0, 9.0])), [0.0, 1.5])
+
+
+class _Wells:
+    """A cost of E and nu with two minima in nu, at 0.1 and 0.4; the second is higher by 0.003 of 0.001."""
+
+    constants = constants()
+    data = None
+
+    @property
+    def last(self) -> "_Wells":
+        return self
+
+    def cost(self, free: FloatArray, near: object = None) -> Cost:
+        young, nu = free[0] / TRUE["E"] - 1.0, free[1]
+        value = 1e-3 + young**2 + (nu - 0.1) ** 2 * (nu - 0.4) ** 2 + 1e-5 * (nu - 0.1)
+        slope = 2.0 * (nu - 0.1) * (nu - 0.4) * (2.0 * nu - 0.5) + 1e-5
+        gradients = np.array([[2.0 * young / TRUE["E"], slope]])
+        curvature = np.diag([2.0 / TRUE["E"] ** 2, 0.2])
+        state: Any = SimpleNamespace(state=None)
+        return Cost(np.array([value]), np.zeros(1), value, gradients, curvature, 0.0 * curvature, state)
+
+
+def test_another_minimum_is_named() -> None:
+    wells: Any = _Wells()
+    best = np.array([TRUE["E"], 0.1])
+    at = wells.constants.with_free(best)
+    none = np.zeros((2, 2))
+    fit = FieldFit(
+        wells, at, wells.cost(best), none, none, none, True, (False, True), 3, (best, wells.cost(best).value)
+    )
+    found = with_other_starts(fit, wells.constants.start)
+    assert len(found.minima) == 1
+    (other,) = found.minima
+    assert other.start[1] == pytest.approx(0.9 * LARGEST_POISSON)
+    assert other.values == pytest.approx([TRUE["E"], 0.4], rel=1e-2)
+    assert other.ratio == pytest.approx(1.003, abs=5e-4)
+    assert found.simulations > 3
+
+
+def test_a_factor_of_the_force_is_tried_where_it_could_matter(two_materials: FieldProblem) -> None:
+    assert _force_counts(two_materials)  # a held region gives the force a scale
+    alone = made(_sheet())
+    assert not _force_counts(alone)
+    turned = FieldProblem(alone.sheet, replace(alone.data, force=-alone.data.force), alone.constants)
+    assert _force_counts(turned)
+    held = replace(alone.constants, free=("poisson",))
+    assert _force_counts(FieldProblem(alone.sheet, alone.data, held))
 
 
 def test_the_scale_at_which_a_mesh_holds_the_points() -> None:
