@@ -16,10 +16,10 @@ from kolsky.bodies.actuator_model import TIGHT, Actuator, Part, Pneunet, outside
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_constants
 from kolsky.equilibrium.loads import rim
-from kolsky.equilibrium.meshes import Mesh, from_pyvista
+from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact, unit
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
-from kolsky.readers.meshes import read_gmsh_volume, read_vtu
+from kolsky.readers.meshes import read_body
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
@@ -486,12 +486,6 @@ def _solid(
 def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
     assert section.mesh is not None  # asked for only then
     assert section.mesh_unit is not None  # the schema saw to it
-    path = toml.path.parent / section.mesh
-    if path.suffix.lower() == ".msh":
-        raw = read_gmsh_volume(path)
-        inputs[section.mesh] = raw.sha256
-        return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
-    grid, inputs[section.mesh] = read_vtu(path)
-    with toml.refusing("geometry.mesh", "cannot be read", cure="save a VTU or MSH file"):
-        mesh = from_pyvista(grid)
-    return replace(mesh, points=section.mesh_unit * mesh.points)
+    raw = read_body(toml.path.parent / section.mesh)
+    inputs[section.mesh] = raw.sha256
+    return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)

@@ -173,7 +173,9 @@ def _sweep_remarks(name: str, sweep: Superposition) -> list[str]:
             f" {sweep.law_likely:.2g}): the shifts are taken as found, temperature by temperature"
         )
     if sweep.C1 is None:
-        said.append(f"{name}: two temperatures do not tell the constants of Eq. (V.5); the shift is as found")
+        said.append(
+            f"{name}: two temperatures do not determine the constants of Eq. (V.5); the shift is as found"
+        )
     return said
 
 

@@ -313,11 +313,9 @@ def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() ->
 
 
 def test_the_choice_otherwise() -> None:
-    assert choice_in_words(-8.0, 1e-4, asked=True).startswith(
-        "the data ask for what relaxes (AIC -8.0; 0.01 %"
-    )
+    assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
     assert choice_in_words(2.0, 0.3, asked=False).startswith(
-        "the data do not ask for what relaxes (AIC +2.0; 30 %"
+        "the data do not need relaxation (AIC +2.0; 30 %"
     )
 
 
@@ -334,7 +332,6 @@ def asks(values: list[float], sigma: list[float], outline: list[float] | None = 
 def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     # The outline decides the answer of all data: there nothing is seen.
     found = shot_agreement(["a", "b", "c"], asks([0.02, -0.46, 0.0], [0.01, 0.03, 0.01]), scatter=True)
-    assert found is not None
     assert (found.shots, found.channel, found.freedom) == (("b",), "force", 2)
     w = np.array([1e4, 1.0 / 9e-4, 1e4])
     a = np.array([0.02, -0.46, 0.0])
@@ -343,7 +340,6 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     assert found.ratio == pytest.approx(1.02 / 0.54)
     assert "b contradicts the other shots by the force by itself" in found.sentence
     pair = shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
-    assert pair is not None
     assert pair.shots == ("a", "b")
     # Two estimates: the square of their difference over the sum of their variances.
     assert pair.chi2 == pytest.approx(0.48**2 / (0.01**2 + 0.03**2))
@@ -353,11 +349,9 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
 def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
     for scatter in (True, False):
         found = shot_agreement(["a", "b", "c"], asks([0.1, 0.0, -0.1], [0.01] * 3), scatter=scatter)
-        assert found is not None
         assert found.chi2 == pytest.approx(200.0)
         assert found.apart is not scatter
     agree = shot_agreement(["a", "b"], asks([0.1, -0.4], [0.2, 0.2]), scatter=False)
-    assert agree is not None
     assert not agree.apart  # chi2 3.1 of one degree of freedom, 0.08
     assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
 
@@ -366,11 +360,9 @@ def test_the_force_over_the_outline_does_not_scatter_between_specimens() -> None
     names, sigma = ["a", "b", "c"], [0.01] * 3
     # Specimens that scatter by a tenth: force and outline agree in each.
     alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
-    assert alike is not None
     assert not alike.apart
     # A sensitivity that is a tenth off moves the force of one alone.
     found = shot_agreement(names, asks([0.1, 0.1, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
-    assert found is not None
     assert (found.shots, found.channel) == (("b",), FORCE_OVER_OUTLINE)
     # Differences 0, 0.1, 0 of the variance 2 x 0.01^2: sum of squares 2/3 of 0.01.
     assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 2e-4)
@@ -497,7 +489,7 @@ def test_a_foreign_slow_test_is_not_explained() -> None:
     assert right.slow_expected == pytest.approx(1.0 / np.sqrt(8.0))
     foreign = slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
     assert not foreign.explained
-    # The curve is uncertain by 20 sigma there: a right model leaves as much.
+    # The curve is uncertain by 20 sigma there: a correct model leaves as much.
     known = slow_fit(
         "relaxation", noise + 20.0, {"material curve": np.full((1, 64), 20.0)}, peak=50.0, judged=True
     )

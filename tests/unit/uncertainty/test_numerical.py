@@ -93,7 +93,6 @@ def test_an_error_that_graded_meshes_tell_is_corrected_whole() -> None:
     on_fine = TRUTH - GAIN @ (refined - data)
     np.testing.assert_allclose(found.error, e, rtol=1e-13)
     np.testing.assert_allclose(on_fine + found.correction(GAIN), TRUTH, rtol=1e-13)  # round-off
-    assert found.graded is not None
     np.testing.assert_allclose(found.graded.left, g, rtol=1e-13)
     # Where the refined mesh is the finer graded one, its error is what that one's is.
     np.testing.assert_allclose(GradedChange(coarser - graded, 1.6).error, g, rtol=1e-13)
@@ -213,7 +212,6 @@ def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
         mesh_change(*staged(monkeypatch, m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15
     )
     graded = found.graded
-    assert graded is not None
     np.testing.assert_array_equal(graded.coarser, [3.0, 0.5])  # 9 where the refined mesh has 6
     assert graded.graded == 0.0
     assert graded.ratio == 1.6
