@@ -30,6 +30,9 @@ from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Sample, reduce
 from kolsky.equilibrium.solution import Outcome
 
+FINER = 3
+"""How often the tolerance of the elements' choice is divided by ten: beyond, 1e-6 of the forces, it is the
+modes that are missing."""
 BASIS_PRESSURES = 13
 """Pressures that the basis is made from; one less lie between them."""
 
@@ -106,8 +109,14 @@ def reduce_actuator(
     modes: int,
     tolerance: float,
     seen: int = BASIS_PRESSURES,
+    within: tuple[float, float] | None = None,
 ) -> Reduction:
-    """Reduce an actuator with one cavity for pressures in [0, most]."""
+    """Reduce an actuator with one cavity for pressures in [0, most].
+
+    ``within``: an angle, and the largest error of the bend at unseen pressures up to it [rad]. The elements
+    are chosen by forces, of which the bend may be a small part: the tolerance is divided by ten, up to
+    `FINER` times, until the error is within.
+    """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
     if actuator.contacts or actuator.world:
@@ -119,18 +128,39 @@ def reduce_actuator(
         reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
         raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
     first, between = _every(whole, 0), _every(whole, 1)
-    made = ReducedActuator(reduce([first.solution], modes=modes, tolerance=tolerance, gravity=WEIGHT))
-    angles, start = [], None
-    for pressure in between.pressures[:, 0]:
-        bend = made.bend(float(pressure), start=start)
-        if not bend.ok:
-            raise ValueError(f"the reduced model at {1e-5 * pressure:.3g} bar: {bend.state.outcome.cause}")
-        angles.append(bend.angle)
-        start = bend.state.q
     gaps = smallest_gap(whole)
     gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
-    at, angle = between.pressures[:, 0], between.angle
-    return Reduction(made, at, angle, np.array(angles) - angle, gap)
+    found = None
+    for finer in range(FINER + 1):
+        made = ReducedActuator(
+            reduce([first.solution], modes=modes, tolerance=0.1**finer * tolerance, gravity=WEIGHT)
+        )
+        try:
+            angles = _reduced_angles(made, between.pressures[:, 0])
+        except ValueError:
+            if within is None or finer == FINER:
+                raise
+            continue
+        found = Reduction(made, between.pressures[:, 0], between.angle, angles - between.angle, gap)
+        if within is None or found.error_up_to(within[0]) <= within[1]:
+            break
+    assert found is not None
+    return found
+
+
+def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
+    """Angles of the reduced actuator [rad], shape [n]; a ValueError if it has none."""
+    angles, start = [], None
+    for pressure in pressures:
+        bend = made.bend(float(pressure), start=start)
+        if not bend.ok:
+            raise ValueError(
+                f"the reduced model has no equilibrium at {1e-5 * pressure:.3g} bar: raise control.modes or "
+                "control.snapshots, or lower control.tolerance"
+            )
+        angles.append(bend.angle)
+        start = bend.state.q
+    return np.array(angles)
 
 
 def _every(whole: Bending, offset: int) -> Bending:
@@ -404,6 +434,7 @@ def basis_key(
         mesh.kind, type(solid).__name__, repr(solid), repr(actuator.cavities), repr(actuator.mixed),
         repr(actuator.density_of_regions), repr([float(g) for g in gravity]), repr(steps),
         repr((section.most, section.modes, section.tolerance, section.snapshots, section.plant_stiffness)),
+        repr((max(section.angles), allowed_error(section))),
     )  # fmt: skip
     for word in words:
         digest.update(word.encode() + b"\0")
@@ -506,6 +537,7 @@ def _prepared(
         modes=section.modes,
         tolerance=section.tolerance,
         seen=section.snapshots,
+        within=(max(section.angles), allowed_error(section)),
     )
     plant = _plant_of(actuator, gravity, section)
     if file is not None:
@@ -536,12 +568,17 @@ def check_targets(
                 )
     largest = float(np.abs(section.angles).max())
     error = made.error_up_to(max(section.angles))
-    if error > section.error * largest:
+    if error > allowed_error(section):
         raise ValueError(
             f"{name}: the reduced model is {np.degrees(error):.3g}° off a bend of "
             f"{np.degrees(largest):.4g}°, more than control.error = {section.error:g} of it: raise "
             "control.modes or control.snapshots, or lower control.tolerance"
         )
+
+
+def allowed_error(section: ControlSection) -> float:
+    """Largest error of the reduced model's bend [rad]."""
+    return section.error * float(np.abs(section.angles).max())
 
 
 def schedule(section: ControlSection) -> FloatArray:

@@ -128,7 +128,10 @@ def follow(
         raise ValueError("a path follows loads, not prescribed displacements")
     if not (until > 0.0 and first > 0.0 and steps >= 1 and longest >= 1.0):
         raise ValueError(f"until, first must be > 0, steps, longest >= 1, got {until, first, steps, longest}")
-    stepper = _Stepper(Equations(model, model.parameters(parameters)), tuple(histories), fixed, tolerance)
+    equations = Equations(model, model.parameters(parameters))
+    if equations.contacts:
+        raise ValueError("a path by arc length meets no rigid plane: remove it")
+    stepper = _Stepper(equations, tuple(histories), fixed, tolerance)
     state = stepper.begin()
     loads, found, arcs = [0.0], [np.zeros(model.n_dofs)], [0.0]
     if isinstance(state, Outcome):

@@ -291,6 +291,15 @@ def test_a_shorter_bond() -> None:
         Shape("strip", (0.08, 0.02, 0.004), 0.005, (16, 4, 2)).shortened()
 
 
+def test_elements_are_added_until_the_bend_is_within_its_bound() -> None:
+    options = {"most": MOST, "modes": 5, "seen": 6, "tolerance": 0.2}
+    loose = reduce_actuator(SMALL, DOWN, **options)
+    bound = 0.2 * loose.largest_error
+    tight = reduce_actuator(SMALL, DOWN, **options, within=(np.pi, bound))
+    assert tight.largest_error <= bound
+    assert len(tight.model.reduced.sample.cells) > len(loose.model.reduced.sample.cells)
+
+
 SPAN, CAP, LAYER, CLOSED = 0.2, 5e-3, 2e-3, (2e-3, 6e-3)
 """Length, thickness of the closed end and of the stiff layer, heights of the hole of a square bar of 10 mm
 with a hole 4 mm wide [m]."""

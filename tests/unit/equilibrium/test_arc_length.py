@@ -9,7 +9,16 @@ from explicit.materials import LAWS
 from kolsky.equilibrium.arc_length import ArcPath, follow
 from kolsky.equilibrium.dynamics import Prony, element_masses, march
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, NodalForce, Prescribed, Pressure
+from kolsky.equilibrium.model import (
+    Coupled,
+    Fixed,
+    Gravity,
+    Model,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidPlane,
+)
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
 from kolsky.equilibrium.solve import solve
@@ -125,6 +134,9 @@ def test_what_is_no_load_is_refused() -> None:
         follow(model, ["push"], until=1.0, first=0.1)
     with pytest.raises(ValueError, match="> 0"):
         follow(model, ["load"], until=1.0, first=0.0)
+    walled = replace(model, conditions=(*model.conditions, RigidPlane("right", (-1.0, 0.0), (2.0, 0.0))))
+    with pytest.raises(ValueError, match="no rigid plane"):
+        follow(walled, ["load"], until=1.0, first=0.1)
 
 
 DYNAMICS_MU, K, RHO = 2e5, 1.5e6, 1000.0
