@@ -341,7 +341,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
         ["identify", "--free", "stiffness_factor", "-p", "stiffness_factor=1"],
         "stiffness_factor is named by both --free and --hold",
     ),
-    "mesh not finer": (["identify", "--refined-mesh", "24x64"], "is not finer than --mesh 24x32"),
+    "mesh not finer": (["identify", "--refined-mesh", "20x64"], "is not finer than --mesh 20x27"),
     "mesh of words": (["identify", "--mesh", "fine"], "elements across the radius x along"),
     "figure format": (
         ["identify", "--figures", "svg,gif"],

@@ -380,7 +380,7 @@ def test_lost_runs_that_were_to_tell_the_meshs_error() -> None:
     assert "give another --refined-mesh" in fine
     assert few.startswith("the run at the answer on the graded mesh of 40 x 54 elements was lost, so that")
     (element,) = texts(LostRun(usual.with_other_element(), ended, is_graded=False))
-    assert element.startswith(f"the run at the answer with fbar elements on 24 x 32 was lost ({ended}),")
+    assert element.startswith(f"the run at the answer with fbar elements on 20 x 27 was lost ({ended}),")
     assert "graded" not in element
     assert "give another --mesh" in element
     assert texts() == ()
