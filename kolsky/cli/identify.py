@@ -4,16 +4,18 @@ One shot, or with --each many shots one by one: in this process, in several, or 
 shots together are in `kolsky.cli.identify_shots`.
 """
 
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, as_completed
 from dataclasses import dataclass, replace
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.options import ADVANCED, Option
@@ -332,6 +334,11 @@ def identify(
         texts.refuse(changed(joint), problem, cure="leave it out, or leave out --each")
         identify_each(shots, job, workers)
         return
+    _print_one(job)
+
+
+def _print_one(job: SingleShotJob) -> None:
+    """Identify one shot in this process and print its answer."""
     from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import drawing_processes
 
@@ -343,3 +350,44 @@ def identify(
         files={"report": answer.page},
         warnings=answer.warnings,
     )
+
+
+DEMO = "open-05"
+"""Folder of the shot that comes with the package."""
+
+
+def demo(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="New folder for the files of the shot.")
+    ] = Path(DEMO),
+    verbose: Annotated[bool, Option("Print every value of the answer.", short="-v")] = False,
+) -> None:
+    """Copy the shot that comes with kolsky to a new folder and identify it.
+
+    The shot is synthetic, made by another program: m = 1.12, nu = 0.499, beta = 25 us.
+    """
+    source = demo_files()
+    if folder.exists():
+        cure = f"give another folder, or: kolsky identify {folder}"
+        raise InputError(folder, "exists already and was not changed", cure=cure)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with scratch(folder.parent) as partial:
+        (made := partial / folder.name).mkdir()
+        for path in source:
+            shutil.copyfile(path, made / path.name)
+        made.rename(folder)
+    _print_one(SingleShotJob(folder, Settings(), verbose=verbose))
+
+
+def demo_files() -> list[Path]:
+    """Files of the shot that comes with the package: of the installation, else of the source tree.
+
+    Raises InputError where the installation lacks them.
+    """
+    files = sorted((Path(__file__).parents[2] / "runs" / DEMO).glob("*.*"))
+    if not files:
+        installed = metadata.files("kolsky") or []
+        files = sorted(Path(one.locate()) for one in installed if one.parent.name == DEMO)
+    if not files or not all(path.is_file() for path in files):
+        raise InputError("kolsky", f"was installed without its shot {DEMO}", cure="install it again with pip")
+    return files

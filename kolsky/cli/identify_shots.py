@@ -168,7 +168,7 @@ def answer_lines(result: "JointResult") -> list[str]:
 
 
 def _verdict_line(result: "JointResult") -> str:
-    """The verdict on the whole, with the largest residual over what a right model leaves."""
+    """The verdict on the whole, with the largest residual over that expected of a correct model."""
     fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
     fits += [(fit.channel, fit) for fit in result.slow_fit]
     if not fits:
@@ -178,7 +178,7 @@ def _verdict_line(result: "JointResult") -> str:
 
 
 def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals over what a right model leaves, whole and slow, of several channels."""
+    """Residuals over the residual of a correct model, whole and slow, of several channels."""
     return ", ".join(
         f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
         f"{'' if fit.explained else ': NOT EXPLAINED'}"

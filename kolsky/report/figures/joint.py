@@ -49,6 +49,6 @@ def joint_curve(result: JointResult, panels: Panels) -> str:
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="upper left")
     return (
-        "Nominal stress that the impacts ask for, with its k = 2 band, and the slow curve (dashed). Dots: "
-        "nodes; grey ones, of which smoothness tells more than the data."
+        "Nominal stress identified from the impacts, with its k = 2 band, and the slow curve (dashed). Dots: "
+        "nodes; grey ones, which smoothness determines more than the data."
     )

@@ -239,8 +239,8 @@ def rate_stiffness(group: GroupRates, panels: Panels) -> str:
         if not slow:
             _plain_rates(ax)
     return (
-        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
-        " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
+        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given "
+        "next to each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
         " the quasi-static curve times m; open: the quasi-static curve itself"
         + (
             ", at its own rate, and its level carried to theirs (dotted)."

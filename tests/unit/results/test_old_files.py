@@ -84,3 +84,10 @@ def test_a_stereo_result_of_an_earlier_release(tmp_path: Path) -> None:
     assert before.pop("/entry/motion/covariance")[2] == (9, 6, 9, 6)
     assert after.pop("/entry/motion/covariance")[2] == (0, 6, 0, 6)
     assert {name: found for name, found in after.items() if not name.endswith("from_rim")} == before
+
+
+def test_a_verdict_of_earlier_words_is_read() -> None:
+    assert Verdict("not told from a bound of the design") is Verdict.BOUND_REACHED
+    assert Verdict("not told from another valley of the misfit") is Verdict.OTHER_VALLEY
+    with pytest.raises(ValueError, match="not a valid Verdict"):
+        Verdict("not told from anything")
