@@ -1,6 +1,5 @@
 """Box: scaling against hand-computed values, round trips and the refusals."""
 
-import os
 import signal
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -132,19 +131,6 @@ def test_bad_points_are_refused() -> None:
 POINTS = ledger_sweep.POINTS[:400]
 
 
-def mortal(marker: Path, points: np.ndarray) -> list[Run]:
-    """The oscillator, in a worker that dies once."""
-    if np.any(np.all(points == POINTS[150], axis=1)) and not marker.exists():
-        marker.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return ledger_sweep.oscillator(points)
-
-
-def hopeless(points: np.ndarray) -> list[Run]:
-    os.kill(os.getpid(), signal.SIGKILL)
-    raise AssertionError
-
-
 def slow(points: np.ndarray) -> list[Run]:
     time.sleep(0.02)
     return ledger_sweep.oscillator(points)
@@ -173,7 +159,9 @@ def test_chunks_through_threads_are_recorded_by_the_parent(tmp_path: Path) -> No
 def test_a_process_that_dies_has_its_chunk_run_again(tmp_path: Path) -> None:
     marker = tmp_path / "died"
     with Ledger(tmp_path / "l.sqlite", ledger_sweep.MODEL) as book:
-        runs = run_chunks(partial(mortal, marker), POINTS, chunk=20, ledger=book, executor=processes)
+        runs = run_chunks(
+            partial(ledger_sweep.mortal, marker), POINTS, chunk=20, ledger=book, executor=processes
+        )
         assert len(book) == 400
     assert marker.exists()
     assert_same_bits(runs)
@@ -181,7 +169,7 @@ def test_a_process_that_dies_has_its_chunk_run_again(tmp_path: Path) -> None:
 
 def test_workers_that_always_die_end_the_sweep() -> None:
     with pytest.raises(RuntimeError, match="workers died 2 times in a row with no chunk finished"):
-        run_chunks(hopeless, POINTS[:4], chunk=2, executor=processes, attempts=2)
+        run_chunks(ledger_sweep.hopeless, POINTS[:4], chunk=2, executor=processes, attempts=2)
 
 
 @pytest.mark.slow
