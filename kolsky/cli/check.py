@@ -34,12 +34,12 @@ def check(shot: ShotPath, out: Out = None) -> None:
     for remark in summary.remarks(loaded):
         print(one_line(f"warning: {remark}"), file=sys.stderr)
     from kolsky.base.files import filling, usable_folder
-    from kolsky.report.pages.check import PAGE, write_page
+    from kolsky.report.pages.waves import PAGE, write_check
     from kolsky.schema.shot_file import folder_of
 
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
-        write_page(partial / PAGE, loaded)
+        write_check(partial / PAGE, loaded)
     print(f"page: {folder / PAGE}")
 
 

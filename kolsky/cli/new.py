@@ -1,7 +1,4 @@
-"""`kolsky new`: a shot.toml to fill in, with what the folder's files show.
-
-An existing file is left unchanged.
-"""
+"""`kolsky new` and `open`: begin with a folder of measurements, on the command line or in the browser."""
 
 import tomllib
 from collections.abc import Iterator
@@ -139,3 +136,21 @@ def _text_of(series: Path) -> str:
 
     path = find_shot_file(series)
     return decode(path, read_bytes(path, limit=TOML_LIMIT))
+
+
+def open_pages(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with shots or raw files.")],
+    port: Annotated[
+        int | None, Option("Port on this computer.", min=1024, max=65535, show_default="the first free one")
+    ] = None,
+    browser: Annotated[bool, Option("Open the browser; --no-browser only prints the address.")] = True,
+) -> None:
+    """Open a page in the browser to set up, run, look at and compare the shots below a folder.
+
+    The page is served to this computer only. It writes the files that the other commands write.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "is no folder", cure="give the folder that your shots lie below")
+    from kolsky.app.server import serve
+
+    serve(folder, port=port, browser=browser)

@@ -39,7 +39,7 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
     """The page of several shots identified together, from their result file."""
     from kolsky.base.files import usable_folder
-    from kolsky.cli.identify_shots import answer_lines
+    from kolsky.cli.identify import answer_lines
     from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import write_results
     from kolsky.results.joint import read_joint_hdf5

@@ -78,7 +78,7 @@ RESULTS = {
         files={
             "joint.h5": "kolsky.results.joint.write_joint_hdf5",
             "joint.json": "kolsky.results.joint.to_json",
-            "joint.html": "kolsky.report.pages.joint.write_page",
+            "joint.html": "kolsky.report.pages.identification.write_joint",
         },
     ),
     "kolsky.inverse.result.Identification": ResultFiles("kolsky.results.tables.all_tables"),
@@ -90,7 +90,7 @@ RESULTS = {
         "kolsky.prediction.output.tables",
         files={
             "prediction.json": "kolsky.prediction.output.to_json",
-            "prediction.html": "kolsky.report.pages.prediction.write_page",
+            "prediction.html": "kolsky.report.pages.studies.write_prediction",
         },
     ),
     "kolsky.studies.budget.records.Budget": ResultFiles("kolsky.studies.budget.records.columns", "budget"),
@@ -99,7 +99,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.output.write_hdf5",
             "plan.json": "kolsky.studies.planning.output.to_json",
-            "plan.html": "kolsky.report.pages.plan.write_page",
+            "plan.html": "kolsky.report.pages.studies.write_plan",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -335,9 +335,9 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.pages.surfaces import write_surfaces
     from kolsky.report.picture_views import read_surface_view
-    from kolsky.shot.dic_output import write_tables
+    from kolsky.shot.optical_data import write_tables
 
     result = found.result
     shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
@@ -354,7 +354,7 @@ def write_dic_results(
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
-        write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
+        write_surfaces(partial / "dic.html", shown, shot.inputs, processes=processes)
 
 
 def write_full_field_results(
@@ -373,7 +373,7 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.pages.full_field import write_page
+    from kolsky.report.pages.surfaces import write_field
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
 
@@ -381,7 +381,7 @@ def write_full_field_results(
     with filling(folder) as partial:
         write_full_field(partial / "dic.h5", result)
         write_full_field_history(partial / "history.csv", result)
-        write_page(partial / "dic.html", shown, measurement.inputs)
+        write_field(partial / "dic.html", shown, measurement.inputs)
         save_figures_alone(partial, shown, formats)
         if csv:
             write_full_field_frames(partial / "csv", result)
@@ -398,11 +398,11 @@ def write_budget_results(
     budget and the parameter. ``campaign``: a planned campaign, if one was asked for.
     """
     from kolsky.report.figures import BUDGETS
-    from kolsky.report.pages.budget import write_page
+    from kolsky.report.pages.studies import write_budget
     from kolsky.studies.budget.records import columns
 
     with filling(folder) as partial:
-        write_page(partial / "budget.html", results, campaign)
+        write_budget(partial / "budget.html", results, campaign)
         for number, result in enumerate(results):
             end = f"-{result.parameter}" if number else ""
             write_table(partial / f"budget{end}.csv", columns(result))
@@ -439,12 +439,12 @@ def write_sweep_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.pages.sweep import write_page
+    from kolsky.report.pages.studies import write_sweep
     from kolsky.studies.sweep import columns
 
     with filling(folder) as partial:
         write_table(partial / f"{name}.csv", columns(result))
-        write_page(partial / f"{name}.html", analysis, warnings=warnings)
+        write_sweep(partial / f"{name}.html", analysis, warnings=warnings)
         save_figures_alone(partial, analysis, formats)
 
 

@@ -27,9 +27,9 @@ from dic.synthetic.render import WRITERS, Sensor, picture_series
 from dic.synthetic.scene import Instants, Lamp, Lens, RevolvedBody, Scene, closed, cylinder, exposures, haze
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.calibration_pictures import Rig, calibration_tables, rig_of, write_calibration
-from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import stream
+from kolsky.virtual.truth import SurfaceHistory
 
 GRAIN = 0.012
 """Standard deviation of the reflectance of bare material, texel by texel [-]."""

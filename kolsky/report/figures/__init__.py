@@ -21,7 +21,7 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 
 PLACES: dict[str, tuple[str, ...]] = {
-    "JOINT": ("joint.joint_shots", "joint.joint_curve"),
+    "JOINT": ("rates.joint_shots", "rates.joint_curve"),
     # Recordings behind an identification; shown after those of `REGISTRY`
     "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification

@@ -7,14 +7,13 @@ import numpy as np
 
 from kolsky.bodies.actuator_bending import SearchEnd, relative_bend
 from kolsky.report.body_views import ActuatorView
-from kolsky.report.figures import ACTUATORS
 from kolsky.report.figures.base import BAR
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 
 
 def render(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
-    """Return the page as HTML text; see `write_page`."""
+    """Return the page as HTML text."""
     return render_page(
         "actuator.html",
         kind="Pressurised actuator",
@@ -22,7 +21,7 @@ def render(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
         subject="bend",
         warnings=sentences(shown.warnings),
         tables=[table for table in tables(shown) if table["rows"]],
-        figures=draw_figures(ACTUATORS.values(), shown),
+        figures=draw_figures(shown),
         inputs=list(inputs.items()),
     )
 

@@ -9,13 +9,12 @@ from kolsky.bodies.specimen_constants import ConstantSpec
 from kolsky.bodies.specimen_fit import ConstantVerdict
 from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import SheetView, SpecimenView
-from kolsky.report.figures import SHEETS, SPECIMENS
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 
 
 def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
-    """Return the page as HTML text; see `write_page`."""
+    """Return the page as HTML text."""
     sheet = isinstance(shown, SheetView)
     rows = sheet_rows(shown) if isinstance(shown, SheetView) else constant_rows(shown)
     tests: Sequence[str] = () if isinstance(shown, SheetView) else shown.tests
@@ -36,7 +35,7 @@ def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
         tests=list(tests),
         table=table,
         facts=list(printed(shown).items()),
-        figures=draw_figures((SHEETS if sheet else SPECIMENS).values(), shown),
+        figures=draw_figures(shown),
         inputs=list(inputs.items()),
     )
 
