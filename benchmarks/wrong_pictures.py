@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.made_pictures import surface
-from kolsky.virtual.calibration_pictures import rig_of
-from kolsky.virtual.pictures import expose_series, scene_of
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.truth import SurfaceHistory
 

@@ -140,7 +140,7 @@ def plan(
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
-    from kolsky.studies.planning import output
+    from kolsky.studies.planning import plan as output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.information import instruments_of
 
@@ -198,7 +198,7 @@ def predict(
     if film:
         if quick:
             raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
-        from kolsky.report.scene.film import writer_for
+        from kolsky.report.scene.drawing import writer_for
 
         cure = "choose another format, or install what it needs"
         with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
@@ -209,7 +209,7 @@ def predict(
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.prediction import design
     from kolsky.prediction import predict as prediction
-    from kolsky.prediction.output import to_json
+    from kolsky.prediction.design import to_json
     from kolsky.report.result_folder import write_prediction_results
 
     cure = "name a number of the test file with its range, e.g. striker.velocity=2:6"

@@ -75,8 +75,7 @@ def film(
 
     Needs the results of `kolsky identify`; writes into their folder film.
     """
-    from kolsky.report.scene.drawing import CannotRender, require_pyvista
-    from kolsky.report.scene.film import FILMS, writer_for
+    from kolsky.report.scene.drawing import FILMS, CannotRender, require_pyvista, writer_for
     from kolsky.report.scene.scene_data import FIELDS
 
     texts.one_of("--field", field, tuple(FIELDS))
@@ -96,7 +95,7 @@ def film(
     from kolsky.base.files import filling
     from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
-    from kolsky.report.scene.film import write_film, write_stills
+    from kolsky.report.scene.drawing import write_film, write_stills
     from kolsky.report.scene.scene_data import mesh_of, scene_of, solid_of
     from kolsky.results.hdf5 import read_identification
 

@@ -10,7 +10,7 @@ import explicit
 from explicit.materials import marlow_from_curve
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.records import FaceWaves, History, Reduction
-from kolsky.bars.reduction.inputs import StationInput, WavesInput
+from kolsky.bars.reduction.windows import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Interface, Specimen
 from kolsky.base.arrays import FloatArray

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE
-from kolsky.prediction.design import Aim, Scan
-from kolsky.prediction.output import events_table
+from kolsky.prediction.design import Aim, Scan, events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of
 from kolsky.studies.budget.records import Budget, Campaign
-from kolsky.studies.planning.output import rows as plan_rows
 from kolsky.studies.planning.plan import Plan
+from kolsky.studies.planning.plan import rows as plan_rows
 from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 
 

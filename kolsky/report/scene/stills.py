@@ -18,7 +18,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize, to_rgb
 
 from kolsky.base.arrays import FloatArray
-from kolsky.report.scene.film import evenly_spaced
+from kolsky.report.scene.drawing import evenly_spaced
 from kolsky.report.scene.scene_data import (
     EYE,
     FIELDS,

@@ -15,8 +15,17 @@ from kolsky_command import json_of, run_kolsky
 from explicit.bars.lines import Events
 from kolsky.base.errors import InputError
 from kolsky.prediction import design
-from kolsky.prediction.design import Scan, Varied, aim, distance, varied_test
-from kolsky.prediction.output import events_table, scan_table, signals, to_json
+from kolsky.prediction.design import (
+    Scan,
+    Varied,
+    aim,
+    distance,
+    events_table,
+    scan_table,
+    signals,
+    to_json,
+    varied_test,
+)
 from kolsky.prediction.predict import Numbers, PlannedTest, doubts, numbers_of, predict, read_test
 from kolsky.report.canvas import build
 from kolsky.report.figures import SCANS

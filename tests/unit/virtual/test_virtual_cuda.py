@@ -15,9 +15,8 @@ import explicit
 from explicit.device import select_device
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.studies.budget.realisation import Realisations, factors_of
-from kolsky.virtual.calibration_pictures import rig_of
 from kolsky.virtual.make import make
-from kolsky.virtual.pictures import expose_series, scene_of
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
 from kolsky.virtual.truth import SurfaceHistory, Truth, simulate_truths
