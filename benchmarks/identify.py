@@ -144,6 +144,30 @@ def table(part: str, measured: dict[str, Any], one: float) -> str:
     return "\n".join(lines)
 
 
+UPDATES = 7.04e7
+"""Element updates of 100 runs of the solver's problem: 352 elements, 2000 steps."""
+
+
+def summary(measured: dict[str, Any]) -> str:
+    """A line a part, as Markdown: runs, then updates and processor seconds over the solver's problem."""
+    lines = [
+        "| free | runs | element updates | processor time | of it outside the solver |",
+        "| --- " * 5 + "|",
+    ]
+    words = {"free": "m, ν, β", "held": "m", "wrong": "m, ν, β, a wrong input"}
+    for part in (part for part in PARTS if part in measured):
+        one, unit = measured[part], measured["unit"]
+        runs, updates, solver = (
+            sum(row[key] for row in one["stages"]) for key in ("runs", "updates", "seconds")
+        )
+        host = one["seconds"] - solver
+        lines.append(
+            f"| {words[part]} | {runs} | {updates / UPDATES:.1f} | {one['seconds'] / unit:.1f} "
+            f"| {host / unit:.1f} |"
+        )
+    return "\n".join(lines)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(

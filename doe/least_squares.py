@@ -154,7 +154,7 @@ class _Search:
             self.residual, self.jacobian = weighed, weights.apply(slope).T
             self.damping = max(0.2 * self.damping, LEAST_DAMPING)
         elif not np.isfinite(self.deviance):
-            self.ended = "the run at the start, or one beside it, failed"
+            self.ended = "the run at the start, or a neighbouring one, failed"
             return
         else:
             self.damping *= 5.0
@@ -165,7 +165,7 @@ class _Search:
             self.converged = True
             self.ended = f"the next step is within {self.at_rest:g} standard deviations"
         elif self.damping > MOST_DAMPING:
-            self.ended = "no step lowers the misfit, though its slope asks for one: it is rough on this scale"
+            self.ended = "no step lowers the misfit, though its slope is not zero: it is rough on this scale"
         else:
             self.trial = np.clip(self.u + self._bounded(self.damping), 0.0, 1.0)
 
@@ -241,7 +241,7 @@ def least_squares(
         for search, part in zip(active, np.split(responses, len(active)), strict=True):
             search.take(part)
     if not any(np.isfinite(search.deviance) for search in searches):
-        raise ValueError("no search could start: at every start the run, or one beside it, failed")
+        raise ValueError("no search could start: at every start the run, or a neighbouring one, failed")
     return tuple(sorted((search.result() for search in searches), key=lambda found: found.deviance))
 
 

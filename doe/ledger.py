@@ -299,7 +299,7 @@ class Ledger:
             yield
         except sqlite3.Error as error:
             busy = "locked" in str(error)
-            used = "another sweep is using it; wait, or give this one a ledger of its own"
+            used = "another sweep is using it; wait, or give this one a separate ledger"
             full = "full" in str(error) or "I/O" in str(error)
             cure = (
                 "make room and run it again" if full else "restore it, or give another place for the ledger"

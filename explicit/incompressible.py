@@ -201,7 +201,7 @@ def _check(
             "explicit.run simulates it directly"
         )
     if sampling.all_nodes:
-        raise ValueError("all_nodes is not available: the meshes' nodes differ; ask for the surface")
+        raise ValueError("all_nodes is not available: the meshes' nodes differ; request the surface")
     meshes = (fine, *coarse)
     for name, size in (
         ("radius", [m.nodes[:, 0].max() for m in meshes]),

@@ -294,7 +294,7 @@ def _joint_warnings(
     said = []
     if not found.confirmed:
         said.append(
-            "the last run on the refined mesh still asks for another optimum: widen the bounds with --free, "
+            "the last run on the refined mesh still gives another optimum: widen the bounds with --free, "
             "or refine --mesh, whose slopes the steps take"
         )
     if choice is not None and not choice.asked_for:
@@ -474,7 +474,9 @@ def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) 
         )
     if settings.curve_nodes:
         if slow:
-            raise ValueError("slow tests tell the slow curve: with free nodes of the curve leave them out")
+            raise ValueError(
+                "slow tests determine the slow curve: omit them where nodes of the curve are free"
+            )
         ends = {float(np.sign(shot.curve.stretch[-1] - 1.0)) for shot in shots}
         if len(ends) > 1:
             raise ValueError("the shots' curves are of different branches: one curve cannot be free in all")

@@ -2,7 +2,7 @@
 
 Each draw is a material of its own (m, strength, time, Poisson's ratio, damping), three shots of it at speeds
 drawn between 1.2 and 3.5 m/s, made by the virtual laboratory with one slow curve, and a relaxation test.
-`identify_shots` answers with everything free, and says whether the data ask for what relaxes. With --elastic
+`identify_shots` answers with everything free, and says whether the data need relaxation. With --elastic
 the same materials do not relax, and are identified as if they might. Counted is how often the 95 % interval
 holds the truth, how often strength and time are both within two standard uncertainties, and how often
 relaxation is asked for. The folder keeps every answer: called again, the study goes on where it stopped.

@@ -1,5 +1,6 @@
 """The rows of the study of wrong inputs: what is wrong, applied to a right shot, and what names it."""
 
+import math
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -152,8 +153,6 @@ def wrong_curve(curve: MaterialCurve, name: str, amount: float) -> MaterialCurve
     stretch, stress = curve.stretch, curve.stress
     if name == "true stress":
         return replace(curve, stress=stress * stretch**amount, law=None)
-    if name == "true strain":
-        return replace(curve, stretch=1.0 + np.log(stretch), law=None)
     return changed_curve(curve, {name: amount})
 
 
@@ -230,13 +229,26 @@ def _edited(folder: Path, table: str, key: str, line: str) -> Shot:
         if lines[i].startswith(f"{key} ="):
             lines[i] = line
             break
+    return _with_file(folder, "shot.toml", "\n".join(lines))
+
+
+def _with_file(folder: Path, name: str, text: str) -> Shot:
+    """The shot with another text in one of its files."""
     with TemporaryDirectory() as place:
         for file in folder.iterdir():
-            if file.is_file():
+            if file.is_file() and file.name != name:
                 (Path(place) / file.name).symlink_to(file.resolve())
-        (Path(place) / "shot.toml").unlink()
-        (Path(place) / "shot.toml").write_text("\n".join(lines), "utf-8")
+        (Path(place) / name).write_text(text, "utf-8")
         return load_shot(Path(place))
+
+
+def _true_strain(folder: Path) -> Shot:
+    """The curve's file holds logarithmic strain; the reader may refuse what leaves no length."""
+    name = "quasi_static.csv"
+    head, *rows = (folder / name).read_text("utf-8").splitlines()
+    pairs = [row.split(",", 1) for row in rows]
+    logarithmic = [f"{math.log1p(float(strain))!r},{stress}" for strain, stress in pairs]
+    return _with_file(folder, name, "\n".join([head, *logarithmic]))
 
 
 CURVES = ("curve.stress", "curve.strain", "curve shape")
@@ -277,7 +289,7 @@ ROWS: tuple[Row, ...] = (
     Row(CURVE, "", _curve(0.95), free=True),
     Row("curve x 4", CURVE_SCALE, _curve(4.0), free=True),
     Row("curve of true stress", "curve.stress", _form("true stress", 1.0), free=True, names=CURVES),
-    Row("curve of true strain", "curve.strain", _form("true strain", 1.0), free=True, names=CURVES),
+    Row("curve of true strain", "curve.strain", _true_strain, free=True, names=CURVES),
     Row("curve + 25 % curvature", "curve shape", _form("tilt", 0.25), free=True, names=CURVES),
     Row("curve of the other branch", "curve.branch", _form("branch", 1.0), free=True, names=CURVES),
     Row(

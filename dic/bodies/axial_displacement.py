@@ -191,7 +191,7 @@ def rim_of(
     pictures: tuple[Pictures, Pictures],
     geometry: RestGeometry,
 ) -> Rim | None:
-    """The rim of the body's face; ``geometry``: the specimen at rest, other arguments as of `translations`."""
+    """The rim of the body's face; ``geometry``: the specimen at rest, the rest as of `translations`."""
     if not (body.reconstruction.outcome == PointOutcome.VALID).any():
         return None
     return find_rim(pictures, body, rig, frame, *stereo_translations(body, frame), geometry)

@@ -321,7 +321,7 @@ def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
         size = dict(zip(("cx", "cy"), camera.sensor, strict=True))
         warnings += [
             f"camera {k}: {name} is known to ± {sigma[f'{name}{k}']:.1f} px only; a stronger tilt and roll "
-            "of the target would settle it (a long lens trades it for the pose, as the covariance says)"
+            "of the target would settle it (with a long lens it is correlated with the pose)"
             for name in size
             if name in free and sigma[f"{name}{k}"] > 0.02 * size[name]
         ]

@@ -144,7 +144,7 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
             f"camera {index}: the lens model {model} is not one of {', '.join(sorted(BROWN | NONE))}",
             line=line,
             cure="calibrate with the model of OpenCV; coefficients that came from VIC-3D or OpenCV are "
-            "OPENCV_LENS_DISTORTION whatever the file says",
+            "OPENCV_LENS_DISTORTION whatever the file states",
         )
     sensor = None
     if "IMAGE_HEIGHT_WIDTH" in parameters:

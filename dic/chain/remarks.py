@@ -59,7 +59,7 @@ def of_edge(cameras: int) -> list[Remark]:
         Remark(
             name="no edge",
             text="the specimen's end at the transmission platen was found in neither camera within two "
-            "pixels of the declared place, which is used as it is",
+            "pixels of the declared place, which is used unchanged",
             cure="declare it more closely; an error of a tenth of a pixel shifts all heights y by as much",
         )
     ]
@@ -74,7 +74,7 @@ def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
                 name="rest from the flyer's rim",
                 text="no static frame shows enough of the flyer; its place at rest follows from the "
                 f"specimen's declared length and the rim of its face in later frames, to {sigma:.1f} µm",
-                cure="nothing to do; a few rows of the flyer in view at rest tell it to a micrometre",
+                cure="nothing to do; a few rows of the flyer in view at rest determine it to a micrometre",
             )
         ]
     if not required or axial is not None:
@@ -100,7 +100,7 @@ def of_rim(past: float, narrower: bool) -> list[Remark]:
             text=f"the region of the flyer reaches {past:.1f} px past the rim of its face, where the face or "
             "the specimen is seen, and no longer its side; "
             + ("what lies past it was left out" if narrower else "too little of it lies before the rim"),
-            cure="nothing to do; a region that ends before the rim is used as it is"
+            cure="nothing to do; a region that ends before the rim is used unchanged"
             if narrower
             else "declare a region of it, clear of its edge, in a frame that shows more of it",
         )
@@ -383,8 +383,8 @@ def facts_of(inputs: Inputs) -> dict[str, Any]:
             "stereo_shape": settings.stereo.shape.name.lower(),
             "criterion": "ZNSSD, inverse-compositional Gauss-Newton",
             "interpolant": "quintic B-spline",
-            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks "
-            "for it",
+            "reference": "a point's own earlier picture, renewed where its correlation or stretch requires "
+            "it",
             "strip_half_width_m": settings.strip_half_width,
             "toward_flyer": settings.toward_flyer,
             "zero_px": list(settings.zero),

@@ -417,7 +417,7 @@ def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> 
     if not counts.any():
         raise ValueError(
             "no point was followed into another frame, though the pictures are usable. Likely causes: the "
-            "motion from frame to frame is larger than the search, the region lies beside the pattern, or "
+            "motion from frame to frame is larger than the search, the region misses the pattern, or "
             "the subset is smaller than the speckles. Correct region or subset, or take a later reference"
         )
     frame = int(frames[np.argmin(np.abs(frames - settings.reference))])

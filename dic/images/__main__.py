@@ -15,8 +15,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m dic.images", description=__doc__)
     parser.add_argument("path", type=Path, help="a picture file, or a folder with a numbered series")
     parser.add_argument("--pattern", help='names in a folder, "cam0_*.png", or a dataset of an HDF5 file')
-    parser.add_argument("--bits", type=int, help="bits that carry the grey value, if the file does not say")
-    parser.add_argument("--static", type=int, default=0, help="so many frames at the start show no motion")
+    parser.add_argument(
+        "--bits", type=int, help="bits that carry the grey value, if the file does not state it"
+    )
+    parser.add_argument("--static", type=int, default=0, help="number of frames at the start without motion")
     parser.add_argument("--subset", type=int, default=21, help="side of the subset [px]")
     parser.add_argument("--wanted", type=float, help="noise floor to be reached [px]")
     options = parser.parse_args(arguments)

@@ -303,7 +303,7 @@ def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
             file,
             f"has {pages.n_frames} pages",
             frame=index,
-            cure="open the file itself: it is a series of its own",
+            cure="open the file itself: it is a separate series",
         )
     return pages.frame(0), pages.bits
 

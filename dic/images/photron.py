@@ -193,7 +193,7 @@ class MrawPictures:
         if np.any(values & (2**self.shift - 1)):
             raise PictureError(
                 self.path,
-                f"its lowest {self.shift} bits are not zero, as the header says",
+                f"its lowest {self.shift} bits are not zero, as the header states",
                 frame=index,
                 cure='correct "EffectiveBit Depth" and "EffectiveBit Side" in the header',
             )

@@ -61,7 +61,7 @@ class Pictures(Protocol):
 
     @property
     def crop_offset(self) -> tuple[float, float]:
-        """Place of the top left pixel on the sensor (x, y) [px]; (0, 0) if the file does not say."""
+        """Place of the top left pixel on the sensor (x, y) [px]; (0, 0) if the file does not state it."""
 
     @property
     def times(self) -> NDArray[np.float64] | None:
@@ -133,7 +133,7 @@ def checked_bits(path: Path, bits: int, container: int) -> int:
         raise PictureError(
             path,
             f"bits = {bits}, allowed are 1 to {container} for grey values stored in {container} bits",
-            cure="leave bits out, or say those that carry the grey value",
+            cure="leave bits out, or give those that carry the grey value",
         )
     return int(bits)
 

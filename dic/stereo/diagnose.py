@@ -450,7 +450,7 @@ def _offset_finding(offset: Offset) -> Finding:
     )
     cure = "take the crop offsets from the camera's own file header, and add what is missing"
     if unknown:
-        cure += f"; {' and '.join(unknown)} cannot be told from epipolar distances, so check it too"
+        cure += f"; {' and '.join(unknown)} cannot be separated by epipolar distances, so check it too"
     if offset.where == "camera 1":
         cure += "; instead, an offset of camera 0 would explain it as well"
     shifts = offset.shifts

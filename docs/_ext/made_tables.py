@@ -10,11 +10,12 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
+``<!-- ablated NAME -->`` what each mechanism of an identification costs,
 ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
-done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- grown NAME -->`` how work grows and ``<!--
-campaigns NAME -->`` how it is shared out:
+done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` what an answer costs,
+``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
 NAME.json of benchmarks/results or populations/results, ``<!-- named inputs -->`` inputs that were once
 answered wrongly (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
@@ -285,6 +286,14 @@ def meshed(name: str) -> str:
     return _not_yet(name) if made is None else table(made["each"])
 
 
+def ablated(name: str) -> str:
+    """What each mechanism of `identify` costs and does, as `populations.ablation` prints it."""
+    from populations.ablation import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made["each"])
+
+
 def planted(name: str) -> str:
     """Planted shots that relax, or do not, as `populations.joint_coverage_counts` prints them."""
     from populations.joint_coverage_counts import table
@@ -333,6 +342,14 @@ def solved(name: str) -> str:
     return _not_yet(name) if made is None else page_table(made)
 
 
+def priced(name: str) -> str:
+    """What an answer costs over the solver's problem, as `benchmarks.identify` measured it."""
+    from benchmarks.identify import summary
+
+    made = _results(name)
+    return _not_yet(name) if made is None else summary(made)
+
+
 def grown(name: str) -> str:
     """How work grows, as `benchmarks.growth` prints it."""
     from benchmarks.growth import table
@@ -376,6 +393,7 @@ TABLES = {
     "killed": killed,
     "soaked": soaked,
     "solved": solved,
+    "priced": priced,
     "grown": grown,
     "campaigns": campaigns,
     "fuzzed": fuzzed,
@@ -384,6 +402,7 @@ TABLES = {
     "pooled": pooled,
     "coverage": coverage,
     "meshed": meshed,
+    "ablated": ablated,
     "planted": planted,
     "advised": advised,
     "equilibria": equilibria,

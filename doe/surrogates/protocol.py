@@ -194,7 +194,7 @@ def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatA
         run, entry = bad[0]
         raise SurrogateError(
             f"run {run} has {y[run, entry]} in entry {entry} ({len(np.unique(bad[:, 0]))} of {len(y)} runs "
-            "are not finite): leave out the runs that did not complete, and say so"
+            "are not finite): omit the runs that did not complete, and state it"
         )
     return x, y
 

@@ -20,8 +20,6 @@ from kolsky.studies.rates.records import GroupRates, RateReport
 
 SHADES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#8f6a00", "#1a1a1a", "#7a5195")
 """Colours of the shots (Okabe and Ito 2008, those dark enough on white)."""
-BETWEEN = "|"
-"""What separates shots in an address; no folder's name has it on every system."""
 
 
 def page(root: Path) -> None:
@@ -30,7 +28,7 @@ def page(root: Path) -> None:
     @ui.page("/compare", response_timeout=30.0)
     async def compare_page(shots: str = "") -> None:
         with frame.framed("Compare", view="compare"):
-            names = [name for name in shots.split(BETWEEN) if name]
+            names = [name for name in shots.split(frame.BETWEEN) if name]
             identified = {one.name: one.name for one in list_shots(root) if one.row}
             if not identified:
                 frame.note("No shot below this folder has a result yet.")
@@ -42,9 +40,7 @@ def page(root: Path) -> None:
                 chosen.classes("grow").props("use-chips outlined dense")
                 ui.button(
                     "Compare",
-                    on_click=lambda: ui.navigate.to(
-                        frame.address("compare", shots=BETWEEN.join(chosen.value))
-                    ),
+                    on_click=lambda: ui.navigate.to(frame.comparison(*chosen.value)),
                 ).props("outline")
             target = ui.column().classes("w-full")
             if names:
@@ -145,8 +141,7 @@ def _rate_plot(group: GroupRates) -> None:
 def _verdict(group: GroupRates) -> None:
     for shot in group.shots:
         value, U = map(plain_sentence, measured(shot.m, 2.0 * shot.sigma))
-        more = "" if shot.counted else f", not counted: {shot.verdict.value}"
-        ui.label(f"{shot.name}: m = {value} ± {U} (k = 2) at {shot.history.nominal_rate:.4g} 1/s{more}")
+        ui.label(f"{shot.name}: m = {value} ± {U} (k = 2) at {shot.history.nominal_rate:.4g} 1/s")
     if group.pooled is not None:
         low, high = group.pooled.interval
         value, half = map(plain_sentence, measured(group.pooled.mean, 0.5 * (high - low)))

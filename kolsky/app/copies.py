@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -55,6 +56,18 @@ def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None
     return None
 
 
+def copy_of(folder: Path, cause: CauseFinding) -> Path:
+    """Where the copy of a shot with one changed input is."""
+    return folder.with_name(f"{folder.name}, {cause.key} changed")
+
+
+def original_of(copy: Path) -> Path | None:
+    """The shot that a copy was made of; None if it is no copy, or that shot is gone."""
+    m = re.fullmatch(r"(?P<name>.+), [\w.]+ changed", copy.name)
+    original = copy.with_name(m["name"]) if m else None
+    return original if original is not None and (original / SHOT_FILE).is_file() else None
+
+
 def copy_with(folder: Path, cause: CauseFinding) -> Path:
     """A copy of a shot's folder beside it, with one input changed; results are not copied.
 
@@ -66,7 +79,7 @@ def copy_with(folder: Path, cause: CauseFinding) -> Path:
         raise InputError(
             draft.path, f"{cause.key} is no single value there", cure="change it in a copy by hand"
         )
-    copy = folder.with_name(f"{folder.name}, {cause.key} changed")
+    copy = copy_of(folder, cause)
     if copy.exists():
         raise InputError(copy, "is there already", cure="open it, or remove it first")
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("results"))

@@ -289,6 +289,17 @@ def column_toml(column: str, unit: str) -> str:
     return f"{{ column = {quoted(column)}, unit = {quoted(unit)} }}"
 
 
+def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
+    """The pictures of a camera as a shot file declares them; numbers without quotes, blanks as such."""
+    places = []
+    for text in offset:
+        try:
+            places.append(f"{float(text):g}")
+        except ValueError:
+            places.append(quoted(text.strip()))
+    return f"{{ {key} = {quoted(name)}, crop_offset = [{', '.join(places)}] }}"
+
+
 def by_key(problems: Iterable[InputError]) -> dict[str, str]:
     """Problems as texts by the key that they belong to; those of no key by ""."""
     words_by_key: dict[str, list[str]] = {}

@@ -53,6 +53,20 @@ def address(view: str, shot: str = "", **more: str) -> str:
     return f"/{view}" + (f"?{urlencode(words)}" if words else "")
 
 
+BETWEEN = "|"
+"""What separates shots in an address; no folder's name has it on every system."""
+
+
+def comparison(*shots: str) -> str:
+    """Address of the view that compares shots."""
+    return address("compare", shots=BETWEEN.join(shots))
+
+
+def beside(shot: str, folder: Path) -> str:
+    """Name in an address of a folder next to a shot's."""
+    return f"{shot.rpartition('/')[0]}/{folder.name}".lstrip("/")
+
+
 @contextmanager
 def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
     """A page with the head line; what is made inside is its content."""

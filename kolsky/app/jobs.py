@@ -20,7 +20,10 @@ from pathlib import Path
 from kolsky.base.errors import InputError
 
 _HEAD = re.compile(r"# kolsky (?P<command>\w+) .*, process (?P<process>\d+), started (?P<started>[\d: -]+)")
-_PROGRESS = re.compile(r"(?P<stage>[^:\n]+): (?P<done>\d+) of (?P<total>\d+), \S+ since the start")
+_PROGRESS = re.compile(
+    r"(?P<name>[^:\n]+): (?P<done>\d+) of (?P<total>\d+), (?P<time>\S+ since the start|.* left|)"
+)
+"""A line of progress of a command, or of a sweep."""
 END = "# ended: exit code "
 COMMANDS = ("identify", "dic", "sweep", "check", "report")
 """Commands that can be run."""
@@ -30,6 +33,20 @@ _LONGEST = 200_000
 """Last bytes of a log that are shown."""
 _CHILDREN: dict[Path, subprocess.Popen[bytes]] = {}
 """Runs of this server, by log."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """How far a stage of a run is."""
+
+    name: str
+    """The stage."""
+    done: int
+    """Its runs or frames that are done."""
+    total: int
+    """Of so many."""
+    time: str
+    """Time since the run's start, or the time that is left."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +63,8 @@ class Job:
     """When it began."""
     text: str
     """What it printed, without lines of progress."""
-    progress: tuple[str, int, int] | None
-    """Stage, and how much of it is done; None if nothing was said."""
+    stages: tuple[Stage, ...]
+    """The stages so far, the current one at the end."""
     exit_code: int | None
     """Its exit code; None if it runs, or ended when no server watched it."""
     running: bool
@@ -143,10 +160,9 @@ def read_job(log: Path) -> Job:
         tail = file.read().decode("utf-8", "replace").split("\n")
     found, child = _HEAD.match(head), _CHILDREN.get(log)
     if found is None and child is not None and child.poll() is None:  # it has not begun to write
-        return Job(log, log.stem, child.pid, "just now", "", None, None, True)
+        return Job(log, log.stem, child.pid, "just now", "", (), None, True)
     if found is None:
         raise InputError(log, "is no log of a command", cure="remove it")
-    progress = [m for line in tail if (m := _PROGRESS.fullmatch(line))]
     ends = [line for line in tail if line.startswith(END)]
     process = int(found["process"])
     return Job(
@@ -157,12 +173,19 @@ def read_job(log: Path) -> Job:
         text="\n".join(
             line for line in tail if not _PROGRESS.fullmatch(line) and not line.startswith(END)
         ).strip(),
-        progress=(progress[-1]["stage"], int(progress[-1]["done"]), int(progress[-1]["total"]))
-        if progress
-        else None,
+        stages=_stages(tail),
         exit_code=int(ends[-1].removeprefix(END)) if ends else None,
         running=not ends and _alive(process, log),
     )
+
+
+def _stages(lines: list[str]) -> tuple[Stage, ...]:
+    """The last state of each stage; one that comes back goes to the end."""
+    last: dict[str, Stage] = {}
+    for m in filter(None, map(_PROGRESS.fullmatch, lines)):
+        last.pop(m["name"], None)
+        last[m["name"]] = Stage(m["name"], int(m["done"]), int(m["total"]), m["time"])
+    return tuple(last.values())
 
 
 def jobs_of(folder: Path) -> list[Job]:

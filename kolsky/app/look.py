@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from nicegui import ui
 
+from dic.images import Pictures
 from kolsky.app import frame
-from kolsky.app.copies import changed_value, copy_with
+from kolsky.app.copies import changed_value, copy_of, copy_with
 from kolsky.app.draft import Draft
-from kolsky.app.what_if import Answer, Valley, WhatIf
+from kolsky.app.what_if import Answer, Misfit, Valley, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Identification
+from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Estimate, Identification
+from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.regions import png_of
 from kolsky.report.result_folder import RESULT_FILE
+from kolsky.report.scene.drawing import cut_svg
 from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
-from kolsky.report.scene.stills import cut_svg
 from kolsky.results.hdf5 import read_identification
 from kolsky.results.nomenclature import factor_of
 from kolsky.results.printed import answer, fit_line, plain_symbol
 from kolsky.schema.shot_file import SHOT_FILE
-from kolsky.shot.load import load_shot
+from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
 
@@ -32,6 +37,10 @@ LEAST_EXPLAINED = 0.05
 """Least share of the misfit that an input must explain to be offered [-]; less is within its own noise."""
 SECONDS_OF_PLAY = 0.12
 """Time between two pictures of a play [s]."""
+PICTURE_WIDTH = 640
+"""Most columns of a camera's picture beside the plots [px]: as wide as it is shown."""
+EXPECTED = "expected scatter, k = 2"
+"""The band about the measured force."""
 
 
 @dataclass
@@ -43,6 +52,8 @@ class Result:
     shot: Shot | None
     why: str
     """Why the shot is not there; empty if it is."""
+    pictures: PictureSet | None = None
+    """The shot's pictures; None if it has none, or they cannot be opened."""
 
 
 def read_result(folder: Path) -> Result:
@@ -60,7 +71,17 @@ def read_result(folder: Path) -> Result:
     why = (
         f"{', '.join(differing[:3])} changed since this result was made: identify again" if differing else ""
     )
-    return Result(folder, found, shot, why)
+    return Result(folder, found, shot, why, _pictures(folder))
+
+
+def _pictures(folder: Path) -> PictureSet | None:
+    """The pictures of a shot, if it has some that can be opened; its own page says why they cannot."""
+    if "pictures" not in Draft(folder / SHOT_FILE).content():
+        return None
+    try:
+        return load_pictures(folder).pictures
+    except InputError:
+        return None
 
 
 def page(root: Path) -> None:
@@ -111,7 +132,7 @@ class LookView:
         with ui.column().classes("answer gap-0"):
             for i, e in enumerate(self.found.estimates.values()):
                 with ui.element("b" if i == 0 else "p"):
-                    ui.label(answer(e))
+                    ui.label(answer_words(e))
             frame.note(fit_line(self.found))
         if self.result.why:
             frame.note(self.result.why, "caution")
@@ -157,23 +178,28 @@ class LookView:
             self.residual = self._residual_plot()
             self.outline = self._outline_plot() if c.centre_line.time.size else None
             self._specimen()
+            series = self.result.pictures.series if self.result.pictures is not None else ()
+            self.cameras = [self._camera(i) for i in range(len(series))]
         self._at(self.k)
 
     def _force_plot(self) -> ui.echart:
         c, spread = self.found.comparison, self.found.spread(FORCE)
         t = 1e6 * c.force_time
         low, high = c.force_measured - 2.0 * spread, c.force_measured + 2.0 * spread
-        return frame.chart(
+        plot = frame.chart(
             "Time (µs)",
             "Transmitted force (N)",
             [
-                *frame.band("what a right model leaves, k = 2", t, low, high),
+                *frame.band(EXPECTED, t, low, high),
                 frame.dots("measured", frame.points(t, c.force_measured), frame.INK, 3.5, z=4),
                 frame.line("model", frame.points(t, c.force_model), frame.ORANGE),
                 frame.line("tried", [], frame.BLUE),
             ],
             words="Transmitted force over time, measured and simulated",
         )
+        band = {"name": EXPECTED, "icon": "rect"}
+        plot.options["legend"]["data"] = [band, "measured", "model", "tried"]
+        return plot
 
     def _residual_plot(self) -> ui.echart:
         c = self.found.comparison
@@ -211,7 +237,6 @@ class LookView:
 
     def _outline_plot(self) -> ui.echart:
         line = self.found.comparison.centre_line
-        span = [float(f"{1e3 * v:.3g}") for v in (line.Z.min() * 0.98, line.Z.max() * 1.02)]
         plot = frame.chart(
             "Radius Z (mm)",
             "Height y (mm)",
@@ -222,9 +247,20 @@ class LookView:
             ],
             words="Outline of the specimen at the chosen time, measured and simulated",
         )
-        plot.options["xAxis"] |= {"min": span[0], "max": span[1]}
-        plot.options["yAxis"] |= {"min": 0, "max": float(f"{1.02e3 * line.y.max():.3g}")}
+        low, high = 2e3 * line.Z.min(), 2e3 * line.Z.max()  # whole halves of a millimetre around all frames
+        plot.options["xAxis"] |= {"min": float(np.floor(low)) / 2.0, "max": float(np.ceil(high)) / 2.0}
+        plot.options["yAxis"] |= {"min": 0, "max": float(np.ceil(2e3 * line.y.max())) / 2.0}
         return plot
+
+    def _camera(self, i: int) -> ui.image:
+        with ui.column().classes("w-full gap-1"):
+            ui.label(f"Camera {i}").classes("soft")
+            return (
+                ui.image()
+                .classes("w-full")
+                .props(f'alt="Picture of camera {i}" no-spinner')
+                .mark(f"camera-{i}")
+            )
 
     def _specimen(self) -> None:
         with ui.column().classes("w-full gap-1"):
@@ -276,6 +312,10 @@ class LookView:
         scene = self._scene()
         if scene is not None:
             self.drawing.content = cut_svg(scene, int(np.argmin(np.abs(scene.times - now))))
+        if self.result.pictures is not None:
+            nearest = int(np.argmin(np.abs(self.result.pictures.time - now)))
+            for image, pictures in zip(self.cameras, self.result.pictures.series, strict=True):
+                image.set_source(picture_source(pictures, nearest))
 
     def _outline_at(self, now: float) -> None:
         assert self.outline is not None
@@ -286,9 +326,12 @@ class LookView:
         series = self.outline.options["series"]
         series[0]["data"] = frame.points(1e3 * c.centre_line.Z[points], y)
         series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
-        if self.tried is not None:
+        if self.tried is not None and self.what_if is not None:
+            line = self.what_if.prepared.observations.centre_line  # of the shot's files as they are now
+            points = np.flatnonzero(line.time == line.time[np.argmin(np.abs(line.time - now))])
+            points = points[np.argsort(line.y[points])]
             Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)
-            series[-1]["data"] = frame.points(1e3 * Z, y)
+            series[-1]["data"] = frame.points(1e3 * Z, 1e3 * line.y[points])
         self.outline.update()
 
     def _what_if(self) -> None:
@@ -302,7 +345,8 @@ class LookView:
             return
         frame.note(
             "Move a slider: the shot is simulated with these values on the mesh of the search, and the plots "
-            "above show it in blue. Residuals are over what a right model leaves: 1 is as expected."
+            "above show it in blue. Residuals are divided by those expected of a correct model: 1 is as "
+            "expected."
         )
         self.sliders: dict[str, ui.slider] = {}
         with ui.element("div").classes("grid2"):
@@ -356,19 +400,23 @@ class LookView:
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
-        """Simulate with the sliders' values and show it."""
+        """Simulate with the sliders' values and show it; of two that overlap, the values set last count."""
         assert self.what_if is not None
+        values = self._values()
         try:
-            self.tried = tried = await frame.in_thread(self.what_if.run, self._values())
+            tried = await frame.in_thread(self.what_if.run, values)
             reference = await frame.in_thread(self.what_if.run, self.what_if.start)
         except ValueError as error:
             self.said.text = str(error)
             return
+        if values != self._values():
+            return
+        self.tried = tried
         observed = self.what_if.prepared.observations
         self.force.options["series"][-1]["data"] = frame.points(
             1e6 * observed.force_times, tried.prediction.force_bins[0]
         )
-        self.said.text = f"{misfit_words(tried)}; at the answer {misfit_words(reference)}"
+        self.said.text = misfit_words(tried.misfit, reference.misfit)
         self._at(self.k)
 
     async def _draw_valley(self) -> None:
@@ -394,12 +442,19 @@ class LookView:
             frame.note("No single input that was tried explains more of the data.")
             return
         frame.note(
-            "A copy of the shot gets the changed input; the shot itself stays as it is. Identify the copy, "
+            "A copy of the shot gets the changed input; the shot itself is not changed. Identify the copy, "
             "then compare both."
         )
         for cause in tried:
             with ui.row().classes("w-full items-center gap-3"):
-                ui.button("Apply in a copy", on_click=partial(self._apply, cause)).props("outline dense")
+                copy = copy_of(self.result.folder, cause)
+                name = frame.beside(self.name, copy)
+                if (copy / "results" / RESULT_FILE).is_file():
+                    ui.link("Compare", frame.comparison(self.name, name))
+                elif copy.is_dir():
+                    ui.link("Run the copy", frame.address("run", name))
+                else:
+                    ui.button("Apply in a copy", on_click=partial(self._apply, cause)).props("outline dense")
                 likely = "likely: " if cause.named else ""
                 ui.label(
                     f"{likely}{cause.key}: {cause.words}, explains {100.0 * cause.explained:.0f} % of the "
@@ -407,21 +462,44 @@ class LookView:
                 )
 
     def _apply(self, cause: CauseFinding) -> None:
-        """Copy the shot with a changed input, and open its set-up."""
+        """Copy the shot with a changed input, and open the page on which the copy is identified."""
         try:
             copy = copy_with(self.result.folder, cause)
         except InputError as error:
             ui.notify(str(error), type="warning")
             return
-        name = f"{self.name.rpartition('/')[0]}/{copy.name}".lstrip("/")
-        ui.navigate.to(frame.address("setup", name))
+        ui.navigate.to(frame.address("run", frame.beside(self.name, copy)))
 
 
-def misfit_words(answer_: Answer) -> str:
-    """Both residuals in words."""
-    m = answer_.misfit
-    outline = "" if np.isnan(m.outline) else f", outline {m.outline:.2f}"
-    return f"force {m.force:.2f}{outline}"
+def answer_words(e: Estimate) -> str:
+    """An estimate as a page writes it: the terminal's line with Greek letters."""
+    name, _, rest = answer(e).partition(" = ")
+    return f"{PARAMETERS[e.name].written if e.name in PARAMETERS else name} = {rest.replace(' us ', ' µs ')}"
+
+
+def misfit_words(tried: Misfit, reference: Misfit) -> str:
+    """Residual of each channel, that at the answer, and the change in per cent."""
+    parts = [
+        f"{name} {now:.2f}, at the answer {then:.2f} ({100.0 * (now / then - 1.0):+.0f} %)"
+        for name, now, then in (
+            ("force", tried.force, reference.force),
+            ("outline", tried.outline, reference.outline),
+        )
+        if np.isfinite(now)
+    ]
+    return "; ".join(parts)
+
+
+def picture_source(pictures: Pictures, k: int) -> str:
+    """A frame as the source of an image, no larger than it is shown; empty if it cannot be read."""
+    png = png_of(pictures, k)
+    if isinstance(png, str):
+        return ""
+    grey = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if grey.shape[1] > PICTURE_WIDTH:
+        rows = round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1])
+        grey = cv2.resize(grey, (PICTURE_WIDTH, rows), interpolation=cv2.INTER_AREA)
+    return f"data:image/png;base64,{b64encode(cv2.imencode('.png', grey)[1].tobytes()).decode()}"
 
 
 def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
@@ -437,6 +515,7 @@ def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
                 type="category",
                 data=[f"{v * factor_of(name):.4g}" for v in along],
                 nameGap=28 if not axes else 52,
+                axisLabel={"color": frame.SOFT, "interval": 2},
             )
         )
     cells = [
@@ -451,14 +530,15 @@ def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
     ]
     best = np.unravel_index(int(np.nanargmin(valley.misfit)), valley.misfit.shape)
     finite = shown[np.isfinite(shown)]
-    return frame.chart(
+    edged = {"itemStyle": {"color": "#ffffff", "borderColor": frame.INK, "borderWidth": 1.5}}
+    plot = frame.chart(
         "",
         "",
         [
             {"name": "misfit", "type": "heatmap", "data": cells, "tooltip": {"show": False}},
-            frame.dots("sliders", [place], "#ffffff", 11, symbol="circle", z=5),
+            frame.dots("sliders", [place], "#ffffff", 12, symbol="circle", z=5) | edged,
             frame.dots(
-                "least misfit", [[int(best[1]), int(best[0])]], frame.ORANGE, 9, symbol="diamond", z=6
+                "least misfit", [[int(best[1]), int(best[0])]], frame.ORANGE, 13, symbol="diamond", z=6
             ),
         ],
         words="Misfit over the stiffness factor and another parameter",
@@ -479,3 +559,5 @@ def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
             "itemHeight": 120,
         },
     )
+    plot.options["legend"]["data"] = ["sliders", "least misfit"]
+    return plot

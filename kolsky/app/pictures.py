@@ -1,10 +1,10 @@
-"""The view of a shot's pictures: both cameras over time, regions drawn on them, quality of subsets."""
+"""The view of a shot's pictures: both cameras over time, regions, quality of subsets, measured fields."""
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from pathlib import Path
 
@@ -14,20 +14,32 @@ from nicegui import events, ui
 from dic.images import PictureError, Pictures
 from dic.images.quality import SpeckleQuality, grey_noise, speckle_quality
 from kolsky.app import frame
+from kolsky.app.calibration import CalibrationView
+from kolsky.app.fields import FieldsView, data_uri
 from kolsky.base.errors import InputError
+from kolsky.pictures.calibration import has_calibration_pictures
+from kolsky.pictures.correlation import key_of
+from kolsky.pictures.dic_file import stored_key
 from kolsky.pictures.measurement import read_measurement
 from kolsky.pictures.regions import Drawable, Session, png_of
 from kolsky.schema.pictures import find_measurement_file
+from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.dic import open_region_session
 from kolsky.shot.load import load_pictures
+from kolsky.shot.measured_points import MeasuredPoints, read_measured_points
+from kolsky.shot.optical_data import RESULT_FILE
 
 MOST_AVERAGED = 8
 """Most frames at rest that the quality of the speckles is judged by."""
 GRAB = 0.02
 """Distance from a corner, relative to the picture's width, within which a press takes it."""
 BINS = 64
-MODES = {"draw": "adds or moves a corner", "subset": "shows what a subset there can measure"}
-"""What a click on the picture of camera 0 does."""
+MODES = {
+    "draw": "adds or moves a corner of a region",
+    "subset": "shows what a subset there can measure",
+    "follow": "follows the point there through time",
+}
+"""What a click on a picture does; camera 1 only has points to follow."""
 
 
 @dataclass
@@ -41,6 +53,10 @@ class OpenPictures:
     """Frames at rest."""
     subset: int
     """Side of the subsets [px]."""
+    surfaces: tuple[MeasuredPoints, ...] = ()
+    """What `kolsky dic` measured; empty if it has not run."""
+    remark: str = ""
+    """Why there is none, or why it may be out of date."""
 
 
 def open_all(folder: Path) -> OpenPictures:
@@ -52,11 +68,32 @@ def open_all(folder: Path) -> OpenPictures:
     if (path := find_measurement_file(folder)) is not None:
         measurement = read_measurement(path)
         dic = measurement.declared.dic
-        return OpenPictures(session, measurement.series, dic.static, dic.subset)
+        found = measured_in(folder, measurement.series)
+        return OpenPictures(session, measurement.series, dic.static, dic.subset, *found)
     loaded = load_pictures(folder).pictures
     declared = loaded.toml.declared
     assert declared.dic is not None  # shots with pictures have it
-    return OpenPictures(session, loaded.series, declared.frames.static, declared.dic.subset)
+    surfaces, remark = measured_in(folder, loaded.series)
+    if surfaces and stored_key(folder / "results" / RESULT_FILE) != key_of(loaded):
+        remark = f"Pictures or shot.toml changed after {RESULT_FILE} was made: run dic again."
+    return OpenPictures(session, loaded.series, declared.frames.static, declared.dic.subset, surfaces, remark)
+
+
+def measured_in(folder: Path, series: Sequence[Pictures]) -> tuple[tuple[MeasuredPoints, ...], str]:
+    """What the pictures of a folder gave, and why there is nothing."""
+    if not (folder / "results" / RESULT_FILE).is_file():
+        return (), "No fields yet: run dic first."
+    try:
+        found = read_measured_points(folder)
+    except InputError as error:
+        return (), f"{error}"
+    count = found[0].surface.n_frames
+    if count != series[0].n_frames:
+        return (
+            (),
+            f"{RESULT_FILE} is of {count} frames, the pictures are {series[0].n_frames}: run dic again.",
+        )
+    return found, ""
 
 
 def page(root: Path) -> None:
@@ -70,6 +107,9 @@ def page(root: Path) -> None:
             except frame.NoShot as error:
                 frame.note(str(error), "caution")
                 return
+            if not (folder / SHOT_FILE).is_file() and has_calibration_pictures(folder):
+                CalibrationView(folder)
+                return
             waiting = frame.note("The pictures are opened ...")
             await ui.context.client.connected()
             try:
@@ -78,7 +118,16 @@ def page(root: Path) -> None:
                 waiting.text = str(error)
                 return
             waiting.delete()
-            PicturesView(opened)
+            if not has_calibration_pictures(folder):
+                PicturesView(opened)
+                return
+            with ui.tabs().props("dense no-caps align=left") as tabs:
+                test, target = ui.tab("Test"), ui.tab("Calibration")
+            with ui.tab_panels(tabs, value=test).classes("w-full"):
+                with ui.tab_panel(test).classes("p-0"):
+                    PicturesView(opened)
+                with ui.tab_panel(target).classes("p-0"):
+                    CalibrationView(folder)
 
 
 class PicturesView:
@@ -106,12 +155,29 @@ class PicturesView:
                 ui.slider(min=0, max=max(n - 1, 1), value=0).props('aria-label="Frame"').mark("frame")
             )
             self.slider.on_value_change(lambda change: self._at(int(change.value)))
-            self.now = ui.label().classes("soft w-28 text-right")
+            self.now = ui.label().classes("soft whitespace-nowrap")
         self.timer = ui.timer(0.15, self._next, active=False)
+        self.fields = (
+            FieldsView(opened.surfaces, self.session.pictures.shape, self._draw) if opened.surfaces else None
+        )
+        with ui.row().classes("w-full items-center gap-3"):
+            modes = {key: words for key, words in MODES.items() if key != "follow" or self.fields}
+            mode = ui.select(modes, value="draw", label="A click on a picture").classes("w-80").mark("mode")
+            mode.props("outlined dense").on_value_change(
+                lambda change: setattr(self, "mode", str(change.value))
+            )
+            self.said = ui.label().classes("soft").props("role=status").mark("subset")
+        if self.fields is not None:
+            self.fields.controls()
+        if opened.remark:
+            frame.note(opened.remark, "caution" if opened.surfaces else "soft")
         with ui.element("div").classes("grid2"):
             self.images = [self._camera(i) for i in range(len(opened.series))]
+            if self.fields is not None:
+                self.fields.panels()
             self._regions()
             with ui.column().classes("w-full gap-1"):
+                frame.heading("Grey values")
                 self.histogram = frame.chart(
                     "Grey value",
                     "Share of the pixels (%)",
@@ -119,15 +185,14 @@ class PicturesView:
                     words="Histogram of the frame",
                     legend=len(opened.series) > 1,
                 )
-                self.said = ui.label().classes("soft").props("role=status").mark("subset")
         self._at(0)
 
     def _camera(self, i: int) -> ui.interactive_image:
         with ui.column().classes("w-full gap-1"):
             ui.label(f"Camera {i}").classes("soft")
             image = ui.interactive_image(
-                on_mouse=self._mouse if i == 0 else None,
-                events=["mousedown", "mousemove", "mouseup"] if i == 0 else [],
+                on_mouse=partial(self._mouse, i),
+                events=["mousedown", "mousemove", "mouseup"] if i == 0 else ["mousedown"],
                 cross=i == 0,
                 sanitize=False,
             ).classes("w-full")
@@ -141,10 +206,6 @@ class PicturesView:
             titles = {one.key: one.title for one in self.session.wanted}
             kind = ui.select(titles, value=self.wanted.key, label="What is drawn").classes("w-full")
             kind.props("outlined dense").on_value_change(lambda change: self._want(str(change.value)))
-            mode = ui.select(MODES, value="draw", label="A click on camera 0").classes("w-full")
-            mode.props("outlined dense").on_value_change(
-                lambda change: setattr(self, "mode", str(change.value))
-            )
             self.text = (
                 ui.textarea('Corners, one "x, y" a line [px]')
                 .classes("w-full")
@@ -171,10 +232,17 @@ class PicturesView:
     def _mine(self) -> list[list[float]]:
         return self.corners.setdefault(self.wanted.key, [])
 
-    def _mouse(self, event: events.MouseEventArguments) -> None:
-        """Add a corner, move one, or look at a subset."""
+    def _mouse(self, camera: int, event: events.MouseEventArguments) -> None:
+        """Add a corner, move one, look at a subset, or follow a point."""
         rows, columns = self.session.pictures.shape
         place = [float(np.clip(event.image_x, 0, columns - 1)), float(np.clip(event.image_y, 0, rows - 1))]
+        if self.mode == "follow":
+            if event.type == "mousedown" and self.fields is not None:
+                self.fields.choose(camera, (place[0], place[1]))
+                self._draw()
+            return
+        if camera != 0:
+            return
         if event.type == "mouseup":
             self.held = None
         elif event.type == "mousemove":
@@ -261,9 +329,9 @@ class PicturesView:
         self.now.text = f"frame {k} of {self.session.pictures.n_frames}"
         for image, pictures in zip(self.images, self.opened.series, strict=True):
             png = png_of(pictures, k)
-            image.set_source(
-                "" if isinstance(png, str) else f"data:image/png;base64,{b64encode(png).decode()}"
-            )
+            image.set_source("" if isinstance(png, str) else data_uri(png))
+        if self.fields is not None:
+            self.fields.at(k)
         self._histogram()
         self._draw()
 
@@ -283,7 +351,7 @@ class PicturesView:
         self.histogram.update()
 
     def _draw(self) -> None:
-        """Draw the regions over camera 0, and list the corners."""
+        """Draw fields over the pictures and regions over camera 0, and list the corners."""
         _, columns = self.session.pictures.shape
         width, parts = columns / 400.0, []
         for key, corners in self.corners.items():
@@ -307,7 +375,9 @@ class PicturesView:
             size = self.opened.subset
             look = f'fill="none" stroke="#ffe000" stroke-width="{width:g}"'
             parts.append(f'<rect x="{x:g}" y="{y:g}" width="{size}" height="{size}" {look}/>')
-        self.images[0].content = "".join(parts)
+        for i, image in enumerate(self.images):
+            under = "" if self.fields is None else self.fields.overlay(i)
+            image.content = under + ("".join(parts) if i == 0 else "")
         self.text.value = "\n".join(f"{x:g}, {y:g}" for x, y in self._mine())
 
     async def _look_at_subset(self) -> None:

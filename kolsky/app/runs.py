@@ -8,7 +8,9 @@ from pathlib import Path
 from nicegui import ui
 
 from kolsky.app import frame, jobs
+from kolsky.app.copies import original_of
 from kolsky.base.errors import InputError
+from kolsky.schema.pictures import find_measurement_file
 from kolsky.schema.shot_file import SHOT_FILE
 
 WORDS = {
@@ -33,21 +35,23 @@ def page(root: Path) -> None:
             except frame.NoShot as error:
                 frame.note(str(error), "caution")
                 return
-            if not (folder / SHOT_FILE).exists():
+            if (folder / SHOT_FILE).exists():
+                RunView(folder, shot, WORDS)
+            elif find_measurement_file(folder) is not None:
+                RunView(folder, shot, {"dic": WORDS["dic"]})
+            else:
                 frame.note("There is no shot.toml yet: set the shot up first.", "caution")
-                return
-            RunView(folder, shot)
 
 
 class RunView:
     """Start, progress and log of the commands of one shot."""
 
-    def __init__(self, folder: Path, shot: str) -> None:
+    def __init__(self, folder: Path, shot: str, commands: dict[str, str]) -> None:
         """Build the view; it finds a run that another page or an earlier server started."""
         self.folder, self.shot = folder, shot
         with ui.row().classes("w-full items-end gap-3"):
             self.command = (
-                ui.select(WORDS, value="identify", label="Command")
+                ui.select(commands, value=next(iter(commands)), label="Command")
                 .classes("w-96 max-w-full")
                 .props("dense outlined")
             )
@@ -55,11 +59,12 @@ class RunView:
             self.begin = ui.button("Start", on_click=self.start).props("unelevated")
             self.end = ui.button("Cancel", on_click=self.cancel).props("outline color=negative")
         frame.note(
-            "A run is a process of its own: it goes on when this page or the server is closed. The same "
+            "A run is a separate process: it continues when this page or the server is closed. The same "
             "command in a terminal writes the same files."
         )
         self.state = ui.label().props("role=status")
         self.bar = ui.linear_progress(value=0.0, show_value=False).props('aria-label="Progress"')
+        self.stages = frame.note("").classes("stages")
         self.links = ui.row().classes("gap-4")
         self.log = ui.label().classes("log").props('tabindex=0 role=log aria-label="Log"')
         self.shown: object = self  # nothing yet
@@ -85,11 +90,15 @@ class RunView:
             self.state.text = "Nothing has been run from here yet."
             self.bar.set_visibility(False)
             return
-        stage, done, total = job.progress or ("", 0, 0)
-        words = f": {stage}, {done} of {total}" if job.running and total else ""
-        self.state.text = f"kolsky {job.command}, started {job.started}: {job.state}{words}"
+        self.state.text = f"kolsky {job.command}, started {job.started}: {job.state}"
         self.bar.set_visibility(job.running)
-        self.bar.value = done / total if total else 0.0
+        self.stages.set_visibility(job.running)
+        self.bar.value = 0.0
+        if job.running and job.stages:
+            *earlier, now = job.stages
+            self.state.text += f": {now.name}, {now.done} of {now.total}, {now.time}".removesuffix(", ")
+            self.bar.value = now.done / now.total if now.total else 0.0
+            self.stages.text = "\n".join(f"{one.name}: {one.done} of {one.total}" for one in earlier)
         self.log.text = job.text or "(it has printed nothing yet)"
         self._links(job)
 
@@ -100,6 +109,10 @@ class RunView:
         with self.links:
             if job.command == "identify":
                 ui.link("Look at the result", frame.address("look", self.shot))
+                original = original_of(self.folder)
+                if original is not None:
+                    target = frame.comparison(frame.beside(self.shot, original), self.shot)
+                    ui.link(f"Compare with {original.name}", target)
             for name in ("report", "dic", "sweep"):
                 if (self.folder / "results" / f"{name}.html").is_file():
                     target = frame.address("result", self.shot, name=f"{name}.html")

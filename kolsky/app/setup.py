@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 from nicegui import events, ui
 
+from dic.images import Pictures
 from kolsky.app import frame, signals
 from kolsky.app.draft import (
     Conflict,
@@ -22,9 +23,13 @@ from kolsky.app.draft import (
     column_toml,
     fields_of,
     optional_keys,
+    series_toml,
 )
+from kolsky.app.fields import data_uri
 from kolsky.base.errors import InputError
 from kolsky.base.toml import blanks
+from kolsky.pictures.picture_set import PictureChanges
+from kolsky.pictures.regions import png_of
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.load import check_shot
 from kolsky.shot.summary import remarks, summarise
@@ -129,6 +134,9 @@ class SetupView:
         self.files = signals.candidate_files(folder)
         self.labels: dict[str, ui.label] = {}
         self.plots: dict[str, ui.echart] = {}
+        self.inputs: dict[str, Any] = {}
+        self.series: list[Pictures] = []
+        self.changes: PictureChanges | None = None
         self.drag = "baseline"
         with ui.row().classes("w-full items-center"):
             self.status = ui.label().props("role=status")
@@ -159,7 +167,7 @@ class SetupView:
         """Show form, text and problems as the file is now."""
         self.text.value = self.draft.text
         self.form.clear()
-        for group in (self.labels, self.plots):
+        for group in (self.labels, self.plots, self.inputs):
             group.clear()
         with self.form:
             self._form()
@@ -198,16 +206,21 @@ class SetupView:
             value = e.parsed
             listed = choices(e.dotted)
             words = e.key.replace("_", " ")
-            if e.key == "file" and e.table:
+            if e.dotted == "calibration.file":
+                self._listed(e, signals.rig_files(self.folder), words)
+            elif e.table == "calibration" and e.key.startswith("camera_"):
+                patterns = [s.name for s in signals.picture_series(self.folder) if s.key == "pattern"]
+                self._listed(e, patterns, words)
+            elif e.table == "pictures" and isinstance(value, dict):
+                self._pictures(e, value, words)
+            elif e.key == "file" and e.table:
                 self._file(e, words)
+            elif e.key == "frame" and isinstance(value, str):
+                self._listed(e, self._units(e.table), words)
             elif isinstance(value, dict) and set(value) == {"column", "unit"}:
                 self._column(e, value)
             elif listed:
-                options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
-                element = ui.select(
-                    options, value=e.display or None, label=words, on_change=partial(self._chosen, e)
-                )
-                self._keep(e, element)
+                self._listed(e, listed, words)
             elif isinstance(value, list) and len(value) <= 3 and all(isinstance(v, str) for v in value):
                 self._list(e, value, words)
             else:
@@ -217,10 +230,51 @@ class SetupView:
                 self._keep(e, field)
             if e.remark:
                 ui.label(e.remark).classes("remark")
-            self.labels[e.dotted] = ui.label().classes("wrong")
+            self.labels[e.dotted] = ui.label().classes("wrong").mark(f"problem-{e.dotted}")
 
     def _keep(self, e: FieldEntry, element: Any) -> None:
         element.classes("w-full").props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
+        self.inputs[e.dotted] = element
+
+    def _listed(self, e: FieldEntry, listed: Iterable[str], words: str) -> None:
+        """A key that is chosen from a list; a value that is not in it stays."""
+        options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
+        self._keep(
+            e, ui.select(options, value=e.display or None, label=words, on_change=partial(self._chosen, e))
+        )
+
+    def _pictures(self, e: FieldEntry, value: dict[str, Any], words: str) -> None:
+        """The series of a camera, from those of the folder, and its place on the sensor."""
+        known = {one.name: one for one in signals.picture_series(self.folder)}
+        name = str(value.get("file") or value.get("pattern") or "")
+        crop = value.get("crop_offset", ["", ""])
+        options = {
+            **{n: one.said for n, one in known.items()},
+            **({} if name in known or not name else {name: name}),
+        }
+        with ui.row().classes("w-full no-wrap gap-2"):
+            series = ui.select(options, value=name or None, label=words).classes("grow min-w-0")
+            series.props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
+            offsets = []
+            for i, axis in enumerate("xy"):
+                field = ui.input(f"crop {axis}", value=str(crop[i])).classes("w-20")
+                field.props(f"dense outlined data-key={e.dotted}.{axis}").mark(f"{e.dotted}.{axis}")
+                offsets.append(field)
+
+        def chosen(_: object = None) -> None:
+            picked = str(series.value or "")
+            one = known.get(picked)
+            if one is not None and one.crop is not None and not any(field.value for field in offsets):
+                for field, place in zip(offsets, one.crop, strict=True):
+                    field.value = f"{place:g}"
+            key = one.key if one is not None else "pattern" if "*" in picked else "file"
+            toml = series_toml(key, picked, [str(field.value or "") for field in offsets])
+            self._change(lambda: self.draft.set_values({e.dotted: toml}), rebuild=picked != name)
+
+        series.on_value_change(chosen)
+        for field in offsets:
+            for event in ("blur", "keydown.enter"):
+                field.on(event, chosen)
 
     def _file(self, e: FieldEntry, words: str) -> None:
         options = list(dict.fromkeys([*self.files, *([e.display] if e.display else [])]))
@@ -261,11 +315,15 @@ class SetupView:
             ui.notify(str(error), type="warning")
         self._change(lambda: self.draft.set_values(values), rebuild=True)
 
+    def _units(self, table: str) -> dict[str, str]:
+        """The columns of a table's file with their units; none while it is not chosen."""
+        section = self.draft.content().get(table, {})
+        with suppress(InputError):  # the file's own field says why
+            return {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
+        return {}
+
     def _column(self, e: FieldEntry, value: dict[str, Any]) -> None:
-        section = self.draft.content().get(e.table, {})
-        units: dict[str, str] = {}
-        with suppress(InputError):  # its file is not chosen yet; the file's own field says so
-            units = {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
+        units = self._units(e.table)
         name, unit = str(value["column"]), str(value["unit"])
         options = list(dict.fromkeys([*units, *([name] if name else [])]))
         words = e.key.replace("_", " ")
@@ -309,6 +367,7 @@ class SetupView:
                 for event in ("blur", "keydown.enter"):
                     field.on(event, typed)
                 element.append(field)
+                self.inputs[f"{e.dotted}.{i}"] = field
 
     def _optional(self, table: str, keys: list[str]) -> None:
         with ui.row().classes("items-center gap-2"):
@@ -350,9 +409,11 @@ class SetupView:
         if self.draft.text == before:
             return
         self.text.value = self.draft.text
-        if rebuild:
+        entries = fields_of(self.draft.text)
+        if rebuild or [e.dotted for e in entries] != [e.dotted for e in fields_of(before)]:
             self.show()
         else:
+            self._show_values(entries)
             self._report()
             for table, plot in self.plots.items():
                 self._fill(table, plot)
@@ -365,9 +426,7 @@ class SetupView:
         except (InputError, tomllib.TOMLDecodeError) as error:
             self.wrong, content = {"": str(error)}, {}
         empty = list(blanks(content))
-        for key, label in self.labels.items():
-            parts = [words for one, words in self.wrong.items() if one == key or one.startswith(f"{key}.")]
-            label.text = "; ".join(parts)
+        self._label()
         self.status.classes(replace="soft")
         if empty:
             self.status.text = f"{len(empty)} values are not filled in"
@@ -381,6 +440,21 @@ class SetupView:
             for key, words in shown.items():
                 if not any(key.startswith(f"{one}.") for one in self.labels):
                     frame.note(f"{key}: {words}".removeprefix(": "), "caution")
+
+    def _show_values(self, entries: Iterable[FieldEntry]) -> None:
+        """Show values that changed elsewhere, as by a drag, in their fields."""
+        for e in entries:
+            value = e.parsed
+            parts = {f"{e.dotted}.{i}": v for i, v in enumerate(value)} if isinstance(value, list) else {}
+            for key, shown in {e.dotted: e.display or None, **parts}.items():
+                if key in self.inputs and (self.inputs[key].value or None) != shown:
+                    self.inputs[key].value = shown or ""
+
+    def _label(self) -> None:
+        """Show each problem at the field of its key, or of the key that it is a part of."""
+        for key, label in self.labels.items():
+            parts = [words for one, words in self.wrong.items() if one == key or one.startswith(f"{key}.")]
+            label.text = "; ".join(parts)
 
     def undo(self) -> None:
         """Take the last change of this page back."""
@@ -410,9 +484,9 @@ class SetupView:
             loaded = await frame.in_thread(check_shot, self.folder)
         except InputError as error:
             self.wrong = by_key(error.problems)
-            for key, label in self.labels.items():
-                label.text = self.wrong.get(key, "")
-            self.status.text = f"The check found {len(error.problems)} problems"
+            self._label()
+            count = len(error.problems)
+            self.status.text = f"The check found {count} problem{'' if count == 1 else 's'}"
             self.status.classes(replace="caution")
             self.found.clear()
             with self.found:
@@ -440,7 +514,7 @@ class SetupView:
             "frames": "Motion of the flyer",
             "curve": "Quasi-static curve",
         }[table]
-        plot = frame.chart("", "", [], words=words, legend=False)
+        plot = frame.chart("", "", [], words=words, legend=False).mark(f"plot-{table}")
         self.plots[table] = plot
         if table == "force":
             plot.options["toolbox"] = {"show": False}
@@ -456,26 +530,26 @@ class SetupView:
                     value=self.drag,
                     on_change=lambda change: setattr(self, "drag", change.value),
                 ).props("dense no-caps")
-            ui.timer(0.4, partial(_brush_on, plot), once=True)
         elif table == "frames":
             self._static_slider(plot)
         self._fill(table, plot)
 
     def _static_slider(self, plot: ui.echart) -> None:
+        """The slider of the frames at rest: over the pictures where there are some, else under a motion."""
         content = self.draft.content()
         number = content.get("frames", {}).get("static", 0)
+        first = int(number) if isinstance(number, int) else 0
+        self.series = signals.declared_series(self.folder, content)
         try:
-            signal = signals.motion_signal(self.folder, content)
+            signal = None if self.series else signals.motion_signal(self.folder, content)
         except InputError:
             signal = None
-        if signal is None:
+        count = min((one.n_frames for one in self.series), default=len(signal.x) if signal else 0)
+        if not count:
             return
-        first = int(number) if isinstance(number, int) else 0
         with ui.row().classes("w-full items-center no-wrap gap-3"):
-            ui.label("Frames at rest").classes("soft")
-            slider = ui.slider(min=0, max=len(signal.x), value=first).props(
-                'label aria-label="Frames at rest"'
-            )
+            ui.label("Frames at rest").classes("soft whitespace-nowrap")
+            slider = ui.slider(min=0, max=count, value=first).props('label aria-label="Frames at rest"')
             slider.on(
                 "change",
                 lambda: self._change(
@@ -483,44 +557,106 @@ class SetupView:
                 ),
             )
             slider.mark("static-slider")
+        if self.series:
+            self._pictures_at_rest(slider)
+            ui.timer(0.05, partial(self._compare_pictures, plot), once=True)
+
+    def _pictures_at_rest(self, slider: ui.slider) -> None:
+        """Both cameras' picture of the last frame at rest, as the slider moves."""
+        now = ui.label().classes("soft").mark("frame-at-rest")
+        with ui.row().classes("w-full no-wrap gap-2"):
+            images = [ui.image().classes("w-1/2").props(f'alt="Camera {i}"') for i in range(len(self.series))]
+
+        def show(_: object = None) -> None:
+            k = max(int(slider.value) - 1, 0)
+            now.text = f"Frame {k}, the last one at rest" if slider.value else "No frame is at rest"
+            for image, pictures in zip(images, self.series, strict=True):
+                png = png_of(pictures, k)
+                image.set_source("" if isinstance(png, str) else data_uri(png))
+
+        slider.on_value_change(show)
+        show()
+
+    async def _compare_pictures(self, plot: ui.echart) -> None:
+        """Read the pictures, then plot how they change."""
+        self.changes = await frame.in_thread(signals.changes, self.series)
+        self._fill("frames", plot)
+        if "force" in self.plots:
+            self._fill("force", self.plots["force"])
+
+    def _signal(self, table: str, content: dict[str, Any]) -> signals.Signal | None:
+        """What the plot of a table shows; None while a file or column is not known."""
+        try:
+            if table == "frames" and self.series:
+                return None if self.changes is None else signals.change_signal(self.changes)
+            return PLOTTED[table](self.folder, content)
+        except (InputError, ValueError, OSError):
+            return None  # the field of its file says why
+
+    def _motion(self, content: dict[str, Any]) -> signals.Signal | None:
+        """The flyer's motion on the shot's clock, for the plot of the force."""
+        motion = self._signal("frames", content)
+        try:
+            return None if motion is None else signals.on_clock(self.folder, content, motion)
+        except (InputError, ValueError, OSError):
+            return None
 
     def _fill(self, table: str, plot: ui.echart) -> None:
         """Draw a plot as the file declares it now."""
         content = self.draft.content()
-        try:
-            signal = PLOTTED[table](self.folder, content)
-        except (InputError, ValueError, OSError):
-            signal = None  # the field of its file says why
+        signal = self._signal(table, content)
         plot.set_visibility(signal is not None)
         if signal is None:
             return
-        plot.options["xAxis"] = frame.axis(signal.x_name, nameGap=28)
-        plot.options["yAxis"] = frame.axis(signal.y_name, nameGap=46)
+        plot.options["xAxis"] = one_sided(signal.x_name, nameGap=28)
+        plot.options["yAxis"] = one_sided(signal.y_name, nameGap=46)
         data = frame.line("signal", frame.points(signal.x, signal.y), frame.INK)
         data["lineStyle"]["width"] = 1.0
-        areas = []
+        lines = [data]
         if table == "force":
-            for name, colour, span in (
-                ("baseline", "rgba(0,114,178,.16)", signals.interval_of(content, "force", "baseline")),
-                ("window", "rgba(213,94,0,.10)", signals.interval_of(content, "window", "start", "end")),
-            ):
-                if span is not None:
-                    areas.append(
-                        [{"name": name, "xAxis": span[0], "itemStyle": {"color": colour}}, {"xAxis": span[1]}]
-                    )
-        data["markArea"] = {
-            "silent": True,
-            "label": {"color": frame.INK, "position": "insideTop"},
-            "data": areas,
-        }
+            self._mark_spans(data, content)
+            lines += self._add_motion(plot, content)
         if table == "frames" and isinstance(static := content.get("frames", {}).get("static"), int):
             mark = {"xAxis": static - 1, "name": "last frame at rest"}
             data["markLine"] = {
                 "silent": True, "symbol": "none", "data": [mark], "lineStyle": {"color": frame.BLUE},
                 "label": {"formatter": "last frame at rest", "color": frame.INK},
             }  # fmt: skip
-        plot.options["series"] = [data]
+        plot.options["series"] = lines  # the options copy what they are given
         plot.update()
+        if table == "force":
+            with plot:
+                ui.timer(0.4, partial(_brush_on, plot), once=True)  # new options end the choice by drags
+
+    def _mark_spans(self, data: dict[str, Any], content: dict[str, Any]) -> None:
+        """Mark baseline and window on the force."""
+        areas = []
+        for name, colour, span in (
+            ("baseline", "rgba(0,114,178,.16)", signals.interval_of(content, "force", "baseline")),
+            ("window", "rgba(213,94,0,.10)", signals.interval_of(content, "window", "start", "end")),
+        ):
+            if span is not None:
+                areas.append(
+                    [{"name": name, "xAxis": span[0], "itemStyle": {"color": colour}}, {"xAxis": span[1]}]
+                )
+        data["markArea"] = {
+            "silent": True,
+            "label": {"color": frame.INK, "position": "insideTop"},
+            "data": areas,
+        }
+
+    def _add_motion(self, plot: ui.echart, content: dict[str, Any]) -> list[dict[str, Any]]:
+        """The flyer's motion beside the force: both begin together where the clocks are right."""
+        motion = self._motion(content)
+        plot.options["legend"]["show"] = motion is not None
+        plot.options["grid"] |= {"top": 34 if motion else 14, "right": 62 if motion else 18}
+        if motion is None:
+            return []
+        blank = "" if content.get("frames", {}).get("clock_offset") else " (its clock offset is blank)"
+        line = frame.line(f"flyer{blank}", frame.points(motion.x, motion.y), frame.BLUE, yAxisIndex=1)
+        right = one_sided(motion.y_name, nameGap=40, position="right")
+        plot.options["yAxis"] = [plot.options["yAxis"], right]
+        return [line]
 
     def _dragged(self, event: events.GenericEventArguments) -> None:
         """Take a dragged stretch of time for the baseline or the window."""
@@ -534,11 +670,19 @@ class SetupView:
         values = {"force.baseline": f"[{ends[0]}, {ends[1]}]"}
         if self.drag == "window":
             values = {"window.start": ends[0], "window.end": ends[1]}
-        self._change(lambda: self.draft.set_values(values), rebuild=True)
+        self._change(lambda: self.draft.set_values(values))
+
+
+def one_sided(name: str, **more: Any) -> dict[str, Any]:
+    """An axis at the side of its plot, not through zero."""
+    made = frame.axis(name, **more)
+    made["axisLine"]["onZero"] = False
+    return made
 
 
 def _brush_on(plot: ui.echart) -> None:
-    """Let a drag on a plot choose a stretch of time."""
+    """Let a drag on a plot choose a stretch of time; the one before is taken away."""
+    plot.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
     plot.run_chart_method(
         "dispatchAction",
         {

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from io import StringIO
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,14 @@ from kolsky.app.jobs import is_running
 from kolsky.base.errors import InputError
 from kolsky.report.result_folder import RESULT_FILE, SUMMARY
 from kolsky.results.numbers import measured, plain_sentence
+from kolsky.schema.pictures import MEASUREMENT_FILE
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.survey.tables import SUFFIXES
 
 _BLANK = re.compile(r'^[^#"\n]*=\s*(""|\[\s*""\s*(,\s*""\s*)*\])', re.MULTILINE)
 M = "stiffness_factor"
+PICTURES_ONLY = "pictures only"
+"""State of a measurement by image correlation without a shot."""
 NOT_SEARCHED = {"results", "__pycache__", "node_modules"}
 """Folders in which no shots are looked for."""
 
@@ -35,7 +39,8 @@ class ListedShot:
     name: str
     """Its folder, from the root on."""
     state: str
-    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since"."""
+    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since",
+    `PICTURES_ONLY`, or which file cannot be read."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
     time: float
@@ -59,16 +64,17 @@ class ListedShot:
         return self.row.get(f"verdict {M}", "")
 
 
-def shot_folders(root: Path) -> Iterator[tuple[Path, bool]]:
-    """Folders of shots and of raw files below a root, and whether each has a shot file; in order of names.
+def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
+    """Folders of shots, of pictures alone and of raw files below a root, in order of names.
+
+    Yields: a folder with the name of its shot file or dic.toml, empty without one.
 
     Inside a shot none is looked for, and neither in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
-        has_shot = SHOT_FILE in files
-        known = has_shot or (not folders and _raw(files)) or (_raw(files) and Path(place) != root)
-        if known:
-            yield Path(place), has_shot
+        file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
+        if file or (_raw(files) and (not folders or Path(place) != root)):
+            yield place, file
             folders.clear()
         folders[:] = sorted(f for f in folders if f not in NOT_SEARCHED and not f.startswith("."))
 
@@ -79,35 +85,44 @@ def _raw(files: list[str]) -> bool:
 
 def list_shots(root: Path) -> list[ListedShot]:
     """The shots below a root; of each one file is read, its summary or else its shot file."""
-    return [_listed(root, folder, has_shot) for folder, has_shot in shot_folders(root)]
+    start = len(os.path.join(root, ""))
+    return [
+        _listed(place[start:].replace(os.sep, "/") or ".", place, file) for place, file in shot_folders(root)
+    ]
 
 
-def _listed(root: Path, folder: Path, has_shot: bool) -> ListedShot:
-    name = folder.relative_to(root).as_posix()
-    if not has_shot:
+def _listed(name: str, place: str, file: str) -> ListedShot:
+    if not file:
         return ListedShot(name, "no shot.toml", {}, float("nan"))
-    written = _written(folder / SHOT_FILE)
-    if is_running(folder):
+    written = _written(f"{place}/{file}")
+    if file == MEASUREMENT_FILE:
+        return ListedShot(name, PICTURES_ONLY, {}, written)
+    if is_running(Path(place)):
         return ListedShot(name, "running", {}, written)
-    summary = folder / "results" / f"{SUMMARY}.csv"
-    done = _written(summary)
-    if done == done:
-        rows = list(csv.DictReader(StringIO(summary.read_text("utf-8"))))
-        return ListedShot(
-            name, "changed since" if written > done else "identified", rows[0] if rows else {}, done
-        )
-    if (done := _written(folder / "results" / RESULT_FILE)) == done:
+    if (done := _written(f"{place}/results/{SUMMARY}.csv")) == done:
+        state = "changed since" if written > done else "identified"
+        try:
+            with open(f"{place}/results/{SUMMARY}.csv", encoding="utf-8", newline="") as text:
+                head, values = islice(csv.reader(text), 2)
+        except (OSError, ValueError, csv.Error):
+            return ListedShot(name, f"{SUMMARY}.csv cannot be read", {}, done)
+        return ListedShot(name, state, dict(zip(head, values, strict=False)), done)
+    if (done := _written(f"{place}/results/{RESULT_FILE}")) == done:
         return ListedShot(
             name, "identified", {}, done
         )  # before there was a summary: `kolsky report` shows it
-    blank = _BLANK.search((folder / SHOT_FILE).read_text("utf-8", errors="replace"))
-    return ListedShot(name, "not filled in" if blank else "not identified", {}, written)
+    try:
+        with open(f"{place}/{file}", encoding="utf-8", errors="replace") as text:
+            state = "not filled in" if _BLANK.search(text.read()) else "not identified"
+    except OSError:
+        state = f"{SHOT_FILE} cannot be read"
+    return ListedShot(name, state, {}, written)
 
 
-def _written(path: Path) -> float:
+def _written(path: str) -> float:
     """When a file was written [s]; NaN if it is not there."""
     try:
-        return path.stat().st_mtime
+        return os.stat(path).st_mtime
     except OSError:
         return float("nan")
 
@@ -129,8 +144,15 @@ def table_row(shot: ListedShot) -> dict[str, Any]:
         "date": datetime.fromtimestamp(shot.time).strftime("%Y-%m-%d %H:%M")
         if shot.time == shot.time
         else "",
-        "link": frame.address("look" if shot.row else "setup", shot.name),
+        "link": frame.address(_view(shot), shot.name),
     }
+
+
+def _view(shot: ListedShot) -> str:
+    """The view that opens a shot."""
+    if shot.state == PICTURES_ONLY:
+        return "pictures"
+    return "look" if shot.row else "setup"
 
 
 def campaign_csv(found: list[ListedShot]) -> str:
@@ -204,7 +226,7 @@ def _table(found: list[ListedShot]) -> None:
         ui.button(
             "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
         ).props("flat")
-        ui.button("as Parquet", on_click=lambda: _parquet(found)).props("flat")
+        ui.button("Campaign as Parquet", on_click=lambda: _parquet(found)).props("flat")
     table: ui.table = ui.table(
         rows=[table_row(one) for one in found],
         columns=COLUMNS,
@@ -226,7 +248,7 @@ def _compare(table: ui.table) -> None:
     if len(chosen) < 2:
         ui.notify("Choose two shots or more.")
         return
-    ui.navigate.to(frame.address("compare", shots="|".join(chosen)))
+    ui.navigate.to(frame.comparison(*chosen))
 
 
 def _parquet(found: list[ListedShot]) -> None:

@@ -15,16 +15,21 @@ from typing import Any
 
 import numpy as np
 
+from dic.images import PictureError, Pictures, open_pictures
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import quantity, unit_factor
+from kolsky.pictures.picture_set import CAMERAS, PictureChanges, picture_changes
 from kolsky.readers.recordings import read_contents
+from kolsky.survey.pictures import SeriesEntry, survey_pictures
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 from kolsky.survey.tables import SUFFIXES, Survey, TableEntry, read_entry
 
 MOST_POINTS = 3000
 """Most points of a plotted signal; of longer ones each stretch shows its smallest and largest sample."""
 PREVIEW_ROWS = 6
+RIGS = (".xml", ".yml", ".yaml", ".txt", ".csv", ".caldat", ".cal", ".json")
+"""Endings of files that may hold two cameras."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,59 @@ def surfaces(folder: Path) -> SurfaceSurvey:
         if one.name.lower().endswith(SUFFIXES)
     ]
     return _surfaces(folder, (len(times), max(times, default=0.0)))
+
+
+@lru_cache(maxsize=8)
+def _series(folder: Path, state: tuple[int, float]) -> tuple[SeriesEntry, ...]:
+    return survey_pictures(folder, Survey({}, {})).others
+
+
+def picture_series(folder: Path) -> tuple[SeriesEntry, ...]:
+    """The picture series of a folder; looked for again if something was added to it."""
+    places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
+    return _series(folder, (len(places), max(place.stat().st_mtime for place in places)))
+
+
+def rig_files(folder: Path) -> list[str]:
+    """Files of a folder and of folders inside it that may hold two calibrated cameras."""
+    places = (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
+    return [
+        one.relative_to(folder).as_posix()
+        for place in places
+        for one in sorted(place.iterdir())
+        if one.is_file() and one.suffix.lower() in RIGS
+    ]
+
+
+def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
+    """The pictures of both cameras as far as they are declared; nothing while one cannot be opened."""
+    found = []
+    for camera in CAMERAS:
+        section = content.get("pictures", {}).get(camera)
+        if not isinstance(section, dict):
+            return []
+        name = str(section.get("file") or section.get("pattern") or "")
+        place = folder / name
+        try:
+            found.append(
+                open_pictures(place)
+                if section.get("file")
+                else open_pictures(place.parent, pattern=place.name)
+            )
+        except (PictureError, OSError, ValueError):
+            return []
+    return found
+
+
+def changes(series: list[Pictures]) -> PictureChanges | None:
+    """How far the pictures differ from their first one, by number of the frame; None without pictures."""
+    count = min((one.n_frames for one in series), default=0)
+    return picture_changes(series, np.arange(count, dtype=float), 1) if count else None
+
+
+def change_signal(found: PictureChanges) -> Signal:
+    """The change of the pictures by frame, the larger of both cameras."""
+    return Signal(found.time, PERCENT * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
 
 
 def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
@@ -153,7 +211,7 @@ def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
         return None
     flip = section.get("compression") == "negative"
     x, y = thinned(1e6 * (time + _offset(section)), -volts if flip else volts)
-    return Signal(x, y, "Time on the shot's clock (µs)", "Minus signal (V)" if flip else "Signal (V)")
+    return Signal(x, y, CLOCK, "Minus signal (V)" if flip else "Signal (V)")
 
 
 def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
@@ -180,7 +238,19 @@ def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
     return Signal(np.arange(travel.size, dtype=float), travel, FRAME, "Mean motion (mm)")
 
 
+CLOCK = "Time on the shot's clock (µs)"
 FRAME, MOTION = "Frame, counted from 0", "Flyer toward specimen (mm)"
+PERCENT = 100.0
+
+
+def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal | None:
+    """A motion by frame on the shot's clock, as the frames' file and its offset are declared now."""
+    section = content.get("frames", {})
+    time = _values(entry(folder, str(section.get("file", ""))), section, "time", "s", 1.0)
+    number = motion.x.astype(int)
+    if not time.size or number.max(initial=0) >= time.size:
+        return None
+    return Signal(1e6 * (np.sort(time)[number] + _offset(section)), motion.y, CLOCK, motion.y_name)
 
 
 def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:

@@ -31,7 +31,7 @@ _ONE_AT_A_TIME = Lock()
 
 @dataclass(frozen=True)
 class Misfit:
-    """Residual of each channel over what a right model leaves."""
+    """Residual of each channel over the residual of a correct model."""
 
     force: float
     """Of the force [-]."""

@@ -19,7 +19,7 @@ def shadowed(folder: Path | None = None) -> list[str]:
             where = "nowhere" if found is None else f"at {', '.join(map(str, places))}"
             said.append(
                 f"the package {name} of kolsky should be at {folder / name}, but Python finds it {where}: "
-                f"another distribution has that name; install kolsky in an environment of its own"
+                f"another distribution has that name; install kolsky in a separate environment"
             )
     return said
 

@@ -101,7 +101,8 @@ def _words(
         return context["message"], context.get("allowed"), context.get("cure")
     if kind == "missing":
         bars = " --bars" if "gauges" in model.model_fields and "frames" not in model.model_fields else ""
-        return "is missing", None, f"add it; `kolsky new FOLDER{bars}` writes a file with every key"
+        command = getattr(model, "NEW", "kolsky new") + f" FOLDER{bars}"
+        return "is missing", None, f"add it; `{command}` writes a file with every key"
     if kind == "extra_forbidden":
         valid = _keys_of(model, location[:-1])
         near = _nearest(model, location)
@@ -353,7 +354,7 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
         path,
         f"is not valid TOML: {message}{column}{shown}",
         line=line,
-        cure='values with units stand in quotes: key = "9.5 mm"'
+        cure='values with units need quotes: key = "9.5 mm"'
         if path.suffix == ".toml"
         else "give the folder of a shot, or its shot.toml",
     )

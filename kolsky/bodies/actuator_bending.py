@@ -12,7 +12,7 @@ pressures, or a position of the tip, are found by SciPy's trust region with boun
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
 
@@ -27,6 +27,7 @@ from kolsky.bodies.actuator_model import (
     Touching,
     bend_of,
     bend_slope,
+    forces_outside,
     smallest_gap,
     touching,
 )
@@ -60,6 +61,8 @@ class Direction:
     """Equilibria by arc length, where SPEC declares it."""
     touching: Touching | None = None
     """Their contact, where SPEC declares it."""
+    forces: dict[str, FloatArray] = field(default_factory=dict)
+    """Force on each plane and holder [N], shape [n, 3]."""
 
     @property
     def overlapping(self) -> BoolArray:
@@ -77,11 +80,11 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     for name, g in spec.gravities.items():
         runs: list[Bending | None] = []
         paths: list[ArcPath | None] = []
-        for solid in (None, spec.healed):
-            if solid is None and runs:
+        for body in (None, spec.healed):
+            if body is None and runs:
                 runs.append(None)
                 continue
-            run, path = _simulated(spec, g, pressures, solid)
+            run, path = _simulated(spec, g, pressures, body)
             paths.append(path)
             outcome = run.solution.outcome
             if not outcome.ok:
@@ -90,24 +93,26 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
             runs.append(run)
         assert runs[0] is not None
         gap, contact = smallest_gap(runs[0]), touching(runs[0])
-        directions.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact))
+        forces = forces_outside(runs[0])
+        directions.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact, forces))
     return directions
 
 
 def _simulated(
-    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, solid: Solid | None
+    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, body: Solid | None
 ) -> tuple[Bending, ArcPath | None]:
     """Equilibria step by step, or along the path where SPEC declares one."""
     section = spec.declared.path
+    constants = spec.actuator.constants(body=body)
     if section is None:
-        return spec.actuator.simulate(gravity, pressures, solid=solid), None
+        return spec.actuator.simulate(gravity, pressures, constants=constants), None
     return spec.actuator.follow(
         gravity,
         pressures,
         first=section.first,
         steps=section.steps,
         longest=section.longest,
-        solid=solid,
+        constants=constants,
     )
 
 
@@ -169,7 +174,7 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
             model,
             histories,
             section.step,
-            density=spec.actuator.density,
+            density=spec.actuator.density_of_regions,
             scheme=section.scheme,
             prony=prony,
             start=one.pristine.solution.displacements[0],

@@ -110,8 +110,8 @@ def reduce_actuator(
     """Reduce an actuator with one cavity for pressures in [0, most]."""
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
-    if actuator.contacts:
-        raise ValueError("the reduced model has no contact of chambers: remove [contact]")
+    if actuator.contacts or actuator.world:
+        raise ValueError("the reduced model has no contact: remove [contact], [plane] and [blocked]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
     outcome = whole.solution.outcome
@@ -402,12 +402,12 @@ def basis_key(
     mesh, solid = actuator.mesh, actuator.solid
     words = (
         mesh.kind, type(solid).__name__, repr(solid), repr(actuator.cavities), repr(actuator.mixed),
-        repr(float(actuator.density)), repr([float(g) for g in gravity]), repr(steps),
+        repr(actuator.density_of_regions), repr([float(g) for g in gravity]), repr(steps),
         repr((section.most, section.modes, section.tolerance, section.snapshots, section.plant_stiffness)),
     )  # fmt: skip
     for word in words:
         digest.update(word.encode() + b"\0")
-    arrays = [mesh.points, mesh.cells, solid.parameters()]
+    arrays = [mesh.points, mesh.cells, actuator.constants(), *(part.cells for part in actuator.parts)]
     for name in sorted(mesh.sets):
         digest.update(name.encode() + b"\0")
         arrays.append(mesh.nodes(name))
@@ -552,8 +552,7 @@ def schedule(section: ControlSection) -> FloatArray:
 def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) -> Plant:
     """The plant: the whole model with its own stiffness, a lag, a delay and noise."""
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
-    solid = actuator.solid.with_parameters(section.plant_stiffness * actuator.solid.parameters())
-    run = actuator.simulate(gravity, pressures, solid=solid)
+    run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
     if not run.solution.outcome.ok:
         raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
     return Plant(pressures, run.angle, section.lag, section.delay, section.noise)

@@ -146,23 +146,23 @@ def fit_stiffness(
     sigma: float,
 ) -> StiffnessFit:
     """Fit the factor m of all moduli to markers."""
-    own = actuator.solid.parameters()
+    moduli = actuator.constants(2.0) - actuator.constants()  # 0 of constants that are pure numbers
     factor, converged = 1.0, False
     guesses: dict[str, FloatArray] = {}
     for _ in range(ITERATIONS):
         lefts, slopes = [], []
         for name, sets in measured.items():
             pressures = np.array(sorted(sets))
-            solid = actuator.solid.with_parameters(factor * own)
-            run = actuator.simulate(gravities[name], pressures, solid=solid, guess=guesses.get(name))
+            constants, guess = actuator.constants(factor), guesses.get(name)
+            run = actuator.simulate(gravities[name], pressures, constants=constants, guess=guess)
             if not run.solution.outcome.ok:
                 raise ValueError(f"{name} at {factor:.3g} times the stiffness: {run.solution.outcome.cause}")
             guesses[name] = run.solution.displacements
             count = len(next(iter(sets.values())))
             weights = marker_weights(actuator, count)
             nodes = actuator.mesh.nodes("line")
-            by = direct(run.solution).displacements[:, : len(own), nodes]  # [steps, constants, line, 3]
-            by_factor = np.einsum("c,scld->sld", own, by)
+            by = direct(run.solution).displacements[:, : moduli.size, nodes]  # [steps, constants, line, 3]
+            by_factor = np.einsum("c,scld->sld", moduli.ravel(), by)
             slope = (weights @ by_factor)[..., PLANE]
             wanted = np.stack([sets[p] for p in pressures])
             lefts.append((wanted - marker_positions(run, weights)).ravel())

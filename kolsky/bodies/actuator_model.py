@@ -30,13 +30,29 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.equilibrium.arc_length import ArcPath, follow
+from kolsky.equilibrium.loads import faces_on
 from kolsky.equilibrium.meshes import Mesh, grid
-from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Pressure, SelfContact
+from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Pressure, RigidPlane, SelfContact, unit
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
 from kolsky.equilibrium.solve import Newton, solve
 from kolsky.equilibrium.surface_contact import surface_contacts
+
+
+@dataclass(frozen=True)
+class Part:
+    """Cells of another material of the same law, such as a stiff layer in the base."""
+
+    name: str
+    """Name in SPEC."""
+    solid: Solid
+    """Its material."""
+    density: float
+    """Mass density at rest [kg/m^3]."""
+    cells: IntArray
+    """Numbers of its cells, shape [m]."""
+
 
 WEIGHT = "weight"
 """History that lets the weight act, 0 or 1."""
@@ -61,11 +77,36 @@ class Actuator:
     """Where the element kernels run."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
+    parts: tuple[Part, ...] = ()
+    """Parts of other materials; a cell of two belongs to the later."""
+    world: tuple[Fixed | RigidPlane, ...] = ()
+    """What the outside holds, and rigid planes that it may press on."""
 
     @property
     def histories(self) -> tuple[str, ...]:
         """Names of the pressures in a solution."""
         return tuple(f"pressure of {name}" for name in self.cavities)
+
+    @property
+    def regions(self) -> IntArray | None:
+        """Region of each cell: 0 of `solid`, then the parts, shape [m]; None without parts."""
+        if not self.parts:
+            return None
+        regions = np.zeros(len(self.mesh.cells), dtype=np.int64)
+        for number, part in enumerate(self.parts, start=1):
+            regions[part.cells] = number
+        return regions
+
+    @property
+    def density_of_regions(self) -> tuple[float, ...]:
+        """Mass density of each region [kg/m^3]."""
+        return (self.density, *(part.density for part in self.parts))
+
+    def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
+        """Constants of each region with all moduli multiplied by a factor; `body`: a material in place of
+        `solid`; shape [n_regions, n_parameters]."""
+        solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
+        return np.array([one.scaled(factor).parameters() for one in solids])
 
     def model(self, gravity: Sequence[float] | FloatArray) -> Model:
         """The model with an acceleration of free fall [m/s^2], shape [3].
@@ -78,14 +119,16 @@ class Actuator:
             if g[1] != 0.0:
                 raise ValueError("gravity along y needs the whole actuator: set half = false")
             conditions.append(Fixed("mirror", (1,)))
-        conditions.append(Gravity(self.density, g, WEIGHT))
+        conditions.append(Gravity(self.density_of_regions, g, WEIGHT))
         conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
-        conditions += self.contacts
+        conditions += [*self.contacts, *self.world]
         return Model(
             self.mesh,
             self.solid,
             tuple(conditions),
             volumetric="mixed" if self.mixed else "displacement",
+            regions=self.regions,
+            others=tuple(part.solid for part in self.parts),
             device=self.device,
         )
 
@@ -94,13 +137,13 @@ class Actuator:
         gravity: Sequence[float] | FloatArray,
         pressures: FloatArray,
         *,
-        solid: Solid | None = None,
+        constants: FloatArray | None = None,
         guess: FloatArray | None = None,
         newton: Newton | None = None,
     ) -> "Bending":
         """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities].
 
-        `solid` is another material in place of the actuator's own; `guess` as of
+        `constants`: those of each region in place of the actuator's own; `guess` as of
         `kolsky.equilibrium.solve.solve`.
         """
         table = np.asarray(pressures, dtype=float)
@@ -109,7 +152,6 @@ class Actuator:
             raise ValueError(f"pressures must have shape [n, {len(self.cavities)}], got {table.shape}")
         steps = {WEIGHT: np.ones(len(table)), **dict(zip(self.histories, table.T, strict=True))}
         model = self.model(gravity)
-        constants = None if solid is None else solid.parameters()
         return Bending(solve(model, steps, constants, guess=guess, newton=newton), table)
 
     def follow(
@@ -120,14 +162,13 @@ class Actuator:
         first: float,
         steps: int = 200,
         longest: float = 4.0,
-        solid: Solid | None = None,
+        constants: FloatArray | None = None,
     ) -> tuple["Bending", ArcPath]:
         """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
 
         Returns: the equilibria that a pressure raised from 0 meets, and the whole path between them. Raises
         ValueError if the path ends before the last pressure, with its reason.
         """
-        constants = None if solid is None else solid.parameters()
         path = follow(
             self.model(gravity),
             self.histories,
@@ -143,7 +184,7 @@ class Actuator:
             turned = ", where the pressure has a limit point" if path.limits.size else ""
             cause, cure = path.outcome.cause, path.outcome.cure
             raise ValueError(f"the path rises to {highest:.3g} bar{turned}: {cause}; {cure}")
-        found = self.simulate(gravity, pressures, solid=solid, guess=path.crossings(pressures))
+        found = self.simulate(gravity, pressures, constants=constants, guess=path.crossings(pressures))
         return found, path
 
 
@@ -230,6 +271,8 @@ class Pneunet:
     """Half of it, with the plane y = 0 as a mirror."""
     separate: bool = False
     """Chambers that nothing joins, each with a pressure of its own."""
+    heights: tuple[float, ...] = ()
+    """Heights z at which faces of cells lie, such as those of a layer [m]."""
 
     def __post_init__(self) -> None:
         if self.chambers < 1 or self.through_wall < 1:
@@ -250,6 +293,9 @@ class Pneunet:
                     f"the channel's {what} (with its roof) must be below the chamber's, "
                     f"got {inner:g} and {outer:g} m"
                 )
+        for height in self.heights:
+            if not 0.0 <= height <= self.height:
+                raise ValueError(f"heights must be in [0, {self.height:g}] m, got {height:g} m")
         if self.element not in ("hex27", "hex8", "tet10", "tet4"):
             raise ValueError(f"element must be hex27, hex8, tet10 or tet4, got {self.element!r}")
 
@@ -284,6 +330,10 @@ class Pneunet:
             y, of_y = np.concatenate([-y[:0:-1], y]), np.concatenate([of_y[::-1], of_y])
         roof = self.chamber[2] - self.channel[1] - self.wall
         z, of_z = self._cut([self.base, self.channel[1], self.wall, roof, self.wall])
+        for height in self.heights:
+            if np.abs(z - height).min() > TIGHT * self.length:
+                above = int(np.searchsorted(z, height))
+                z, of_z = np.insert(z, above, height), np.insert(of_z, above, of_z[above - 1])
         kx, ky, kz = np.meshgrid(kinds, of_y, of_z, indexing="ij")
         cells = np.full(kx.shape, SOLID)
         cells[(kx == OUTSIDE) & (kz > 2)] = OUTSIDE
@@ -307,9 +357,9 @@ class Pneunet:
     def mesh(self) -> Mesh:
         """The mesh with its sets.
 
-        Sets: "clamp" (x = 0), "mirror" (y = 0, of a half), "cavity" or, of separate chambers, "cavity_1" and
-        so on, "origin" and "tip" (ends of the base's middle line), "line" (all of it), and of each gap
-        "gap_1_left", "gap_1_right": the walls that face each other.
+        Sets: "clamp" (x = 0), "end" (the other end), "mirror" (y = 0, of a half), "cavity" or, of separate
+        chambers, "cavity_1" and so on, "origin" and "tip" (ends of the base's middle line), "line" (all of
+        it), and of each gap "gap_1_left", "gap_1_right": the walls that face each other.
         """
         lines, cells = self._grid
         solid: BoolArray = cells == SOLID
@@ -318,6 +368,7 @@ class Pneunet:
         p = mesh.points
         sets: dict[str, IntArray] = {
             "clamp": np.flatnonzero(p[:, 0] < tight),
+            "end": np.flatnonzero(p[:, 0] > self.length - tight),
             "line": np.flatnonzero((np.abs(p[:, 1]) < tight) & (p[:, 2] < tight)),
         }
         if self.half:
@@ -379,6 +430,37 @@ def smallest_gap(run: Bending) -> FloatArray:
         smallest = np.fmin(smallest, each)
         number += 1
     return smallest
+
+
+def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
+    """Points of the faces on the boundary that do not belong wholly to one of the sets `apart`, without the
+    clamped points."""
+    everything = mesh.with_set("all", np.arange(len(mesh.points)))
+    found = []
+    for faces in faces_on(everything, "all"):
+        nodes = mesh.cells[faces.cells][:, mesh.element.nodes_on(faces.face)]
+        inner = [np.isin(nodes, mesh.nodes(name)).all(axis=1) for name in apart if name in mesh.sets]
+        found.append(nodes[~np.any(inner, axis=0)].ravel() if inner else nodes.ravel())
+    return np.setdiff1d(np.concatenate(found), mesh.nodes("clamp"))
+
+
+def forces_outside(run: Bending) -> dict[str, FloatArray]:
+    """Force of the whole actuator on what holds it beside the clamp, and on each plane [N], shape [n, 3],
+    by the name of their set of points."""
+    solution, found = run.solution, {}
+    half = "mirror" in solution.model.mesh.sets
+    planes = iter(solution.contact_forces)
+    for condition in solution.model.conditions:
+        if isinstance(condition, RigidPlane):
+            force = -next(planes).sum(axis=1)[:, None] * unit(condition.normal)
+        elif isinstance(condition, Fixed) and condition.where not in ("clamp", "mirror"):
+            force = -solution.reaction(condition.where)
+            if condition.axes is not None:
+                force[:, [axis for axis in range(3) if axis not in condition.axes]] = 0.0
+        else:
+            continue
+        found[condition.where] = (force * np.array([2.0, 0.0, 2.0]) if half else force) + 0.0  # no -0
+    return found
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,19 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
         if one.path is not None:
             columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
             write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
+    forces = columns_of(
+        {
+            "gravity": one.name,
+            "on": name,
+            "pressure (Pa)": float(one.pristine.pressures[k].max()),
+            **{f"{axis} (N)": float(x) for axis, x in zip("xyz", each[k], strict=True)},
+        }
+        for one in directions
+        for name, each in one.forces.items()
+        for k in range(len(each))
+    )
+    if forces:
+        write_table(folder / "forces.csv", forces)
     line = columns_of(row for one in directions for row in _line_rows(one))
     if line:
         write_table(folder / "line.csv", line)
@@ -89,6 +102,7 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
             "limit_pressures_Pa": None if one.path is None else one.path.limits,
             "contact_force_N": None if one.touching is None else one.touching.force[one.asked],
             "contact_depth_m": None if one.touching is None else one.touching.depth[one.asked],
+            "outside_force_N": {name: each[one.asked] for name, each in one.forces.items()},
             "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
             "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),
         }

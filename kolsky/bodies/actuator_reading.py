@@ -12,14 +12,14 @@ from pydantic import BeforeValidator, Field, model_validator
 from kolsky.base.arrays import FloatArray
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
-from kolsky.bodies.actuator_model import Actuator, Pneunet
+from kolsky.bodies.actuator_model import TIGHT, Actuator, Part, Pneunet, outside
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_constants
 from kolsky.equilibrium.loads import rim
-from kolsky.equilibrium.meshes import Mesh, from_pyvista
-from kolsky.equilibrium.model import SelfContact
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact, unit
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
-from kolsky.readers.meshes import read_gmsh_volume, read_vtu
+from kolsky.readers.meshes import read_body
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
@@ -62,18 +62,15 @@ class GeometrySection(Section):
         return self
 
 
-class MaterialSection(Section):
-    """[material]: a law with its constants, how it resists a change of volume, its density."""
+class ConstantsSection(Section):
+    """Constants of a law, and how it resists a change of volume."""
 
-    law: f.Name = "neo_hookean"
     constants: dict[str, Any]
     D1: Any = None
     poisson: f.Poisson | None = None
-    density: f.Density
-    mixed: bool = False
 
     @model_validator(mode="after")
-    def _one_volume(self) -> "MaterialSection":
+    def _one_volume(self) -> "ConstantsSection":
         if (self.D1 is None) == (self.poisson is None):
             raise f.problem(
                 "or poisson must be given, one of the two",
@@ -82,6 +79,36 @@ class MaterialSection(Section):
                 "U = D1 (J - 1)^2",
             )
         return self
+
+
+class MaterialSection(ConstantsSection):
+    """[material]: a law with its constants and its density."""
+
+    law: f.Name = "neo_hookean"
+    density: f.Density
+    mixed: bool = False
+
+
+class PartSection(ConstantsSection):
+    """[part.NAME]: cells between two heights, or of a mesh's set NAME, with other constants of the law."""
+
+    height: Annotated[list[f.Offset], Field(min_length=2, max_length=2)] | None = None
+    density: f.Density | None = None
+
+
+class PlaneSection(Section):
+    """[plane.NAME]: a rigid plane without friction."""
+
+    point: Annotated[list[f.Offset], Field(min_length=3, max_length=3)]
+    normal: Vector
+    set: f.Name | None = None
+
+
+class BlockedSection(Section):
+    """[blocked]: a set of points that is held where it is at rest."""
+
+    set: f.Name = "end"
+    axes: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1, max_length=3)] = ("z",)
 
 
 class ContactSection(Section):
@@ -177,6 +204,9 @@ class ActuatorFile(Section):
     gravity: dict[str, Vector]
     pressures: Annotated[list[Gauge], Field(min_length=1)]
     healed: dict[str, Any] | None = None
+    part: dict[str, PartSection] = Field(default_factory=dict)
+    plane: dict[str, PlaneSection] = Field(default_factory=dict)
+    blocked: BlockedSection | None = None
     contact: ContactSection | None = None
     path: PathSection | None = None
     motion: MotionSection | None = None
@@ -197,6 +227,14 @@ class ActuatorFile(Section):
             )
         if self.path is not None and self.pressures[-1] < 0.0:
             raise f.problem("follows pressures above 0", key="path", cure="remove it for suction")
+        if self.path is not None and self.plane:
+            raise f.problem("is not followed against a plane", key="path", cure="remove [path] or [plane]")
+        if self.blocked is not None and self.invert is not None:
+            raise f.problem("has no effect on a blocked actuator", key="invert", cure="remove one of them")
+        if self.motion is not None and self.plane:
+            raise f.problem(
+                "is not simulated against a plane", key="motion", cure="remove [motion] or [plane]"
+            )
         if not self.gravity:
             raise f.problem("is empty", key="gravity", cure="write e.g. downward = [0.0, 0.0, -9.81]")
         return self
@@ -250,7 +288,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     shape = None
     if declared.geometry.mesh is None:
         with toml.refusing("geometry", "makes no actuator"):
-            shape = _pneunet_of(declared.geometry)
+            shape = _pneunet_of(declared)
         _check_size(toml, max(shape.length, *shape.chamber))  # before a mesh of as many cells is made
         mesh, cavities = shape.mesh, shape.cavities
     else:
@@ -265,13 +303,17 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
             )
         _check_closed(toml, mesh, cavities)
         _check_size(toml, float(np.ptp(mesh.points, axis=0).max()))
-    given = declared.material.constants
-    solid = _solid(toml, declared, "material.constants", given, declared.material.D1)
+    section = declared.material
+    law, given = section.law, section.constants
+    solid = _solid(toml, "material", law, section)
     healed = None
     if declared.healed is not None:
         other = dict(declared.healed)
-        d1 = other.pop("D1", declared.material.D1)
-        healed = _solid(toml, declared, "healed", {**given, **other}, d1)
+        d1 = other.pop("D1", section.D1)
+        changed = section.model_copy(update={"constants": {**given, **other}, "D1": d1})
+        healed = _solid(toml, "healed", law, changed, key="healed")
+    parts = tuple(_part(toml, declared, name, mesh, shape) for name in declared.part)
+    mesh, world = _world(toml, declared, mesh, cavities)
     contacts = _contacts_of(mesh, declared.contact)
     if declared.contact is not None and not contacts:
         raise toml.error(
@@ -279,9 +321,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
             'needs the walls that may touch, the sets "gap_1_left" and "gap_1_right" and so on of the mesh',
             cure="name them, take two chambers or more, or remove [contact]",
         )
-    actuator = Actuator(
-        mesh, cavities, solid, declared.material.density, declared.material.mixed, device, contacts
-    )
+    actuator = Actuator(mesh, cavities, solid, section.density, section.mixed, device, contacts, parts, world)
     for name, g in declared.gravity.items():
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
@@ -330,13 +370,69 @@ def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None
         )
 
 
-def _pneunet_of(section: GeometrySection) -> Pneunet:
-    """The dimensions that [geometry] declares."""
+def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: Pneunet | None) -> Part:
+    """The cells and the material of [part.NAME]."""
+    section, key = declared.part[name], f"part.{name}"
+    if shape is None:
+        if section.height is not None:
+            raise toml.error(f"{key}.height", "has no effect with a mesh", cure=f"name a set {name!r} in it")
+        if name not in mesh.sets:
+            raise toml.error(
+                key,
+                f"is no set of the mesh; it has {', '.join(sorted(mesh.sets))}",
+                cure="name the points of its cells as a set, or the physical volume",
+            )
+        cells = np.flatnonzero(np.isin(mesh.cells, mesh.nodes(name)).all(axis=1))
+    else:
+        if section.height is None:
+            raise toml.error(f"{key}.height", "is missing", cure='write height = ["0 mm", "0.5 mm"]')
+        low, high = section.height
+        middle = mesh.points[mesh.cells, 2].mean(axis=1)
+        cells = np.flatnonzero((middle > low) & (middle < high))
+    if len(cells) == 0:
+        raise toml.error(key, "has no cell of the mesh", cure="write the lower height first, inside the body")
+    density = declared.material.density if section.density is None else section.density
+    return Part(name, _solid(toml, key, declared.material.law, section), density, cells)
+
+
+def _world(
+    toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
+) -> tuple[Mesh, tuple[Fixed | RigidPlane, ...]]:
+    """What [blocked] holds and the planes, whose sets have the names of their tables; the mesh with these."""
+    world: list[Fixed | RigidPlane] = []
+    held: FloatArray | Any = np.zeros(0, dtype=np.int64)
+    if declared.blocked is not None:
+        with toml.refusing("blocked.set", "cannot be held"):
+            held = mesh.nodes(declared.blocked.set)
+        world.append(Fixed(declared.blocked.set, tuple("xyz".index(axis) for axis in declared.blocked.axes)))
+    for name, section in declared.plane.items():
+        if name in mesh.sets:
+            raise toml.error(f"plane.{name}", "has the name of a set of the mesh", cure="take another name")
+        with toml.refusing(f"plane.{name}.set", "cannot touch"):
+            own = outside(mesh, (*cavities, "mirror")) if section.set is None else mesh.nodes(section.set)
+            mesh = mesh.with_set(name, np.setdiff1d(own, held))
+        with toml.refusing(f"plane.{name}.normal", "is no direction"):
+            normal = unit(tuple(section.normal))
+        depth = float(((np.asarray(section.point) - mesh.points[mesh.nodes(name)]) @ normal).max())
+        if depth > TIGHT * float(np.ptp(mesh.points, axis=0).max()):
+            raise toml.error(
+                f"plane.{name}.point",
+                f"lies {1e3 * depth:.4g} mm inside the actuator at rest",
+                cure="move the plane out, or turn its normal towards the actuator",
+            )
+        world.append(RigidPlane(name, tuple(section.normal), tuple(section.point)))
+    return mesh, tuple(world)
+
+
+def _pneunet_of(declared: ActuatorFile) -> Pneunet:
+    """The dimensions that [geometry] declares, with the heights of the parts."""
+    section = declared.geometry
+    heights = tuple(z for part in declared.part.values() for z in part.height or ())
     sizes: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
-    return Pneunet(**sizes)
+    return Pneunet(**sizes, heights=heights)
 
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
@@ -366,20 +462,23 @@ def volume_reading(d1: Any) -> float:
     return 2.0 / value if modulus is None else 2.0 * value
 
 
-def _solid(toml: TomlFile, declared: ActuatorFile, key: str, given: dict[str, Any], d1: Any) -> Solid:
-    law, poisson = declared.material.law, declared.material.poisson
-    values = read_constants(toml, key, law, given)
+def _solid(
+    toml: TomlFile, where: str, law: str, section: ConstantsSection, *, key: str | None = None
+) -> Solid:
+    """The material of a table; `key`: where its constants stand, if not in `constants`."""
+    key = f"{where}.constants" if key is None else key
+    values = read_constants(toml, key, law, section.constants)
     try:
-        if poisson is not None:
-            return solid_of(law, {**values, POISSON: poisson})
+        if section.poisson is not None:
+            return solid_of(law, {**values, POISSON: section.poisson})
         if law == COUPLED:
-            raise toml.error("material.D1", f"does not belong to {COUPLED}", cure="write poisson = 0.44")
+            raise toml.error(f"{where}.D1", f"does not belong to {COUPLED}", cure="write poisson = 0.44")
         # only the bulk modulus is another: any Poisson's ratio makes the shear part
         made = solid_of(law, {**values, POISSON: 0.0})
         assert isinstance(made, Isotropic)
-        return replace(made, volumetric=bulk(volume_reading(d1)))
+        return replace(made, volumetric=bulk(volume_reading(section.D1)))
     except UnitError as error:
-        raise toml.error("material.D1", error.problem, cure='write "1.150 1/MPa" or "1.150 MPa"') from None
+        raise toml.error(f"{where}.D1", error.problem, cure='write "1.150 1/MPa" or "1.150 MPa"') from None
     except ValueError as error:
         raise toml.error(key, f"are not those of the law: {error}") from None
 
@@ -387,12 +486,6 @@ def _solid(toml: TomlFile, declared: ActuatorFile, key: str, given: dict[str, An
 def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
     assert section.mesh is not None  # asked for only then
     assert section.mesh_unit is not None  # the schema saw to it
-    path = toml.path.parent / section.mesh
-    if path.suffix.lower() == ".msh":
-        raw = read_gmsh_volume(path)
-        inputs[section.mesh] = raw.sha256
-        return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
-    grid, inputs[section.mesh] = read_vtu(path)
-    with toml.refusing("geometry.mesh", "cannot be read", cure="save a VTU or MSH file"):
-        mesh = from_pyvista(grid)
-    return replace(mesh, points=section.mesh_unit * mesh.points)
+    raw = read_body(toml.path.parent / section.mesh)
+    inputs[section.mesh] = raw.sha256
+    return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)

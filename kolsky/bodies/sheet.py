@@ -181,15 +181,23 @@ class Sheet:
             device=self.device,
         )
 
-    def simulate(self, solid: Solid, pad: FloatArray, *further: Solid) -> Solution:
+    def simulate(
+        self, solid: Solid, pad: FloatArray, *further: Solid, near: "SheetState | None" = None
+    ) -> Solution:
         """Equilibria at displacements of the moving pad [m], shape [n].
 
         ``solid``: the material of the first region. ``further``: those of the next ones that are fitted.
+        ``near``: the sheet at other constants and the same displacements of the pad; its slopes predict these
+        equilibria.
         """
         n = 1 if self.regions is None else int(self.regions.max()) + 1
         fitted = dict(enumerate((solid, *further)))
-        rows = [self.held.get(r, fitted.get(r, solid)).parameters() for r in range(n)]
-        return solve(self.model(solid), {ENDS: pad}, np.array(rows))
+        rows = np.array([self.held.get(r, fitted.get(r, solid)).parameters() for r in range(n)])
+        if near is None:
+            return solve(self.model(solid), {ENDS: pad}, rows)
+        change = (rows - near.solution.parameters).ravel()
+        guess = near.displacements + np.einsum("npai,p->nai", near.slopes.displacements, change)
+        return solve(near.solution.model, {ENDS: pad}, rows, guess=guess, like=near.solution)
 
     def force(self, solution: Solution) -> FloatArray:
         """Force on the body at the moving pad along the pull [N], shape [n]."""
@@ -214,17 +222,19 @@ class SheetState:
     """Derivatives by the constants of all regions' energies."""
 
 
-def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray) -> SheetState | str:
-    """Simulate a sheet and differentiate it, or say why it cannot be done."""
+def sheet_state(
+    sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
+) -> SheetState | str:
+    """Simulate a sheet and differentiate it, or say why it cannot be done; `near` as in `Sheet.simulate`."""
     try:
         solids = constants.solids(free)
     except ValueError as error:
         return str(error)
-    solution = sheet.simulate(solids[0], pad, *solids[1:])
+    solution = sheet.simulate(solids[0], pad, *solids[1:], near=near)
     if not solution.outcome.ok:
         at = 1e3 * pad[solution.reached]
         return f"the sheet at {at:.4g} mm: {solution.outcome.cause}; {solution.outcome.cure}"
-    slopes = direct(solution)
+    slopes = direct(solution, keep=True)
     chain = constants.chain(free)
     n_own = len(chain)  # the fitted regions come first
     by = np.einsum("npai,pq->nqai", slopes.displacements[:, :n_own], chain)

@@ -27,7 +27,16 @@ from scipy.spatial import cKDTree
 
 from dic.basics import MAD
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.bodies.sheet_fit import EXPLAINED_SHARE, FieldData, FieldFit, FieldProblem, fit_field
+from kolsky.bodies.sheet_fit import (
+    EXPLAINED_SHARE,
+    SILENT,
+    FieldData,
+    FieldFit,
+    FieldProblem,
+    Progress,
+    fit_field,
+    with_other_starts,
+)
 from kolsky.bodies.sheet_reading import MeasuredField, keeping, mesh_scale
 from kolsky.equilibrium.meshes import Mesh
 
@@ -124,12 +133,17 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
     return np.asarray(inside & (apart <= gate * scale + mesh_error(mesh, nodal)[cell]).all(axis=1))
 
 
-def fit_measured(measured: MeasuredField, *, gate: float) -> tuple[MeasuredField, FieldFit]:
+def fit_measured(
+    measured: MeasuredField, *, gate: float, progress: Progress = SILENT
+) -> tuple[MeasuredField, FieldFit]:
     """Fit a measured sheet, and take back the doubted points that it predicts until none is left to take.
+
+    ``progress``: see `fit_field`.
 
     Raises ValueError as `fit_field`.
     """
-    found = fit_field(measured.problem)
+    begun = measured.problem.constants.start
+    found = fit_field(measured.problem, progress=progress)
     for _ in range(_PASSES):
         if not measured.left_out.any():
             break
@@ -138,8 +152,8 @@ def fit_measured(measured: MeasuredField, *, gate: float) -> tuple[MeasuredField
             break
         measured = keeping(measured, bad)
         own = measured.problem
-        found = fit_field(FieldProblem(own.sheet, own.data, found.constants))
-    return measured, found
+        found = fit_field(FieldProblem(own.sheet, own.data, found.constants), progress=progress)
+    return measured, with_other_starts(found, begun, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -180,15 +194,17 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
         return ""
     problem = measured.problem
     data = problem.data
-    near = list(FORCE_FACTORS)
-    try:
-        alone = fit_field(FieldProblem(problem.sheet, replace(data, sigma_force=_MUTE), problem.constants))
-        slopes = alone.cost.state.force_by_constants
-        spread = slopes @ alone.covariance @ slopes.T
-        lacking = lacking_factor(data.force, alone.cost.state.force, spread, data.sigma_force)
-        near = [factor for factor in near if lacking.near(factor)]
-    except (ValueError, np.linalg.LinAlgError):
-        pass  # the field alone does not determine the constants: every factor is tried
+    near = list(FORCE_FACTORS) if _force_counts(problem) else []
+    if near:
+        try:
+            mute = FieldProblem(problem.sheet, replace(data, sigma_force=_MUTE), problem.constants)
+            alone = fit_field(mute.last)
+            slopes = alone.cost.state.force_by_constants
+            spread = slopes @ alone.covariance @ slopes.T
+            lacking = lacking_factor(data.force[-1:], alone.cost.state.force, spread, data.sigma_force)
+            near = [factor for factor in near if lacking.near(factor)]
+        except (ValueError, np.linalg.LinAlgError):
+            pass  # the field alone does not determine the constants: every factor is tried
     for factor in near:
         if _explains(problem, replace(data, force=factor * data.force)):
             return _words("force", "field.pad.force", FORCE_FACTORS[factor], factor)
@@ -201,6 +217,18 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
             if _explains(problem, moved):
                 return _words("displacements", "field.points.ux and uy", cause, factor)
     return "" if found.adequate else _change_of_place(measured, found)
+
+
+def _force_counts(problem: FieldProblem) -> bool:
+    """Whether a positive factor of the force changes more than the moduli.
+
+    With prescribed displacements a common factor of all moduli changes the force by that factor and no
+    displacement; so where all are free, only a reversed force contradicts a field.
+    """
+    constants = problem.constants
+    moduli = {spec.name for spec in constants.specs if spec.unit == "Pa"}
+    reversed_force = float(problem.data.force @ problem.data.pad) < 0.0
+    return bool(problem.sheet.held) or not moduli <= set(constants.free) or reversed_force
 
 
 def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
@@ -229,7 +257,8 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
         sides = np.where(np.arange(2) == axis, -1.0, 1.0)
         ends = mesh.points[:, axis].min() + mesh.points[:, axis].max()
         points = measured.points * sides + np.where(np.arange(2) == axis, ends, 0.0)
-        if _explains_again(replace(measured, points=points, displacements=sides * measured.displacements)):
+        turned = replace(measured, points=points, displacements=sides * measured.displacements)
+        if _explains_again(turned, found):
             return (
                 f"one change of the mesh would explain the field and the force: its axis {name} is mirrored "
                 f"against that of the points; count {name} the same way in both"
@@ -237,13 +266,20 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
     return ""
 
 
-def _explains_again(measured: MeasuredField) -> bool:
-    """Whether a sheet with other points or another mesh is explained."""
+def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
+    """Whether a sheet with other points or another mesh is explained.
+
+    ``found``: the fit of the same mesh; no other is made unless its simulation is nearer to these points.
+    """
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:
         return False
-    return bool(problem.data.cells.any()) and _explains(problem, problem.data)
+    if not problem.data.cells.any():
+        return False
+    if found is not None and problem.misfit(found.cost.state)[-1] >= found.misfit[-1]:
+        return False
+    return _explains(problem, problem.data)
 
 
 def _words(what: str, key: str, cause: str, factor: float) -> str:
@@ -268,9 +304,9 @@ def _field_factor(found: FieldFit) -> float:
 
 
 def _explains(problem: FieldProblem, data: FieldData) -> bool:
-    """Whether a fit to changed data explains field and force with no constant at its bound."""
+    """Whether a fit to the last frame of changed data explains field and force, no constant at its bound."""
     try:
-        trial = fit_field(FieldProblem(problem.sheet, data, problem.constants))
+        trial = fit_field(FieldProblem(problem.sheet, data, problem.constants).last)
     except (ValueError, np.linalg.LinAlgError):
         return False
     return trial.explained and not any(trial.at_bound)

@@ -2,8 +2,8 @@
 
 The sensitivity of the constants to a measured displacement or force follows from the same derivatives.
 
-Newton's method, Eq. (K.17), on the cost of `field_problem`: far from the minimum with the curvature of Gauss
-and Newton, near it with the exact second derivatives, which the sensitivities of Eq. (K.19) need as well.
+Newton's method, Eq. (K.17): with the curvature of Gauss and Newton and a secant estimate of what that lacks
+(Dennis, Gay and Welsch 1981). The sensitivities of Eq. (K.19) take the exact second derivatives.
 
     J(m) = sum_k 1/2 int |u_k(m) - u_msr,k|^2 dA + w/2 sum_k (f_k(m) - f_msr,k)^2           (K.3-K.6)
 
@@ -25,6 +25,7 @@ which gives variances (K.20-25), sensitivity fields on the mesh (K.26, K.27), an
 made a map of where a displacement would tell most (K.28-36).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -124,11 +125,28 @@ class FieldProblem:
         flat = fields.reshape(-1, *fields.shape[-2:])
         return np.stack([self.mass @ one for one in flat]).reshape(fields.shape)
 
-    def cost(self, free: FloatArray) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or why there are none."""
-        state = sheet_state(self.sheet, self.constants, free, self.data.pad)
-        if isinstance(state, str):
-            return state
+    @property
+    def last(self) -> "FieldProblem":
+        """The last step alone."""
+        return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
+
+    def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or why there are none; `near`: a state to start at."""
+        state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
+        return state if isinstance(state, str) else self._cost_of(state)
+
+    def moved(self, cost: Cost, step: FloatArray) -> Cost:
+        """The cost after a short step of the constants, its fields by their slopes."""
+        state = cost.state
+        moved = replace(
+            state,
+            displacements=state.displacements + np.einsum("npai,p->nai", state.by_constants, step),
+            force=state.force + state.force_by_constants @ step,
+        )
+        return self._cost_of(moved)
+
+    def _cost_of(self, state: SheetState) -> Cost:
+        """Cost and derivatives of a simulated sheet."""
         data, w = self.data, self.data.weight
         apart = state.displacements - data.displacements
         apart = apart - self.mean(apart) if data.floating else apart
@@ -144,14 +162,30 @@ class FieldProblem:
         value = float(displacement.sum() + w * force.sum())
         return Cost(displacement, force, value, gradients, curvature, by_force, state)
 
-    def hessian(self, free: FloatArray) -> FloatArray:
+    def translation(self, state: SheetState) -> FloatArray:
+        """Translation of the measured field of each step that fits best, Eq. (F.1) [m], shape [n, 1, 2]."""
+        apart = self.data.displacements - state.displacements
+        return self.mean(apart) * float(self.data.floating)
+
+    def sizes(self, state: SheetState) -> FloatArray:
+        """int u . u dA of the measured field of each step, less its translation [m^4], shape [n]."""
+        own = self.data.displacements - self.translation(state)
+        return np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in own])
+
+    def misfit(self, state: SheetState) -> FloatArray:
+        """Displacements' misfit over their size, of each step [-], shape [n]."""
+        apart = state.displacements - self.data.displacements + self.translation(state)
+        square = np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in apart])
+        return np.asarray(np.sqrt(square / self.sizes(state)))
+
+    def hessian(self, free: FloatArray, cost: Cost | str | None = None) -> FloatArray:
         """Second derivatives of J, those of u and f included, shape [p, p].
 
-        They are exact (`kolsky.equilibrium.sensitivity`).
+        They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost there, if it is known.
 
         Raises ValueError if a simulation fails.
         """
-        cost = self.cost(free)
+        cost = self.cost(free) if cost is None else cost
         if isinstance(cost, str):
             raise ValueError(f"second derivatives need a simulation: {cost}")
         state, data = cost.state, self.data
@@ -265,14 +299,31 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
     return BeforeTest(vectors, values, weights @ loaded, weights @ relative, True)
 
 
-MOST_STEPS = 30
-"""Most steps of Newton's method."""
-STEP_TOLERANCE = 1e-9
-"""Relative step of the constants at which it has ended."""
-LONGEST = 0.3
-"""Longest relative step of a constant."""
-NEAR = 0.02
-"""Relative step below which the exact second derivatives take over."""
+MOST_RUNS = 40
+"""Most simulations of a search."""
+STEP_TOLERANCE = 1e-4
+"""Step of the constants over their sizes at which a search has ended [-]: that step, by the exact second
+derivatives and the slopes of the fields, then errs by its square."""
+ROUGH_TOLERANCE = 3e-3
+"""The same of a search in the last step alone: where the constants drift with the load it ends percents away
+from the answer."""
+LONGEST = 0.5
+"""Longest step of a constant over its size [-]."""
+LEAST_SIZE = {"1": 0.5, "Pa": 1e-2}
+"""Least size of a constant over its scale by its unit [-]: numbers may pass through 0; a modulus falls by
+halves, since no sheet has an equilibrium near 0."""
+OTHER_PLACES = (0.1, 0.9)
+"""Places of other starts in the range of a constant with two bounds [-]."""
+APART = 0.05
+"""Distance over the size of a constant from which two minima differ [-]: rough ends scatter by less."""
+Progress = Callable[[int, int], None]
+"""Called with what is done and with what there is at most to do."""
+
+
+def SILENT(done: int, most: int) -> None:
+    """No progress."""
+
+
 EXPLAINED_SHARE = 0.05
 """Largest misfit of displacements or forces over their size, beyond their noise, that counts as explained."""
 TESTABLE_SHARE = 0.5
@@ -300,6 +351,10 @@ class FieldFit:
     """Constants that lie on a bound with the cost falling beyond it: nothing else is said of them."""
     simulations: int
     """Simulations of the search, those for second derivatives not counted."""
+    rough: tuple[FloatArray, float]
+    """Constants where the search in the last step alone ended, and its cost there."""
+    minima: tuple["LocalMinimum", ...] = ()
+    """Where other starts end."""
 
     @property
     def values(self) -> FloatArray:
@@ -309,25 +364,18 @@ class FieldFit:
     @property
     def misfit(self) -> FloatArray:
         """Displacements' misfit over their size, of each step [-], shape [n]."""
-        return np.asarray(np.sqrt(2.0 * self.cost.displacement / self._sizes))
+        return self.problem.misfit(self.cost.state)
 
     @property
     def translation(self) -> FloatArray:
         """Translation of the measured field of each step that fits best, Eq. (F.1) [m], shape [n, 1, 2]."""
-        apart = self.problem.data.displacements - self.cost.state.displacements
-        return self.problem.mean(apart) * float(self.problem.data.floating)
-
-    @property
-    def _sizes(self) -> FloatArray:
-        """int u . u dA of the measured field of each step, less its translation [m^4], shape [n]."""
-        mass, own = self.problem.mass, self.problem.data.displacements - self.translation
-        return np.array([np.einsum("ai,ai->", mass @ one, one) for one in own])
+        return self.problem.translation(self.cost.state)
 
     @property
     def noise(self) -> FloatArray:
         """The misfit that the noise of the points alone would make [-], shape [n]."""
         area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
-        return np.asarray(np.sqrt(2.0 * area) * sigma / np.sqrt(self._sizes))
+        return np.asarray(np.sqrt(2.0 * area) * sigma / np.sqrt(self.problem.sizes(self.cost.state)))
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -420,10 +468,19 @@ class FieldFit:
             axis = "; one of its axes may be mirrored" if turned == cells else ""
             warnings.append(f"{turned} of {cells} cells of the mesh run clockwise and were turned{axis}")
         warnings += [
-            f"{name} is at its bound: the data ask for a value outside"
+            f"{name} is at its bound: the data need a value outside"
             for name, held in zip(self.constants.free, self.at_bound, strict=True)
             if held
         ]
+        names = self.constants.free
+        for one in self.minima:
+            ends = ", ".join(f"{n} = {v:.4g}" for n, v in zip(names, one.values, strict=True))
+            begins = ", ".join(f"{n} = {v:.4g}" for n, v in zip(names, one.start, strict=True))
+            warnings.append(
+                f"the start matters: from {begins} the search in the last frame ends at {ends} (SI), with "
+                f"{one.ratio:.3g} times the misfit of the answer; hold a constant that is known, or measure "
+                "where the two differ"
+            )
         if not self.adequate:
             warnings.append(
                 f"the model does not explain the displacement field: its misfit is "
@@ -450,54 +507,137 @@ def _share(part: FloatArray, whole: FloatArray) -> float:
     return float(np.linalg.norm(part)) / size if size > 0.0 else np.inf
 
 
-def fit_field(problem: FieldProblem) -> FieldFit:
-    """Fit a sheet by Newton's method, Eq. (K.17)."""
+@dataclass
+class _Search:
+    """Where a search of `fit_field` stands."""
+
+    free: FloatArray
+    """Constants, shape [p]."""
+    cost: Cost
+    """The cost there."""
+    remainder: FloatArray
+    """Estimate of the second derivatives without those of Gauss and Newton, shape [p, p]."""
+    runs: int = 1
+    """Simulations of all steps so far."""
+    converged: bool = False
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Of all steps, shape [p]."""
+        return np.asarray(self.cost.gradients.sum(axis=0))
+
+
+def fit_field(problem: FieldProblem, *, progress: Progress = SILENT) -> FieldFit:
+    """Fit a sheet: a rough search in the last step alone, then one in all steps.
+
+    ``progress``: called with the number of the simulation and the one after which the search gives up.
+
+    Raises ValueError if the simulation at the start fails.
+    """
+    start = problem.constants.start
+    if len(problem.data.pad) == 1:
+        ended = _search(problem, start, tolerance=STEP_TOLERANCE, progress=progress)
+        return _fit_at(problem, ended, ended.runs, (ended.free, ended.cost.value))
+    first = _search(problem.last, start, tolerance=ROUGH_TOLERANCE, progress=progress)
+    remainder = first.remainder / first.cost.gauss_newton[0, 0]
+    try:
+        ended = _search(problem, first.free, tolerance=STEP_TOLERANCE, remainder=remainder, progress=progress)
+    except ValueError:  # wrong data may lead the last step alone to where the others have no equilibrium
+        ended = _search(problem, start, tolerance=STEP_TOLERANCE, progress=progress)
+    return _fit_at(problem, ended, first.runs + ended.runs, (first.free, first.cost.value))
+
+
+def _search(
+    problem: FieldProblem,
+    start: FloatArray,
+    *,
+    tolerance: float,
+    remainder: FloatArray | None = None,
+    progress: Progress,
+) -> _Search:
+    """Minimise the cost; `remainder`: of `_Search`, over the first second derivative of Gauss and Newton."""
     low, high = problem.constants.bounds
-    free = problem.constants.start
-    here = problem.cost(free)
-    if isinstance(here, str):
-        raise ValueError(f"the simulation at the start failed: {here}")
-    runs, converged, exact = 1, False, False
-    hessian = here.gauss_newton
-    for _ in range(MOST_STEPS):
-        gradient = here.gradients.sum(axis=0)
-        held = _at_bounds(free, gradient, low, high)
-        if held.all():
-            converged = True
-            break
-        step = _newton_step(hessian, gradient, held)
-        if not (step @ gradient < 0.0):  # the second derivatives are of a saddle
-            hessian, exact = here.gauss_newton, False
-            step = _newton_step(hessian, gradient, held)
-        size = np.maximum(np.abs(free), 1e-3)
-        step *= min(1.0, LONGEST / float(np.abs(step / size).max()))
-        if float(np.abs(step / size).max()) <= STEP_TOLERANCE:
-            converged = True
-            break
-        length = 1.0
-        while True:
-            trial = np.clip(free + length * step, low, high)
-            found = problem.cost(trial)
-            runs += 1
-            if not isinstance(found, str) and found.value <= here.value * (1.0 + 1e-13):
-                break
+    begun = problem.cost(start)
+    if isinstance(begun, str):
+        raise ValueError(f"the simulation at the start failed: {begun}")
+    scale = 0.0 if remainder is None else begun.gauss_newton[0, 0]
+    at = _Search(
+        start, begun, scale * (np.zeros_like(begun.gauss_newton) if remainder is None else remainder)
+    )
+    progress(at.runs, MOST_RUNS)
+    while at.runs < MOST_RUNS:
+        size = _sizes(problem.constants, at.free)
+        near, far = np.maximum(low - at.free, -LONGEST * size), np.minimum(high - at.free, LONGEST * size)
+        step = bounded_step(at.cost.gauss_newton + at.remainder, at.gradient, near, far)
+        if not step @ at.gradient < 0.0:  # the second derivatives are of a saddle
+            at.remainder = np.zeros_like(at.remainder)
+            step = bounded_step(at.cost.gauss_newton, at.gradient, near, far)
+        longest = float(np.abs(step / size).max())
+        if longest <= tolerance:
+            at.converged = True
+            return at
+        found, trial, length = None, at.free, 2.0
+        while length * longest > tolerance and at.runs < MOST_RUNS:
             length *= 0.5
-            if length < 1e-4:
+            trial = np.clip(at.free + length * step, low, high)
+            found = problem.cost(trial, at.cost.state)
+            at.runs += 1
+            progress(at.runs, MOST_RUNS)
+            if isinstance(found, Cost) and found.value <= at.cost.value:
                 break
-        if isinstance(found, str) or found.value > here.value * (1.0 + 1e-13):
-            converged = float(np.abs(length * step / size).max()) <= 1e3 * STEP_TOLERANCE
+        if not isinstance(found, Cost) or found.value > at.cost.value:
+            return at
+        before, moved = at.gradient, trial - at.free
+        at.free, at.cost = trial, found
+        at.remainder = secant(at.remainder, moved, at.gradient - before - found.gauss_newton @ moved, size)
+    return at
+
+
+def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: FloatArray) -> FloatArray:
+    """Second derivatives with which a step changes the gradient by `change`, nearest to the old ones in rank.
+
+    The symmetric change of rank one (Davidon 1991), left out where it has no bound. ``size``: of the
+    constants, shape [p].
+    """
+    lacking = change - remainder @ step
+    along = float(lacking @ step)
+    if abs(along) <= 1e-8 * float(np.linalg.norm(lacking * size) * np.linalg.norm(step / size)):
+        return remainder
+    return np.asarray(remainder + np.outer(lacking, lacking) / along)
+
+
+def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Newton's step within bounds, shape [p]: what would leave them stops there, and the others follow."""
+    step = np.zeros_like(gradient)
+    free = ~(((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0)))
+    while free.any():
+        right = -(gradient + hessian[:, ~free] @ step[~free])[free]
+        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], right)
+        out = free & ((step < low) | (step > high))
+        if not out.any():
             break
-        near = float(np.abs((trial - free) / size).max()) < NEAR
-        free, here = trial, found
-        if near and not exact:
-            hessian, exact = problem.hessian(free), True
-        elif not near:
-            hessian = here.gauss_newton
-    fitted = replace(problem.constants, values=problem.constants.all(free))
-    own = FieldProblem(problem.sheet, problem.data, fitted)
-    final = own.hessian(free)
+        step = np.where(out, np.clip(step, low, high), step)
+        free &= ~out
+    return step
+
+
+def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[FloatArray, float]) -> FieldFit:
+    """What a search found, its last step made: second derivatives and sensitivities there."""
+    free, here, (low, high) = ended.free, ended.cost, problem.constants.bounds
+    final = problem.hessian(free, here)
+    if ended.converged:
+        step = bounded_step(final, ended.gradient, low - free, high - free)
+        if (np.abs(step) <= 10.0 * STEP_TOLERANCE * _sizes(problem.constants, free)).all():
+            free, here = free + step, problem.moved(here, step)
+    own = FieldProblem(problem.sheet, problem.data, problem.constants.changed(free))
     held = _at_bounds(free, here.gradients.sum(axis=0), low, high)
     seen = np.flatnonzero(~held)
+    converged, relative = ended.converged, np.sqrt(np.abs(np.diag(final)))
+    if len(seen) and not (
+        (relative[seen] > 0.0).all()
+        and np.linalg.eigvalsh((final / np.outer(relative, relative))[np.ix_(seen, seen)])[0] > 0.0
+    ):
+        final, converged = here.gauss_newton, False  # no minimum: its slopes alone are known
     own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
     mixed = -own.loaded(here.state.by_constants)
@@ -509,7 +649,16 @@ def fit_field(problem: FieldProblem) -> FieldFit:
     shape = (n, p, nodes, d)
     at_bound = tuple(bool(one) for one in held)
     return FieldFit(
-        own, fitted, here, final, by_displacement.reshape(shape), by_force, converged, at_bound, runs
+        own,
+        own.constants,
+        here,
+        final,
+        by_displacement.reshape(shape),
+        by_force,
+        converged,
+        at_bound,
+        runs,
+        rough,
     )
 
 
@@ -518,12 +667,65 @@ def _at_bounds(free: FloatArray, gradient: FloatArray, low: FloatArray, high: Fl
     return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
 
 
-def _newton_step(hessian: FloatArray, gradient: FloatArray, held: BoolArray) -> FloatArray:
-    """Newton's step of the constants that are not held, shape [p]."""
-    free = np.flatnonzero(~held)
-    step = np.zeros_like(gradient)
-    step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
-    return step
+@dataclass(frozen=True)
+class LocalMinimum:
+    """Where a search in the last step ended from another start."""
+
+    start: FloatArray
+    """Free constants there, shape [p]."""
+    values: FloatArray
+    """Free constants where it ended, shape [p]."""
+    ratio: float
+    """Cost of the last step over that of the answer [-]."""
+
+
+def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = SILENT) -> FieldFit:
+    """The lowest minimum that other starts find, with those that they end in; `begun`: where the fit began.
+
+    Tried only where the model does not explain the data or a constant is at its bound: with data that the
+    model explains the cost at the answer is that of noise, and no other place has less. Constants with two
+    bounds start at `OTHER_PLACES` of their range, others where the fit has them.
+    """
+    if fit.explained and not any(fit.at_bound):
+        return fit
+    problem, constants = fit.problem, fit.constants
+    low, high = constants.bounds
+    between = np.isfinite(high - low)
+    if not between.any():
+        return fit
+    best, runs, ends, home = fit, fit.simulations, [], fit.rough
+    for place in OTHER_PLACES:
+        start = np.where(between, low + place * np.where(between, high - low, 0.0), fit.values)
+        try:
+            ended = _search(problem.last, start, tolerance=ROUGH_TOLERANCE, progress=progress)
+        except ValueError:
+            continue  # no equilibrium at that start: nothing is said of it
+        runs += ended.runs
+        ends.append((start, ended.free, ended.cost.value))
+    lowest = min(ends, key=lambda one: one[2], default=None)
+    if lowest is not None and lowest[2] < home[1] and _apart(constants, lowest[1], home[0]):
+        again = _search(problem, lowest[1], tolerance=STEP_TOLERANCE, progress=progress)
+        runs += again.runs
+        if again.cost.value < fit.cost.value:
+            best = _fit_at(problem, again, runs, lowest[1:])
+            ends, home = [*ends, (begun, *home)], lowest[1:]
+    minima = tuple(
+        LocalMinimum(start, free, value / home[1])
+        for start, free, value in ends
+        if _apart(constants, free, home[0])
+    )
+    return replace(best, minima=minima, simulations=runs)
+
+
+def _sizes(constants: Constants, free: FloatArray) -> FloatArray:
+    """Sizes of the constants, by which steps are compared, shape [p]."""
+    least = np.array([LEAST_SIZE[spec.unit] for spec in constants.free_specs])
+    return np.asarray(np.maximum(np.abs(free), least * constants.scales))
+
+
+def _apart(constants: Constants, one: FloatArray, other: FloatArray) -> bool:
+    """Whether two ends of searches are different minima."""
+    return bool((np.abs(one - other) > APART * _sizes(constants, other)).any())
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:

@@ -150,6 +150,10 @@ class Constants:
         """All constants with these values of the free ones."""
         return {**self.values, **dict(zip(self.free, map(float, free), strict=True))}
 
+    def changed(self, free: Sequence[float] | FloatArray) -> "Constants":
+        """The law with these values of the free constants in place."""
+        return replace(self, values=self.all(free))
+
     def solid(self, free: Sequence[float] | FloatArray) -> Solid:
         """The material with these values of the free constants."""
         return self.solids(free)[0]

@@ -59,7 +59,7 @@ class ConstantVerdict(Enum):
     HARDLY = "hardly determined"
     """The interval is wider than the constant."""
     AT_BOUND = "at its bound"
-    """The least chi-square lies on a bound: the data ask for a value outside, and there is no interval."""
+    """The least chi-square lies on a bound: the data need a value outside, and there is no interval."""
     NOT_SEEN = "not seen"
     """Some combination of the constants moves no force of these tests."""
 
@@ -96,7 +96,7 @@ class ConstantEstimate:
             )
         cures = {
             ConstantVerdict.HARDLY: "its interval is wide: strain further, or add another kind of test",
-            ConstantVerdict.AT_BOUND: "the data ask for a value outside its bounds: try another law",
+            ConstantVerdict.AT_BOUND: "the data need a value outside its bounds: try another law",
             ConstantVerdict.NOT_SEEN: "a combination of the constants moves no force: hold one of them",
         }
         sentence = f"{self.name} is {self.verdict.value}"

@@ -156,9 +156,35 @@ class Shape:
 
 
 def shape_of(
-    section: TestSection, *, element: str, gauss: int | None, symmetry: bool, density: float | None
+    section: TestSection,
+    *,
+    element: str,
+    gauss: int | None,
+    symmetry: bool,
+    density: float | None,
+    body: Mesh | None = None,
 ) -> Shape:
-    """The shape that a test's table describes."""
+    """The shape that a test's table describes; `body`: its mesh with its two sets, if it names a file."""
+    gravity = (
+        None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2])
+    )
+    if body is not None:
+        x, y, z = np.ptp(body.points, axis=0)
+        return BodyShape(
+            section.shape,
+            (float(x), float(y), float(z)),
+            0.0,
+            (0, 0, 0),
+            element=body.kind,
+            gauss=gauss,
+            gravity=gravity,
+            density=None if gravity is None else density,
+            body=body,
+            axis="xyz".index(section.axis),
+            frictionless=section.frictionless,
+        )
+    assert section.size is not None  # the schema saw to it
+    assert section.elements is not None
     length, width, thickness = section.size
     nx, ny, nz = section.elements
     return Shape(
@@ -171,11 +197,58 @@ def shape_of(
         section.straight,
         element,
         gauss,
-        None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2]),
+        gravity,
         density if section.gravity is not None else None,
         symmetry,
         section.load,
     )
+
+
+@dataclass(frozen=True)
+class BodyShape(Shape):
+    """A specimen from a mesh file: one group is held, another moves."""
+
+    body: Mesh | None = None
+    """The mesh, with the moving group as the set "bond_x+" and the held one as "bond_x-"."""
+    axis: int = 0
+    """Along which the moving group moves and its force is measured."""
+    frictionless: bool = False
+    """Whether the points of the moving group slide across that axis, as under a lubricated punch."""
+
+    @property
+    def eighth(self) -> bool:
+        """Never: the file has the whole body."""
+        return False
+
+    def along(self, end: int) -> int:
+        """See `Shape.along`."""
+        return self.axis
+
+    def shortened(self) -> Shape:
+        """Refused: see `Shape.shortened`."""
+        raise ValueError("a body from a mesh file has no bonded length that could be shorter")
+
+    @property
+    def mesh(self) -> Mesh:  # type: ignore[override]
+        """The mesh of the file [m]."""
+        assert self.body is not None  # `shape_of` has given it
+        return self.body
+
+    def model(self, solid: Solid, *, device: str = "cpu") -> Model:
+        """See `Shape.model`; the held group stays, the other moves by all of the displacement."""
+        others = tuple(other for other in range(3) if other != self.axis)
+        conditions: list[Condition] = [Fixed("bond_x-"), Prescribed("bond_x+", self.axis, "d_x", 1.0)]
+        if not self.frictionless:
+            conditions.append(Fixed("bond_x+", others))
+        if self.gravity is not None and self.density is not None:
+            conditions.append(Gravity(self.density, self.gravity))
+        return Model(self.mesh, solid, tuple(conditions), gauss=self.gauss, device=device)
+
+    def mid_region(self) -> FloatArray:
+        """Cells in the middle half of the body along the motion, as a mask, shape [m]."""
+        middle = self.mesh.points[self.mesh.cells].mean(axis=1)[:, self.axis]
+        low, high = self.mesh.points[:, self.axis].min(), self.mesh.points[:, self.axis].max()
+        return np.asarray(np.abs(middle - 0.5 * (low + high)) < 0.25 * (high - low))
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,12 @@ from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import POISSON, Constants, constants_of
 from kolsky.bodies.specimen_fit import SlowTest
-from kolsky.bodies.specimen_model import AXES, SpecimenModel, shape_of
+from kolsky.bodies.specimen_model import AXES, TIGHT, SpecimenModel, shape_of
 from kolsky.bodies.specimen_schema import SpecimenFile, TestSection
+from kolsky.equilibrium.meshes import SIDES, Mesh
+from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solution import Solution
+from kolsky.readers.meshes import read_body
 from kolsky.readers.table import read_table
 
 FEWEST = 4
@@ -70,6 +73,9 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     ``path``: the file. ``device``: where the element kernels run. Raises InputError if it declares anything
     unknown, incomplete or impossible, or a file cannot be read.
     """
+    if not Path(path).exists():
+        cure = "correct its name; `kolsky specimen new FOLDER` writes a SPEC.toml to fill in"
+        raise InputError(Path(path), "there is no such file", cure=cure)
     toml, declared = read_toml(Path(path), SpecimenFile)
     material, numerics = declared.material, declared.numerics
     values = read_constants(toml, "material.constants", material.law, material.constants)
@@ -84,8 +90,13 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
             gauss=numerics.gauss,
             symmetry=numerics.symmetry,
             density=material.density,
+            body=None if section.mesh is None else _body(toml, f"tests.{name}", section, inputs),
         )
         models[name] = SpecimenModel(name, shape, device)
+        if section.file is not None:
+            samples[name], inputs[section.file] = _samples(toml, section)
+        if section.mesh is not None:
+            continue
         with toml.refusing(f"tests.{name}.elements", "make no mesh"):
             sets = shape.mesh.sets
         step = shape.size[0] / shape.elements[0]
@@ -95,9 +106,42 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
                 f"does not end between two elements, which are {1e3 * step:g} mm long",
                 cure="choose elements so that the bond is a whole number of them",
             )
-        if section.file is not None:
-            samples[name], inputs[section.file] = _samples(toml, section)
     return Specification(toml, declared, constants, models, samples, inputs)
+
+
+def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]) -> Mesh:
+    """The mesh of a test with its two ends as sets; a name of a side is that side of the body's box."""
+    assert section.mesh is not None  # the schema saw to all of them
+    assert section.mesh_unit is not None
+    raw = read_body(toml.path.parent / section.mesh)
+    inputs[section.mesh] = raw.sha256
+    points = section.mesh_unit * raw.points
+    low, high = points.min(axis=0), points.max(axis=0)
+    reach = TIGHT * float((high - low).max())
+    sides = {
+        name: np.flatnonzero(np.abs(points[:, axis] - end) <= reach)
+        for axis, names in enumerate(SIDES)
+        for name, end in zip(names, (low[axis], high[axis]), strict=True)
+    }
+    known = sides | raw.groups
+    ends = {}
+    for end, name in (("moving", section.moving), ("fixed", section.fixed)):
+        if name not in known or len(known[name]) == 0:
+            raise toml.error(
+                f"{key}.{end}",
+                f"names {name!r}, no group of the mesh of {len(raw.cells)} cells and {len(points)} points",
+                allowed=", ".join([*raw.groups, *sides]),
+                cure="name a physical group of surfaces, or a side of the body's box",
+            )
+        ends[end] = known[name]
+    if np.isin(ends["moving"], ends["fixed"]).any():
+        raise toml.error(f"{key}.moving", f"shares points with {key}.fixed", cure="name two ends apart")
+    mesh = Mesh(points, raw.cells, raw.kind, {"bond_x+": ends["moving"], "bond_x-": ends["fixed"]})
+    try:
+        geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
+    except ValueError as error:
+        raise toml.error(f"{key}.mesh", f"has a bad cell: {error}", cure="mesh the body again") from None
+    return mesh
 
 
 def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:

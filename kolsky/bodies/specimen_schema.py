@@ -1,6 +1,6 @@
 """SPEC.toml: a material and the slow tests of whole specimens that it is fitted to."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -55,11 +55,17 @@ class NumericsSection(Section):
 class TestSection(Section):
     """[tests.NAME]: a specimen, how it is held, and what was measured."""
 
-    shape: Literal["strip", "dog_bone", "cross", "block"] = "strip"
+    shape: Literal["strip", "dog_bone", "cross", "block", "mesh"] = "strip"
     load: Literal["axial", "shear"] = "axial"
-    size: Annotated[list[f.Length], Field(min_length=3, max_length=3)]
+    size: Annotated[list[f.Length], Field(min_length=3, max_length=3)] | None = None
     bond: f.Length | None = None
-    elements: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=3, max_length=3)]
+    elements: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=3, max_length=3)] | None = None
+    mesh: f.FileName | None = None
+    mesh_unit: f.LengthUnit | None = None
+    moving: f.Name | None = None
+    fixed: f.Name | None = None
+    axis: Literal["x", "y", "z"] = "x"
+    frictionless: bool = False
     arm: f.Length | None = None
     waist: f.Length | None = None
     straight: f.Length | None = None
@@ -76,6 +82,7 @@ class TestSection(Section):
     @model_validator(mode="after")
     def _of_the_shape(self) -> "TestSection":
         only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone"}
+        only |= dict.fromkeys(("mesh", "mesh_unit", "moving", "fixed"), "mesh")
         for key, shape in only.items():
             if (getattr(self, key) is not None) != (self.shape == shape):
                 problem = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
@@ -92,13 +99,29 @@ class TestSection(Section):
                     raise f.problem(
                         f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
                     )
+        if self.shape == "mesh":
+            return self._of_a_mesh()
+        for key in ("size", "elements"):
+            if getattr(self, key) is None:
+                raise f.problem("is missing", key=key, cure='write three of it, or shape = "mesh"')
         if (self.bond is None) != (self.shape == "block"):
             problem = "has no effect on a block, whose end faces are glued" if self.bond else "is missing"
             raise f.problem(problem, key="bond", cure="remove it" if self.bond else 'write e.g. "10 mm"')
         if self.load == "shear" and self.shape != "block":
             raise f.problem('is "shear"', key="load", cure='it belongs to shape = "block"')
-        if self.bond is not None and 2.0 * self.bond >= self.size[0]:
-            raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
+        length = 0.0 if self.size is None else self.size[0]
+        if self.bond is not None and 2.0 * self.bond >= length:
+            raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * length:g} m")
+        return self
+
+    def _of_a_mesh(self) -> "TestSection":
+        """Refuse what belongs to the other shapes."""
+        given = [key for key in ("size", "elements", "bond") if getattr(self, key) is not None]
+        if self.load == "shear":
+            given.append("load")
+        if given:
+            cure = "remove it; axis, moving and fixed say how the body is loaded"
+            raise f.problem('has no effect on shape = "mesh"', key=given[0], cure=cure)
         return self
 
     @property
@@ -191,6 +214,8 @@ class PlanSection(Section):
 class SpecimenFile(Section):
     """A whole SPEC.toml."""
 
+    NEW: ClassVar[str] = "kolsky specimen new"
+    """Command that writes one."""
     material: MaterialSection
     numerics: NumericsSection = Field(default_factory=NumericsSection)
     tests: dict[str, TestSection] = Field(default_factory=dict)

@@ -1,7 +1,9 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
 import errno
+import inspect
 import os
+import re
 import signal
 import sys
 import time
@@ -20,7 +22,7 @@ from kolsky.cli.actuator import actuator_control, actuator_invert, actuator_simu
 from kolsky.cli.bars import repeats, waves, wavespeed
 from kolsky.cli.dic import calibrate, dic
 from kolsky.cli.doctor import doctor
-from kolsky.cli.identify import identify
+from kolsky.cli.identify import demo, identify
 from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit, material_healing
 from kolsky.cli.new import channels, check, new, open_pages
@@ -29,12 +31,13 @@ from kolsky.cli.plan import plan, predict, virtual_make, virtual_new
 from kolsky.cli.rate import rate
 from kolsky.cli.report import film, report
 from kolsky.cli.simulate import simulate
-from kolsky.cli.specimen import specimen_fit, specimen_plan, specimen_simulate
+from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import budget, sweep
 
 Command = Callable[..., None]
 
 COMMANDS: dict[str, Command] = {
+    "demo": demo,
     "new": new,
     "open": open_pages,
     "check": check,
@@ -58,6 +61,7 @@ COMMANDS: dict[str, Command] = {
     "material fit": material_fit,
     "material relaxation": material_relaxation,
     "material healing": material_healing,
+    "specimen new": specimen_new,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
@@ -206,10 +210,16 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(refusing_bad_input()(with_settings(command)))
+        made_of = refusing_bad_input()(with_settings(command))
+        place.command(name, help=_paragraphs(command), hidden=words in former)(made_of)
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made
+
+
+def _paragraphs(command: Command) -> str:
+    """The docstring with each paragraph on one line, which the terminal breaks at its own width."""
+    return re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
 
 
 @contextmanager

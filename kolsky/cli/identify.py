@@ -4,16 +4,18 @@ One shot; several shots together; or, with --each, several shots one by one: in 
 on a Dask cluster.
 """
 
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, as_completed
 from dataclasses import dataclass, replace
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.options import ADVANCED, Option
@@ -182,7 +184,7 @@ def answer_lines(result: "JointResult") -> list[str]:
 
 
 def _verdict_line(result: "JointResult") -> str:
-    """The verdict on the whole, with the largest residual over what a right model leaves."""
+    """The verdict on the whole, with the largest residual over that expected of a correct model."""
     fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
     fits += [(fit.channel, fit) for fit in result.slow_fit]
     if not fits:
@@ -192,7 +194,7 @@ def _verdict_line(result: "JointResult") -> str:
 
 
 def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals over what a right model leaves, whole and slow, of several channels."""
+    """Residuals over the residual of a correct model, whole and slow, of several channels."""
     return ", ".join(
         f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
         f"{'' if fit.explained else ': NOT EXPLAINED'}"
@@ -537,6 +539,11 @@ def identify(
         texts.refuse(changed(joint), problem, cure="leave it out, or leave out --each")
         identify_each(shots, job, workers)
         return
+    _print_one(job)
+
+
+def _print_one(job: SingleShotJob) -> None:
+    """Identify one shot in this process and print its answer."""
     from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import drawing_processes
 
@@ -548,3 +555,44 @@ def identify(
         files={"report": answer.page},
         warnings=answer.warnings,
     )
+
+
+DEMO = "open-05"
+"""Folder of the shot that comes with the package."""
+
+
+def demo(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="New folder for the files of the shot.")
+    ] = Path(DEMO),
+    verbose: Annotated[bool, Option("Print every value of the answer.", short="-v")] = False,
+) -> None:
+    """Copy the shot that comes with kolsky to a new folder and identify it.
+
+    The shot is synthetic, made by another program: m = 1.12, nu = 0.499, beta = 25 us.
+    """
+    source = demo_files()
+    if folder.exists():
+        cure = f"give another folder, or: kolsky identify {folder}"
+        raise InputError(folder, "exists already and was not changed", cure=cure)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with scratch(folder.parent) as partial:
+        (made := partial / folder.name).mkdir()
+        for path in source:
+            shutil.copyfile(path, made / path.name)
+        made.rename(folder)
+    _print_one(SingleShotJob(folder, Settings(), verbose=verbose))
+
+
+def demo_files() -> list[Path]:
+    """Files of the shot that comes with the package: of the installation, else of the source tree.
+
+    Raises InputError where the installation lacks them.
+    """
+    files = sorted((Path(__file__).parents[2] / "runs" / DEMO).glob("*.*"))
+    if not files:
+        installed = metadata.files("kolsky") or []
+        files = sorted(Path(one.locate()) for one in installed if one.parent.name == DEMO)
+    if not files or not all(path.is_file() for path in files):
+        raise InputError("kolsky", f"was installed without its shot {DEMO}", cure="install it again with pip")
+    return files

@@ -395,7 +395,7 @@ def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
     low, high = fit.interval("factor")
     E, factor = 1e-3 * result.young, float(fit.values[0])
     rows: dict[str, Any] = {
-        "verdict": result.verdict.sentence,
+        "verdict": result.sentence,
         **_comparison_rows(result.comparison),
         "long-term E": f"{E:.4g} kPa, {E * low / factor:.4g} to {E * high / factor:.4g} (k = 2)",
     }

@@ -46,6 +46,16 @@ def beginning(path: Path) -> Iterator[None]:
         ) from None
 
 
+def write_specification(folder: Path, text: str) -> Path:
+    """Write a SPEC.toml, unless the folder has one; `--json` prints its place."""
+    path = folder / "SPEC.toml"
+    with beginning(path), path.open("x", encoding="utf-8") as file:
+        file.write(text)
+    if as_json():
+        print_json({"file": str(path)})
+    return path
+
+
 def new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the shot's raw files.")],
     bars: Annotated[bool, Option("For a test between bars with strain gauges, without cameras.")] = False,
@@ -86,7 +96,7 @@ def new(
     for key, name in _parts(series).items():
         typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
     for one in () if series is None else series.others:
-        typer.echo(f"  {one.said}: of no part of the shot beyond doubt")
+        typer.echo(f"  {one.said}: not clearly part of the shot")
     recordings = {table.path.name for table in contents.recordings} if bars else set()
     for name, why in contents.doubtful.items():
         if name not in recordings:

@@ -77,14 +77,14 @@ def _argument(name: str, hint: Any, default: Any) -> _Argument:
     shown: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "rich_help_panel": option.panel}
     if option.show_default is not None:
         shown["show_default"] = option.show_default or False
+    names = [flag, *option.short.split("/")] if option.short else [flag]
     if bare is bool or option.on is not None:
         on = option.on or (lambda: not default)
         return _Argument(
-            Annotated[bool, typer.Option(flag, help=option.help, rich_help_panel=option.panel)],
+            Annotated[bool, typer.Option(*names, help=option.help, rich_help_panel=option.panel)],
             False,
             lambda given: on() if given else default,
         )
-    names = [flag, *option.short.split("/")] if option.short else [flag]
     read = _reader(bare, option)
     if read is None:
         shown |= {"min": option.min, "max": option.max}

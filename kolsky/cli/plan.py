@@ -9,9 +9,9 @@ import typer
 
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.new import beginning
+from kolsky.cli.new import write_specification
 from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values
-from kolsky.cli.terminal import as_json, print_json
+from kolsky.cli.terminal import as_json
 from kolsky.inverse.settings import Device, Numerics, Threads
 
 
@@ -261,13 +261,9 @@ def virtual_new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
 ) -> None:
     """Write an annotated SPEC.toml of a virtual shot; an existing one is left unchanged."""
-    path = folder / "SPEC.toml"
-    with beginning(path), path.open("x", encoding="utf-8") as file:
-        file.write(template())
-    if as_json():
-        print_json({"file": str(path)})
-        return
-    typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
+    path = write_specification(folder, template())
+    if not as_json():
+        typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
 
 
 def template() -> str:

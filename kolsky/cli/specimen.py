@@ -5,6 +5,7 @@ constants; the tests and shapes that constrain the constants best.
 """
 
 import functools
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,9 @@ import typer
 
 from kolsky.base.options import Option
 from kolsky.cli import texts
+from kolsky.cli.new import write_specification
 from kolsky.cli.options import Figures, Vtu
+from kolsky.cli.terminal import as_json
 from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
@@ -24,6 +27,16 @@ _SpecPath = Annotated[Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: ma
 _OutOfSpec = Annotated[
     Path | None, Option("Where results go.", metavar="FOLDER", show_default="SPEC's name/results")
 ]
+
+
+def specimen_new(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
+) -> None:
+    """Write an annotated SPEC.toml of slow tests; an existing one is left unchanged."""
+    template = files("kolsky").joinpath("cli", "templates", "specimen.toml")
+    path = write_specification(folder, template.read_text(encoding="utf-8"))
+    if not as_json():
+        typer.echo(f"wrote {path}; fill it in, then: kolsky specimen fit {path}")
 
 
 def specimen_fit(
@@ -155,7 +168,7 @@ def _fit_sheet(
     from kolsky.bodies.sheet_fit import fit_steps
     from kolsky.bodies.sheet_reading import read_field
     from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
-    from kolsky.cli.terminal import print_result
+    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.body_views import sheet_view_of
     from kolsky.report.pages.bodies import sheet_rows, specimen_rows
     from kolsky.report.result_folder import write_sheet_results
@@ -163,8 +176,12 @@ def _fit_sheet(
     measured = read_field(read)
     section = read.declared.field
     assert section is not None  # `read_field` refuses a file without it
-    with read.toml.refusing("field", "cannot be fitted"):
-        measured, result = fit_measured(measured, gate=section.points.gate)
+    with read.toml.refusing("field", "cannot be fitted"), progress_bars() as progress:
+        measured, result = fit_measured(
+            measured,
+            gate=section.points.gate,
+            progress=lambda done, most: progress("simulations of a search, at most", done, most),
+        )
         change = one_change(measured, result)
     steps = fit_steps(result.problem) if each_step else []
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None

@@ -164,7 +164,8 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
             nonlocal last
             if time.monotonic() - last >= _EVERY:
                 last = time.monotonic()
-                print(f"{pace.finished} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
+                said = f"sweep: {pace.finished} of {pace.total}, {_pace(pace)}"
+                print(said, file=sys.stderr, flush=True)
 
         yield print_pace
         return

@@ -17,7 +17,7 @@ from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class ExpectedResidual:
-    """What a right model leaves of the data vector."""
+    """What a correct model leaves of the data vector."""
 
     sigma: FloatArray
     """Standard deviation of what is independent, shape [k]."""
@@ -75,7 +75,7 @@ class ExpectedResidual:
     def misfits(self, residual: FloatArray) -> FloatArray:
         """Mean of r^T C^-1 r over the entries of each channel, on its own and without tau, shape [2].
 
-        1 is what a right model leaves; of a channel without entries it is 1.
+        1 is the residual of a correct model; of a channel without entries it is 1.
         """
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):
@@ -135,7 +135,7 @@ class LinearFit(Solution):
     covariance: FloatArray
     """Of z, with residuals correlated in time, shape [p, p]."""
     tau: FloatArray
-    """What the residual leaves beyond what a right model leaves, of each channel, shape [2]."""
+    """What the residual leaves beyond the residual of a correct model, of each channel, shape [2]."""
     inflation: float
     """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
 
@@ -156,7 +156,7 @@ def fit_linear(
         A: change of the prediction per unit of each entry of z, shape [k, p]; a column of zeros
         gets a step of zero and an infinite variance.
     expected
-        What a right model leaves.
+        What a correct model leaves.
     allowed
         B and the bounds of a; none if left out.
     """
@@ -270,7 +270,7 @@ def _sandwich(
 def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
     """Twice the logarithm of the likelihood ratio, a time of a channel counted as one residual [-].
 
-    A channel whose misfit is what a right model leaves, or less, cannot get better.
+    A channel whose misfit is the residual of a correct model, or less, cannot get better.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
 
 
 def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) -> float:
-    """Share of the misfit beyond what a right model leaves that a change takes away [-].
+    """Share of the misfit beyond the residual of a correct model that a change takes away [-].
 
     ``before``, ``after``: `ExpectedResidual.misfits` without and with the change, shape [2]. ``entries``:
     entries of each channel, shape [2].

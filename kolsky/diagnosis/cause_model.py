@@ -14,6 +14,7 @@ from kolsky.diagnosis.cause_inputs import changed_vector, radii
 from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.path_noise import PATTERNS
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
@@ -220,8 +221,6 @@ def _key(runner: Runner, point: Point) -> tuple[object, object]:
     return launch, run
 
 
-PATTERNS = 40
-"""Most patterns of the flyer's noise."""
 FIRST_ORDER = 1.0
 """Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
 SECOND_ORDER = 2.0
@@ -231,7 +230,7 @@ AVERAGED_BINS = 7
 
 
 def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual:
-    """What a right model leaves of the data vector at the answer.
+    """What a correct model leaves of the data vector at the answer.
 
     ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
     is carried to the data.
@@ -261,8 +260,7 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
 def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     """Changes of the data vector by one standard deviation of each pattern of the path, shape [k, q]."""
     runner, path = model.runner, model.runner.front.path
-    jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
-    paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
+    paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in path.noise_patterns(PATTERNS)))
     forward = replace(runner.forward, paths=paths)
     response = forward.run(runner.at(model.x, numerics.mesh), numerics, motion=np.arange(len(paths)))
     model.runs += len(paths)
@@ -275,17 +273,3 @@ def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
         ]
     )
     return np.asarray(np.nan_to_num(vectors[1:] - vectors[0]).T)
-
-
-def leading_patterns(covariance: FloatArray, spans: FloatArray, count: int) -> FloatArray:
-    """Patterns of jerk of one standard deviation each, those that move the velocity most, shape [n, q].
-
-    The columns' outer products sum to the covariance where all of them are kept.
-    """
-    scale = np.sqrt(np.diag(covariance))
-    safe = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
-    root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    velocity = np.cumsum(np.cumsum(root * spans[:, None], axis=0) * spans[:, None], axis=0)
-    _, _, turned = np.linalg.svd(velocity, full_matrices=False)
-    return np.asarray(root @ turned[:count].T)

@@ -88,8 +88,8 @@ class CauseSearch:
     What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
     is a misfit.
 
-    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, what a
-    right model leaves. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
+    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, the residual of
+    a correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
     inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
     out.
     """
@@ -135,22 +135,20 @@ class CauseSearch:
             self.bare_left = self.residual(self.model.vectors([Point(self.at)])[0])
             self.bare = self.expected.misfits(self.bare_left)
 
-    def judge(self, answer: CauseSearch, trials: Sequence[Trial]) -> list[Trial]:
-        """Let evidence count against another search's answer, if that is the better one; its trials as here.
+    def judge(self, answer: CauseSearch) -> None:
+        """Let evidence count against another search's answer, if that is the better one.
 
         ``answer``: the search from the answer, of the same data; it counts all entries that count here.
-        ``trials``: what it found. Returns: the same with the entries that count here, and their misfits by
-        what is expected here.
         """
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
         if self.loss(known) < self.loss(self.before):
             self.before, self.bare = known, self.expected.misfits(answer.bare_left[kept])
-        found = []
-        for t in trials:
-            residual = t.residual[kept]
-            found.append(replace(t, residual=residual, misfits=self.expected.misfits(residual)))
-        return found
+
+    def seen(self, answer: CauseSearch, t: Trial) -> Trial:
+        """Another search's trial with the entries that count here, its misfits as expected here."""
+        residual = t.residual[self.use[answer.use]]
+        return replace(t, residual=residual, misfits=self.expected.misfits(residual))
 
     def allowed(self, tried: Cause | None = None) -> Allowances:
         """What may be off within its declared uncertainty, without the input that is tried."""
@@ -189,7 +187,7 @@ class CauseSearch:
         return evidence(self.before, misfits, self.expected.times)
 
     def loss(self, misfits: FloatArray) -> float:
-        """What a search makes small; below what a right model leaves it still falls."""
+        """What a search makes small; below the residual of a correct model it still falls."""
         return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
 
     def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:

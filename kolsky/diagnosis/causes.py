@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
 
 import numpy as np
@@ -17,6 +17,7 @@ from kolsky.diagnosis.cause_inputs import can_be_tried, declared_sigma, declared
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
 from kolsky.diagnosis.cause_search import (
     FOLLOWED,
+    KEPT,
     CauseSearch,
     Trial,
     in_valleys,
@@ -26,7 +27,7 @@ from kolsky.diagnosis.cause_search import (
 )
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.result import CauseFinding
+from kolsky.inverse.result import COVERAGE, CauseFinding
 from kolsky.inverse.runner import Runner
 from kolsky.shot.input_records import SHOWN, Cause
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
@@ -234,7 +235,9 @@ class CauseAnalysis:
     findings: tuple[CauseFinding, ...]
     """The likely causes first, the most likely before all; then the others by their evidence."""
     misfits: FloatArray
-    """Mean squared residual of force and outline over what a right model leaves, shape [2]."""
+    """Mean squared residual of force and outline over the residual of a correct model, shape [2]."""
+    unchanged: Mapping[str, float] = field(default_factory=dict)
+    """The free parameters as the same search finds them with no input changed."""
     lost: str = ""
     """Why nothing could be tried; empty if it was."""
 
@@ -264,6 +267,21 @@ class Best:
     """As its own search found it."""
     search: CauseSearch
     """That search."""
+    model: CauseModel | None = None
+    """With the correction by a run on the refined mesh at its own point; None where none was made."""
+
+    def renewed(self, judge: CauseSearch) -> Best:
+        """The same followed from a run on the refined mesh at its own point; itself where that is lost."""
+        t, search = self.own, self.search
+        run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
+        if run is None:
+            return self
+        start = np.append(t.x, t.u)
+        model = CauseModel(search.runner, start, run, t.candidate)
+        beside = [c for c in search.declared if c.key != t.candidate.key]
+        again = CauseSearch(search.runner, model, search.expected, search.use, beside, start=start)
+        own = min(again.followed([t]), key=lambda one: search.loss(one.misfits), default=t)
+        return Best(judge.seen(search, own), own, search, model)
 
 
 def find_causes(
@@ -295,7 +313,7 @@ def find_causes(
         with one_blas_thread(), runner.work.stage("causes", 1):
             return _analysed(runner, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
-        return CauseAnalysis((), np.full(2, nan), str(error))
+        return CauseAnalysis((), np.full(2, nan), lost=str(error))
 
 
 def _analysed(
@@ -310,28 +328,27 @@ def _analysed(
     candidates = [c for c in tried if can_be_tried(c, runner.problem)]
     search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
-    # Far beyond the bound the meshes are out of step by other amounts than at it.
-    trials = [_on_refined_mesh(search, t) if t.candidate.key == CURVE_SCALE else t for t in trials]
+    unchanged = dict(zip(runner.problem.box.names, search.at.tolist(), strict=False))
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None and not any(solved(t) for t in trials):
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
         model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
         second = _search_from(model, candidates, counted=search.use)
-        seen = second.judge(search, trials)
-        both = [Best(s, t, search) for s, t in zip(seen, trials, strict=True)]
+        second.judge(search)
+        both = [Best(second.seen(search, t), t, search) for t in trials]
         both += [Best(t, t, second) for t in best_trials(second, candidates)]
         more = _findings(second, best_of_each(both, second), candidates)
         found = more if more and more[0].named else found
-    return CauseAnalysis(found, search.before)
+    return CauseAnalysis(found, search.before, unchanged)
 
 
 SOLVED = 1.5
-"""Misfit of both channels with a cause at which no other start is searched. 1 is what a right model leaves;
-half of it more is a guess, not chosen on a population."""
+"""Misfit of both channels with a cause at which no other start is searched. 1 is the residual of a correct
+model; half of it more is a guess, not chosen on a population."""
 
 
 def solved(t: Trial) -> bool:
-    """True if a cause leaves what a right model does, so that no other valley can explain more."""
+    """True if a cause leaves what a correct model does, so that no other valley can explain more."""
     return not t.lost and bool((t.misfits <= SOLVED).all())
 
 
@@ -340,19 +357,6 @@ def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
     ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
     value, low, high = ends.get(MOVED, (0.0, -inf, inf))
     return min(value - low, high - value) <= EDGE * (high - low) < inf
-
-
-def _on_refined_mesh(search: CauseSearch, t: Trial) -> Trial:
-    """A significant trial followed from a run on the refined mesh at its own point."""
-    if t.lost or search.gain(t.misfits) < EVIDENCE:
-        return t
-    run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
-    if run is None:
-        return t
-    start = np.append(t.x, t.u)
-    model = CauseModel(search.runner, start, run, t.candidate)
-    again = CauseSearch(search.runner, model, search.expected, search.use, [], start=start)
-    return min(again.followed([t]), key=lambda one: search.loss(one.misfits), default=t)
 
 
 def _search_from(
@@ -383,20 +387,39 @@ def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
     return bool(t.lost), judge.loss(t.misfits)
 
 
+CONTENDERS = 4
+"""Most inputs that are compared by runs of their own on the refined mesh."""
+
+
+def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
+    """Inputs whose order the meshes could turn round: strong, and behind the best by less than `KEPT`.
+
+    A changed input leaves the correction by the run at the answer behind, and far beyond the bound of the
+    stiffness the meshes are out of step by other amounts than at it.
+    """
+    strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
+    strong.sort(key=lambda one: judge.loss(one.seen.misfits))
+    near = [one for one in strong if judge.loss(one.seen.misfits) - judge.loss(strong[0].seen.misfits) < KEPT]
+    found = near[:CONTENDERS] if len(near) > 1 else []
+    return found + [one for one in strong if one.seen.candidate.key == CURVE_SCALE and one not in found]
+
+
 def _findings(
     judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
     """The ranked findings, the first of them renewed if it is a likely cause."""
+    again = {one.own.candidate.key: one.renewed(judge) for one in _contenders(judge, trials)}
+    trials = [again.get(one.own.candidate.key, one) for one in trials]
     findings = ranked(judge, [one.seen for one in trials])
     if not (findings and findings[0].named):
         return findings
     first = next(one for one in trials if one.own.candidate.key == findings[0].key)
     rest = [c for c in candidates if c is not first.own.candidate]
-    return _search_beside_leading(first.search, first.own, findings, rest)
+    return _search_beside_leading(first, judge, findings, rest)
 
 
 def _search_beside_leading(
-    search: CauseSearch, first: Trial, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
+    first: Best, judge: CauseSearch, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
@@ -405,20 +428,16 @@ def _search_beside_leading(
     is free as the parameters are, and the others are tried beside it: with the first put right, what they
     explained alone says nothing more of them.
     """
-    c, runner, problem = first.candidate, search.runner, search.problem
+    search, c = first.search, first.own.candidate
+    runner, problem = search.runner, search.problem
     at, refined = np.append(search.model.x, start_of(c, problem)), search.model.refined
-    start = np.append(first.x, first.u)
-    if c.simulated or valley_is_free(search):
-        run = search.model.refined_run(Point(first.x, c.changed(first.u)))
-        if run is None:
+    if first.model is None and (c.simulated or valley_is_free(search)):
+        first = first.renewed(judge)
+        if first.model is None:
             return findings
-        at, refined = start, run
-        fine = CauseModel(runner, at, refined, c)
-        declared = [one for one in rest if declared_span(one, runner) is not None]
-        again = CauseSearch(runner, fine, search.expected, search.use, declared, start=start)
-        # Losses with the earlier correction are no measure of those with this one.
-        (first,) = again.followed([first]) or [first]
-        start = np.append(first.x, first.u)
+    if first.model is not None:
+        at, refined = first.model.x, first.model.refined
+    start = np.append(first.own.x, first.own.u)
     fine = CauseModel(runner, at, refined, c)
     second = CauseSearch(runner, fine, search.expected, search.use, rest, start=start)
     trials = best_trials(second, rest)
@@ -451,7 +470,7 @@ def best_trials(
 ) -> list[Trial]:
     """The best value of every candidate; far ones are tried only where the data are not explained.
 
-    What a right model leaves is known to the search from two meshes alone; `explained` may know better.
+    What a correct model leaves is known to the search from two meshes alone; `explained` may know better.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:
@@ -482,6 +501,51 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
     return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
 
 
+SURE = 1e-6
+"""Probability, adjusted for all inputs tried, below which a change counts that the fit does not ask for."""
+
+
+def with_suspects(
+    causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigma: float
+) -> tuple[CauseFinding, ...]:
+    """The causes of an explained answer, with those named that would move it out of its interval.
+
+    The goodness of fit leaves room for the mesh and for inputs; a wrong input may hide in it. It is suspected
+    where the data prefer another value of it at the level `SURE` and the stiffness factor leaves its k = 2
+    interval with it.
+
+    ``causes``: all that were tried, none of them named. ``unchanged``: `CauseAnalysis.unchanged`. ``sigma``:
+    standard uncertainty of the stiffness factor.
+    """
+    if MOVED not in unchanged:
+        return tuple(causes)
+    chosen = [
+        f
+        for f in causes
+        if f.probability < SURE
+        and not f.within
+        and not f.status
+        and abs(f.parameters[MOVED] - unchanged[MOVED]) > COVERAGE * sigma
+    ]
+    chosen.sort(key=lambda f: f.probability)
+    return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
+
+
+def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
+    """The causes of an answer that is withheld, with the leading ones named though their evidence is small.
+
+    Something is wrong there, so that an input needs less evidence than where an alarm could be false: it must
+    be significant and explain `LEAST_SHARE`. At a bound the data ask for what lies beyond it.
+
+    ``causes``: all that were tried, by their evidence, none of them named. ``at_bound``: whether the
+    stiffness factor ends at a bound.
+    """
+    beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
+    strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
+    chosen = beyond + [f for f in strong if not f.within and not f.status and f not in beyond]
+    return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
+
+
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
     """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
 
@@ -497,6 +561,13 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
         also, whole = ("", "the misfit")
         if finding.beside:
             also, whole = f"beside {finding.beside}, ", "what is left of it"
+        if explained:
+            yield (
+                f"the model explains the data, and {sentence(finding)} would fit them better by more than "
+                f"chance (1 in {1.0 / max(finding.probability, 1e-99):.0e}){other}: "
+                f"{checks.get(finding.key, finding.key)}; with it {told}"
+            )
+            continue
         yield (
             f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
             f"{checks.get(finding.key, finding.key)}; with it {told}"
@@ -504,8 +575,8 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
-            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "
-            "force and outline): more than one input may be wrong, or the model"
+            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times the residual expected of a "
+            "correct model, of force and outline): more than one input may be wrong, or the model"
         )
 
 

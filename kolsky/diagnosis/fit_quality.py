@@ -65,7 +65,7 @@ def mesh_changes(mesh: MeshChange) -> FloatArray:
 
 
 LIMITS = {"force": 3.0, "outline": 2.0}
-"""Largest residual over what a right model leaves, by channel [-]."""
+"""Largest residual over that expected of a correct model, by channel [-]."""
 SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 """The same of the means over blocks [-]."""
 ALONE = 0.1
@@ -75,8 +75,8 @@ CHECKS = 2.0
 CONTRADICTION = 4.0
 """Force and outline contradict each other beyond so many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
-"""Misfit of a channel from which on causes far away are tried; 1 is what a right model leaves, and below this
-a tangent reaches whatever is wrong."""
+"""Misfit of a channel from which on causes far away are tried; 1 is the residual of a correct model, and
+below this a tangent reaches whatever is wrong."""
 
 
 BLOCKS = 8
@@ -204,7 +204,7 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
     Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2`` with n - 1 the number of pairs, against
     chi-square of one degree of freedom.
 
-    ``residual``: in units of its noise, shape [k]; its mean is not taken out: a right model leaves none.
+    ``residual``: in units of its noise, shape [k]; its mean is not taken out: a correct model leaves none.
     ``first``, ``second``: rows of the neighbours, shape [n_pairs].
     """
     if first.size < 2:

@@ -54,7 +54,7 @@ from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
 
 SLOW_TEST_LIMIT = 3.0
-"""Largest residual of a slow test over what a right model leaves [-]: that of the force's bins."""
+"""Largest residual of a slow test over the residual of a correct model [-]: that of the force's bins."""
 UNLIKELY = 2.7e-3
 """Probability of the shots' differences below which they disagree, that of three standard deviations; each
 of the `TESTS` takes a part of it."""
@@ -68,7 +68,8 @@ LARGEST_RATIO = 1.5
 Cast specimens of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity,
 unit or material moves a shot by a factor of two or more."""
 ROUGH_LIMIT = 10.0
-"""Largest residual over the rest of what a right model leaves where the noise of front face and curve was not
+"""Largest residual over the rest of the residual of a correct model where the noise of front face and curve
+was not
 drawn [-]. That noise is at most some seven times the instruments' in right shots; a foreign curve or unit
 leaves a hundred."""
 LEAST_GAIN = 16.0
@@ -122,7 +123,7 @@ def joint_fits(
     changes: Mapping[str, FloatArray],
     scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
-    """The residual of each shot's channels, and of each slow test, beside what a right model leaves.
+    """The residual of each shot's channels, and of each slow test, beside the residual of a correct model.
 
     ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
     the move of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
@@ -194,7 +195,8 @@ def slow_fit(
 ) -> FitQuality:
     """Judge a slow test: its residual and what each source leaves, in units of its sigma.
 
-    ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: what a right model leaves
+    ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: the residual of a correct
+    model
     by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: whether
     the noise of front face and curve is among them; else the limit is `ROUGH_LIMIT`.
     """

@@ -5,10 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis.causes import CauseAnalysis, cause_warnings
+from kolsky.diagnosis.causes import (
+    CauseAnalysis,
+    cause_warnings,
+    stiffness_at_bound,
+    with_leading,
+    with_suspects,
+)
 from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
 from kolsky.inverse.incompressible import poisson_limit
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import Search
 from kolsky.uncertainty.analyse import UncertaintyAnalysis
@@ -35,6 +42,15 @@ def judged(
     runner, problem, fine = found.runner, found.problem, found.fine
     shot = problem.shot
     result = with_verdicts(result)
+    if not causes.named and MOVED in result.estimates:
+        m = result.estimates[MOVED]
+        listed = (
+            with_suspects(causes.findings, causes.unchanged, m.sigma)
+            if m.outcome.identified
+            else with_leading(causes.findings, at_bound=stiffness_at_bound(problem.box, fine.x))
+        )
+        causes = replace(causes, findings=listed)
+        result = replace(result, causes=listed)
     of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]
     leading = max((cause.explained for cause in causes.named), default=0.0)
     if not explained(result) and leading < WHOLE:

@@ -507,7 +507,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
         return replace(
             choice,
             asked_for=False,
-            sentence=f"the data do not ask for what relaxes: {rate_of(strong[0].name)} ends at a bound of "
+            sentence=f"the data do not need relaxation: {rate_of(strong[0].name)} ends at a bound of "
             "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
             f"or give another range with --free {rate_of(strong[0].name)}",
         )
@@ -515,7 +515,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
     return replace(
         choice,
         asked_for=False,
-        sentence=f"the data do not ask for what relaxes: its strength, {most.value:.2g} with a standard "
+        sentence=f"the data do not need relaxation: its strength, {most.value:.2g} with a standard "
         f"uncertainty of {most.sigma:.2g}, mesh included, may be nothing: identify without it, or refine",
     )
 
@@ -532,9 +532,9 @@ def choice_in_words(aic: float, probability: float, *, asked: bool, missed: floa
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
     if missed > 0.0:
         return (
-            f"not decided whether the data ask for what relaxes: its search ended {missed:.3g} in -2 ln L"
+            f"not decided whether the data need relaxation: its search ended {missed:.3g} in -2 ln L"
             f" above the optimum without it, which is among its models ({chance}): give bounds with --free"
         )
     if asked:
-        return f"the data ask for what relaxes (AIC {aic:+.1f}; {chance})"
-    return f"the data do not ask for what relaxes (AIC {aic:+.1f}; {chance}): identify without it"
+        return f"the data need relaxation (AIC {aic:+.1f}; {chance})"
+    return f"the data do not need relaxation (AIC {aic:+.1f}; {chance}): identify without it"

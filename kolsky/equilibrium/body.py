@@ -12,6 +12,7 @@ grad N dV. With one constant phi this is the mean dilatation of the 8-node hexah
 four is Q2/P1, the 9-node quadrilateral with three likewise, both inf-sup stable.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,13 @@ class Body:
         dofs = (model.mesh.cells[..., None] * d + np.arange(d)).reshape(len(model.mesh.cells), -1)
         self.pattern = Pattern(dofs, model.unknowns.index, model.unknowns.count)
         self.field = MixedField(self.points, parameters) if self.points.mixed else None
+
+    def with_parameters(self, parameters: FloatArray) -> "Body":
+        """The body with other constants; its geometry and pattern serve both."""
+        changed = copy(self)
+        changed.parameters, changed.rows = parameters, self.points.rows(parameters)
+        changed.field = MixedField(self.points, parameters) if self.points.mixed else None
+        return changed
 
     def evaluate(self, u: FloatArray, *, start: BodyState | None = None) -> BodyState:
         """Internal forces at displacements [m] of shape [n d]; `start`: a state near it.

@@ -44,14 +44,15 @@ class Instant:
     """Accelerations [m/s2]."""
 
 
-def element_masses(model: Model, density: float) -> FloatArray:
-    """Consistent mass of each element [kg], shape [m, k d, k d]."""
-    if not density > 0.0:
+def element_masses(model: Model, density: float | tuple[float, ...]) -> FloatArray:
+    """Consistent mass of each element [kg], shape [m, k d, k d]; `density` as of `Gravity`."""
+    if not np.all(np.asarray(density) > 0.0):
         raise ValueError(f"density must be > 0 kg/m3, got {density}")
     # products of shape functions are of twice their degree
     gauss = (model.mesh.element.gauss if model.gauss is None else model.gauss) + 1
     g = geometry(model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=gauss)
-    scalar = density * np.einsum("mg,ga,gb->mab", g.volumes, g.values, g.values, optimize=True)
+    each = np.broadcast_to(density, model.n_regions)[model.cell_regions]
+    scalar = np.einsum("m,mg,ga,gb->mab", each, g.volumes, g.values, g.values, optimize=True)
     m, k, d = len(scalar), scalar.shape[1], model.dimension
     return np.einsum("mab,ij->maibj", scalar, np.eye(d)).reshape(m, k * d, k * d)
 
@@ -177,7 +178,7 @@ def march(
     histories: Mapping[str, ArrayLike] | None,
     dt: float,
     *,
-    density: float,
+    density: float | tuple[float, ...],
     scheme: Scheme = "backward_euler",
     prony: Prony | None = None,
     steps: int | None = None,
@@ -195,8 +196,8 @@ def march(
         Value of each history at the end of each step, shape [n].
     dt : float
         Length of a step [s].
-    density : float
-        At rest [kg/m3].
+    density : float or tuple of float
+        At rest, of all or of each region [kg/m3].
     scheme : str
         "backward_euler" or "trapezoidal".
     prony : Prony, optional

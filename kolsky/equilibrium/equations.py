@@ -1,6 +1,7 @@
 """Equations of equilibrium of a model: residual and tangent of the unknown displacements."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,6 +60,12 @@ class Equations:
         depth = model.thickness if model.kinematics.startswith("plane") else size
         self.floor = 1e-13 * model.solid.shear_modulus * size * depth
         """Residual of rounding at rest, where there are no forces to compare with [N]."""
+
+    def with_parameters(self, parameters: FloatArray) -> "Equations":
+        """The model with other constants; its geometry and fronts serve both."""
+        changed = copy(self)
+        changed.body = self.body.with_parameters(parameters)
+        return changed
 
     @cached_property
     def solver(self) -> LinearSolver:

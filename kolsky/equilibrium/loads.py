@@ -166,9 +166,10 @@ def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatAr
         if isinstance(condition, Gravity):
             factor = 1.0 if condition.history is None else at[condition.history]
             # Eq. (11): the integral of rho g . u, so every point carries that of its shape function
-            share = np.einsum("mg,gk->mk", geometry.volumes, geometry.values)
-            volume = np.bincount(model.mesh.cells.ravel(), weights=share.ravel(), minlength=len(total))
-            total += volume[:, None] * (factor * condition.density * np.asarray(condition.acceleration))
+            density = np.broadcast_to(condition.density, model.n_regions)[model.cell_regions]
+            share = np.einsum("m,mg,gk->mk", density, geometry.volumes, geometry.values)
+            mass = np.bincount(model.mesh.cells.ravel(), weights=share.ravel(), minlength=len(total))
+            total += mass[:, None] * (factor * np.asarray(condition.acceleration))
     return total.reshape(-1)
 
 

@@ -1,14 +1,13 @@
-"""Meshes: structured ones of boxes, crosses and dog-bones, and those of files that PyVista reads."""
+"""Meshes: structured ones of boxes, crosses and dog-bones."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 
 from explicit.arrays import BoolArray, FloatArray, IntArray
-from kolsky.equilibrium.elements import ELEMENTS, Element, element
+from kolsky.equilibrium.elements import Element, element
 
 SIDES = (("left", "right"), ("bottom", "top"), ("back", "front"))
 """Names of the node sets at the smallest and the largest coordinate of each axis."""
@@ -142,35 +141,6 @@ def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -
     unit = _structured([float(n) for n in shape], shape, kind, keep)
     placed = [np.interp(unit.points[:, i], np.arange(len(line)), line) for i, line in enumerate(lines)]
     return replace(unit, points=np.stack(placed, axis=-1))
-
-
-def from_pyvista(grid: Any) -> Mesh:
-    """The mesh of a PyVista (VTK) unstructured grid whose cells are all of one known kind.
-
-    Point data whose name begins with "set:" are masks of node sets. A flat mesh of triangles or
-    quadrilaterals (z = 0) becomes one of two coordinates.
-
-    Raises ValueError if there are several kinds of cells, or one that is not in
-    `kolsky.equilibrium.elements.ELEMENTS`.
-    """
-    kinds = {item.vtk: item for item in ELEMENTS.values()}
-    present = list(grid.cells_dict)
-    if len(present) != 1 or present[0] not in kinds:
-        known = ", ".join(f"{item.name} ({vtk})" for vtk, item in kinds.items())
-        raise ValueError(f"cells must be of one type out of {known}, got VTK types {present}")
-    item = kinds[present[0]]
-    points = np.asarray(grid.points, dtype=float)
-    if item.dimension == 2:
-        if np.ptp(points[:, 2]) > 0.0:
-            raise ValueError("a mesh of plane cells must lie in a plane of constant z")
-        points = points[:, :2]
-    sets = {
-        name.removeprefix("set:"): np.flatnonzero(np.asarray(grid.point_data[name]))
-        for name in grid.point_data
-        if name.startswith("set:")
-    }
-    mesh = Mesh(points, np.asarray(grid.cells_dict[present[0]], dtype=np.int64), item.name)
-    return replace(_used(mesh), sets=sets) if len(sets) == 0 else replace(mesh, sets=sets)
 
 
 def _structured(size: Sequence[float], cells: Sequence[int], kind: str, keep: BoolArray | None) -> Mesh:

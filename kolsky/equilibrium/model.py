@@ -82,8 +82,8 @@ class Traction:
 class Gravity:
     """Weight (Schumacher and others 2020, Eq. 11)."""
 
-    density: float
-    """In the reference state [kg/m3]."""
+    density: float | tuple[float, ...]
+    """In the reference state [kg/m3], one of all or one of each region."""
     acceleration: tuple[float, ...]
     """Acceleration of free fall [m/s2], shape [d]."""
     history: str | None = None
@@ -194,6 +194,8 @@ class Model:
     eliminated in each (Simo, Taylor and Pister 1985), for nearly incompressible materials."""
     regions: IntArray | None = None
     """Region of each cell from 0, shape [m]; every region has constants of its own. None: one region."""
+    others: tuple[Solid, ...] = ()
+    """Materials of the regions from 1 on, of the law of `solid`; none: `solid` is that of all regions."""
     gauss: int | None = None
     """Gauss points a direction; None: the element's own."""
     device: str = "cpu"
@@ -225,6 +227,13 @@ class Model:
             regions = np.asarray(self.regions)
             if regions.shape != (len(self.mesh.cells),) or regions.min() < 0:
                 raise ValueError(f"regions must be one number >= 0 for each of {len(self.mesh.cells)} cells")
+        if self.others:
+            if len(self.others) != self.n_regions - 1:
+                raise ValueError(
+                    f"{self.n_regions} regions have as many materials, got {1 + len(self.others)}"
+                )
+            if any(one.parameter_names != self.solid.parameter_names for one in self.others):
+                raise ValueError("the materials of all regions must be of one law")
         for condition in self.conditions:
             for where in (getattr(condition, name, None) for name in ("where", "other")):
                 if where is not None:
@@ -275,6 +284,8 @@ class Model:
         """
         own = self.solid.parameters()
         if values is None:
+            if self.others:
+                return np.array([own, *(one.parameters() for one in self.others)])
             return np.tile(own, (self.n_regions, 1))
         table = np.asarray(values, dtype=float)
         if table.size != self.n_regions * len(own):

@@ -188,7 +188,12 @@ class ReducedModel:
         used, cells = np.unique(model.mesh.cells[sample.cells], return_inverse=True)
         d = model.dimension
         small = Mesh(model.mesh.points[used], cells.reshape(len(sample.cells), -1), model.mesh.kind)
-        self._points = Points(Model(small, model.solid, kinematics=model.kinematics, gauss=model.gauss))
+        regions = model.cell_regions[sample.cells]
+        present, regions = np.unique(regions, return_inverse=True)
+        self._present = present
+        """Regions of the sampled elements."""
+        part = Model(small, model.solid, kinematics=model.kinematics, gauss=model.gauss, regions=regions)
+        self._points = Points(part)
         dofs = (used[:, None] * d + np.arange(d)).ravel()
         self._rows_of = V[dofs]
         local = (small.cells[..., None] * d + np.arange(d)).reshape(len(small.cells), -1)
@@ -211,9 +216,8 @@ class ReducedModel:
         return np.asarray(V[self.model.mesh.nodes(where)].mean(axis=0))
 
     def constants(self, parameters: ArrayLike | None = None) -> FloatArray:
-        """The kernels' rows of the sampled elements with other constants of the material."""
-        table = self.model.solid.parameters() if parameters is None else np.asarray(parameters, dtype=float)
-        return self._points.rows(table.reshape(1, -1))
+        """The kernels' rows of the sampled elements with other constants of the regions."""
+        return self._points.rows(self.model.parameters(parameters)[self._present])
 
     def internal(self, q: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
         """Reduced internal forces [N], their tangent [N/m], and whether an element is inside out."""
@@ -346,8 +350,8 @@ def _checked(model: Model) -> None:
     ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")
-    if model.volumetric != "displacement" or model.regions is not None:
-        raise ValueError('a reduced model has one region and volumetric = "displacement"')
+    if model.volumetric != "displacement":
+        raise ValueError('a reduced model has volumetric = "displacement"')
     if model.kinematics != "3d":
         raise ValueError("a reduced model is three-dimensional: its pressure is then of second degree")
     if sum(isinstance(c, Gravity) for c in model.conditions) > 1:

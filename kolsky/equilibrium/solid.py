@@ -131,6 +131,10 @@ class Solid(Protocol):
         """The same without the volumetric energy, for a mixed formulation; a ValueError if it has none."""
         ...
 
+    def scaled(self, factor: float) -> Self:
+        """The material with every stress multiplied by a factor: moduli scale, pure numbers stay."""
+        ...
+
     @property
     def volumetric(self) -> Volumetric | None:
         """The volumetric energy, if it is separate."""
@@ -169,6 +173,11 @@ class Isotropic:
         """See `Solid`."""
         n = len(self.law.PARAMETERS)
         return replace(self, law=self.law.of(values[:n]), volumetric=self.volumetric.of(values[n:]))
+
+    def scaled(self, factor: float) -> Self:
+        """See `Solid`."""
+        values = factor * np.asarray(self.volumetric.values)
+        return replace(self, law=self.law.scaled(factor), volumetric=self.volumetric.of(values))
 
     def row(self) -> FloatArray:
         """The law's row, then the volumetric constants."""
@@ -231,6 +240,10 @@ class CompressibleNeoHookean:
     def with_parameters(self, values: FloatArray) -> Self:
         """See `Solid`."""
         return replace(self, mu=float(values[0]), lam=float(values[1]))
+
+    def scaled(self, factor: float) -> Self:
+        """See `Solid`."""
+        return self.with_parameters(factor * self.parameters())
 
     def row(self) -> FloatArray:
         """mu, lam."""

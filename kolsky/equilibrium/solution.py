@@ -1,11 +1,12 @@
 """What a history of equilibria gave, and how it ended: a named cause with its cure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 
 from explicit.arrays import FloatArray
+from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.model import Model
 
 
@@ -87,12 +88,14 @@ class Solution:
     """How it ended."""
     reached: int
     """Number of steps reached."""
-    iterations: int = 0
+    iterations: int
     """Newton iterations of all steps."""
-    factorisations: int = 0
+    factorisations: int
     """Factorisations of all steps."""
-    contact_forces: tuple[FloatArray, ...] = ()
+    contact_forces: tuple[FloatArray, ...]
     """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
+    equations: Equations = field(repr=False, compare=False)
+    """Of the model with these constants."""
 
     def reaction(self, where: str) -> FloatArray:
         """Sum of `forces` over a set of points [N], shape [n_steps, d]."""

@@ -217,6 +217,7 @@ def solve(
     *,
     newton: Newton | None = None,
     guess: FloatArray | None = None,
+    like: Solution | None = None,
 ) -> Solution:
     """Find the equilibrium at each step.
 
@@ -235,12 +236,16 @@ def solve(
     guess : array, shape [n_steps, n, d], optional
         Displacements from which the iteration of each step starts [m], such as those at other constants; a
         step where that leads nowhere is reached from the one before.
+    like : Solution, optional
+        A solution of the same model at other constants, whose geometry and fronts serve again.
 
     Raises
     ------
     ValueError
-        If a history is missing, unknown, of another length or not finite.
+        If a history is missing, unknown, of another length or not finite; or `like` is of another model.
     """
+    if like is not None and like.model is not model:
+        raise ValueError("like must be a solution of the same model")
     options = Newton() if newton is None else newton
     table = model.parameters(parameters)
     histories = checked_steps(model, steps)
@@ -250,7 +255,10 @@ def solve(
         raise ValueError(f"guess must have shape {shape}, got {guess.shape}")
     displacements, forces = np.full(shape, np.nan), np.full(shape, np.nan)
     energy = np.full(n_steps, np.nan)
-    equations = Equations(model, table, linear=options.linear)
+    if like is None:
+        equations = Equations(model, table, linear=options.linear)
+    else:
+        equations = like.equations.with_parameters(table)
     path = _Path(equations, options)
     multipliers = [np.full((n_steps, len(c.nodes)), np.nan) for c in equations.contacts]
     outcome, reached = Outcome.COMPLETED, 0
@@ -278,6 +286,7 @@ def solve(
         path.iteration.iterations,
         path.iteration.factorisations,
         tuple(multipliers),
+        equations,
     )
 
 

@@ -24,7 +24,7 @@ from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.path_noise import FrontPath, data_change, front_modes, noise_of
+from kolsky.inverse.path_noise import FrontPath, data_change, drawn_modes, noise_of
 from kolsky.inverse.result import AGREEMENT
 from kolsky.inverse.run_table import CompletedRuns, Replicates
 from kolsky.inverse.runner import Runner
@@ -329,7 +329,7 @@ def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath
     if replicates is None or not replicates.lesson.any():
         return runner.front
     change = data_change(replicates.prediction)[replicates.lesson]
-    return runner.front.with_noise(front_modes(change, noise_of(runner.problem.observations)))
+    return runner.front.with_noise(drawn_modes(change, noise_of(runner.problem.observations)))
 
 
 def weigh_front_noise(coarse: CoarseOptimum, front: FrontPath) -> CoarseOptimum:

@@ -317,7 +317,7 @@ class Forward:
             return response
         if self.shot.behind is not None or self.shot.flyer_body is not None:
             raise ValueError(
-                "a run corrected for Poisson's ratio is not known beside elastic parts: run it directly"
+                "the correction for Poisson's ratio does not cover elastic parts: run it directly"
             )
         half, less = numerics.coarser()
         corrected = explicit.run_nearly_incompressible(

@@ -7,9 +7,8 @@ once, about the surrogate mesh's optimum, and every step takes one run on the re
 method), lengthened where two steps show that the slopes fall short. Where these steps do not converge,
 `descend` takes slopes on the refined mesh itself and halves a step that makes the misfit worse.
 
-The patterns of the front face's noise are then computed again at the refined optimum, on a graded mesh;
-the path is moved to the amplitudes that the residual asks for, and the optimum searched for under it,
-until both stay.
+The front face's path is then moved to the amplitudes that the residual on a graded mesh asks for, and the
+optimum searched for under it, until both stay.
 """
 
 from __future__ import annotations
@@ -27,11 +26,8 @@ from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.path_noise import (
     FrontPath,
     MovedFront,
-    PathModes,
     credible,
-    data_change,
     likely_amplitudes,
-    noise_of,
     rms_amplitude,
 )
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, check_run
@@ -141,6 +137,8 @@ class RefinedRun:
     """To where the optimum should be instead."""
     missed: FloatArray
     """The run minus what the slopes had foretold, shape [k]."""
+    factor: float = 1.0
+    """By how much the steps that led there were lengthened [-]."""
 
     @property
     def confirmed(self) -> bool:
@@ -270,16 +268,13 @@ def follow_on_refined(
 
     Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
     """
-    path, before = runner.front, runner.front.moved
-    if before is None or not last.confirmed:
+    path, front = runner.front, runner.front.moved
+    if front is None or not last.confirmed:
         return last, slope, path
-    front = patterns_at_refined(runner, before, last) or before
-    vector = last.vector + (before.offset - front.offset)[last.step.objective.kept]
-    for number in range(MOST_MOVES):
-        amplitudes = _amplitudes_of_residual(front, last.step.objective, vector)
-        if not credible(amplitudes) or (
-            number and rms_amplitude(amplitudes - front.amplitudes) <= AMPLITUDES_STAY
-        ):
+    for _ in range(MOST_MOVES):
+        amplitudes = _amplitudes_of_residual(front, last.step.objective, last.vector)
+        stay = rms_amplitude(amplitudes - front.amplitudes) <= AMPLITUDES_STAY
+        if stay or not credible(amplitudes):
             break
         front = replace(front, amplitudes=amplitudes)
         path = FrontPath.following(front)
@@ -287,18 +282,7 @@ def follow_on_refined(
         last, slope = search(runner.under(path), under, slope, last.x, last.numerics)
         if not last.confirmed:
             break
-        vector = last.vector
     return last, slope, path
-
-
-def patterns_at_refined(runner: Runner, front: MovedFront, last: RefinedRun) -> MovedFront | None:
-    """The same path with patterns of its noise at a run; None if one of their runs does not complete."""
-    deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
-    runs = runner.under_other_motions(last.x[None], one * deviations, last.numerics)[0]
-    if runs is None or len(runs.force_bins) <= len(deviations):
-        return None
-    modes = PathModes.of(data_change(runs)[1:] / one, noise_of(runner.problem.observations), deviations)
-    return MovedFront(front.fitted, modes, modes.amplitudes(shares))
 
 
 def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:
@@ -319,7 +303,7 @@ DIFFERENCE_STEP = 0.5
 """Half the distance of the differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
 """Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
-RUNS_PER_PARAMETER = 12
+RUNS_PER_PARAMETER = 6
 """Runs of that surrogate for each parameter."""
 
 
@@ -349,19 +333,28 @@ def search_by_gauss_newton(
     start = extrapolated_start(optima, problem.numerics.mesh, problem.settings.refined_mesh)
     start = np.clip(start, *_box_bounds(problem.box))
     last, slope = _search_on(runner, objective, slope, start, problem.halfway)
+    factor = last.factor
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
     if problem.halfway != problem.refined:
         under = replace(objective, front=front.noise)
-        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined)
+        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined, factor)
     runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
     return _with_surrogate(runner, last, slope, centre, coarse)
 
 
 def _search_on(
-    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray, numerics: Numerics
+    runner: Runner,
+    objective: Objective,
+    slope: FloatArray,
+    start: FloatArray,
+    numerics: Numerics,
+    factor: float = 1.0,
 ) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on a mesh from a point near it, and the slopes that judge it, shape [k, d]."""
-    last = _chord_steps(runner, objective, slope, start, numerics)
+    """The optimum on a mesh from a point near it, and the slopes that judge it, shape [k, d].
+
+    ``factor``: by how much the first step is lengthened: the slopes fall short as on the mesh before.
+    """
+    last = _chord_steps(runner, objective, slope, start, numerics, factor)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
 
 
@@ -375,7 +368,7 @@ def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray
     points = np.concatenate([optimum.x[None], up, down])
     done = runner.simulate("refinement", from_points(box, points), runner.problem.numerics)
     if len(done.points) < len(points):
-        raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
+        raise ValueError(f"the slopes at the optimum need every neighbouring run to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
     objective = runner.objective(inside, slowly=True)
     vectors = objective.vectors(done.prediction)
@@ -383,25 +376,30 @@ def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray
 
 
 def _chord_steps(
-    runner: Runner, objective: Objective, slope: FloatArray, start: FloatArray, numerics: Numerics
+    runner: Runner,
+    objective: Objective,
+    slope: FloatArray,
+    start: FloatArray,
+    numerics: Numerics,
+    factor: float = 1.0,
 ) -> RefinedRun:
     """Steps on a mesh until a run leaves the optimum where it is."""
     found, x, misled = None, start, 0
     for _ in range(MOST_RUNS):
         run = judge_run(runner, objective, slope, x, numerics, found)
         if run.confirmed:
-            return run
+            return replace(run, factor=factor)
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
             if misled == MISLED:
                 break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
-            factor = 1.0
-            if found is not None and run_deviance(run) <= run_deviance(found):  # uphill no step is lengthened
+            if found is not None:
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
-                factor = lengthening(*steps)
+                # Uphill no step is lengthened.
+                factor = lengthening(*steps) if run_deviance(run) <= run_deviance(found) else 1.0
             found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(runner.problem.box))
     assert found is not None
     return found

@@ -23,7 +23,7 @@ from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothne
 from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.path_noise import front_modes, noise_of
+from kolsky.inverse.path_noise import drawn_modes, noise_of
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
 
@@ -173,13 +173,16 @@ it."""
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
     """Information on the unknowns, shape [d, d]; one that the data do not see keeps the width of its range.
 
-    Where a branch has no strength its time moves nothing. The variance of a range of the width w that is
-    evenly likely is w^2 / 12.
+    Where a branch has no strength its time moves nothing, and of two branches of one time only the sum of the
+    strengths does. The variance of a range of the width w that is evenly likely is w^2 / 12.
 
     ``rows``: whitened slopes, shape [d, k]. ``widths``: of the unknowns' ranges, shape [d].
     """
     blind = np.linalg.norm(rows, axis=1) * widths < BLIND
-    return np.asarray(rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0)))
+    found = rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0))
+    seen, directions = np.linalg.eigh(widths[:, None] * found * widths)
+    unseen = directions[:, seen < BLIND**2] / widths[:, None]
+    return np.asarray(found + 12.0 * unseen @ unseen.T if unseen.size else found)
 
 
 def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
@@ -316,7 +319,9 @@ class JointProblem:
         for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
             if np.isnan(seen).all():
                 name = prepared.forward.shot.name
-                raise ValueError(f"{name}: the run at the start did not complete: `kolsky simulate` says why")
+                raise ValueError(
+                    f"{name}: the run at the start did not complete: `kolsky simulate` prints why"
+                )
             inside = ~np.isnan(seen[0, one.observations.n_force :])
             shots.append(replace(one, counted=inside))
         self.stack = replace(self.stack, shots=tuple(shots))
@@ -352,7 +357,7 @@ class JointProblem:
         up, down = np.minimum(x + h, upper), np.maximum(x - h, lower)
         vectors = self.predict("slopes", np.concatenate([x[None], up, down]), numerics)
         if np.isnan(vectors).any():
-            raise ValueError("a run beside the optimum did not complete: give narrower bounds with --free")
+            raise ValueError("a run next to the optimum did not complete: give narrower bounds with --free")
         d = len(x)
         rows = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
         return vectors[0], rows.T
@@ -366,7 +371,7 @@ class JointProblem:
         shots = []
         for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
             change = np.nan_to_num(seen[1:] - seen[0])
-            front = front_modes(change, noise_of(one.observations)) if n else one.front
+            front = drawn_modes(change, noise_of(one.observations)) if n else one.front
             shots.append(
                 replace(one, front=front, own=self._own(prepared.forward.shot.uncertainty, one, seen[0]))
             )
@@ -397,7 +402,7 @@ class JointProblem:
             if k == 0:
                 entries[self.stack.ends[-1] :] = True
             start = end
-        return np.concatenate([front_modes(change * entries, noise) for entries in groups.values()])
+        return np.concatenate([drawn_modes(change * entries, noise) for entries in groups.values()])
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
         """Patterns of a shot's own clock and gain over bins and all points."""

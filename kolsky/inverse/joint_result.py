@@ -200,7 +200,7 @@ class ShotPart:
     discrepancy_outline: float
     """The same of the outline [m]."""
     fit: tuple[FitQuality, ...] = ()
-    """Its channels' residuals beside what a right model leaves."""
+    """Its channels' residuals beside the residual of a correct model."""
     own: OwnStiffness | None = None
     """What it asks for by itself; None where nothing shared is the stiffness."""
 
@@ -289,7 +289,7 @@ class JointResult(ResultViews):
     warnings: tuple[str, ...] = ()
     """What a reader must know."""
     slow_fit: tuple[FitQuality, ...] = ()
-    """The slow tests' residuals beside what a right model leaves, in units of their sigma."""
+    """The slow tests' residuals beside the residual of a correct model, in units of their sigma."""
     agreement: ShotAgreement | None = None
     """Whether the shots ask for one stiffness; None for one shot."""
     causes: tuple[ShotCause, ...] = ()

@@ -47,7 +47,9 @@ class Unknowns:
 
     def __post_init__(self) -> None:
         if self.nodes and MOVED in self.bounds:
-            raise ValueError(f"{MOVED} is the mean of the curve's nodes: it cannot be free beside them")
+            raise ValueError(
+                f"{MOVED} is the mean of the curve's nodes: it cannot be free together with them"
+            )
 
     @cached_property
     def parameters(self) -> Box | None:
@@ -256,7 +258,7 @@ class JointRuns:
         values = {name: points[:, i] for i, name in enumerate(unknowns.bounds)}
         if unknowns.nodes:
             if material.any():
-                raise ValueError("a curve that is free has no noise of its own: ask for curve 0")
+                raise ValueError("a free curve has no separate noise: request curve 0")
             logs, material = np.unique(points[:, unknowns.n_parameters :], axis=0, return_inverse=True)
             curve = forward.shot.curve
             laws = [marlow_from_curve(curve.stretch, with_factors(curve, row)) for row in logs]

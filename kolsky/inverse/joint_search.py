@@ -364,9 +364,9 @@ def between_variance(
 
 
 COARSE_PATTERNS = (
-    "the weights know the flyers' noise as the mesh of the search rings with it: with patterns of a graded "
-    "mesh the search on the refined one has not come to rest, so that Poisson's ratio and damping may be off "
-    "by more than is said; refine both meshes"
+    "the weights hold the flyers' noise as the response of the mesh of the search: with patterns of a graded "
+    "mesh the search on the refined one has not converged, so that Poisson's ratio and damping may be off "
+    "by more than their intervals; refine both meshes"
 )
 """What is said where the old patterns stay."""
 

@@ -350,8 +350,8 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
             continue
         if sliding and not has_effect(p, [SLIDING_LAW]):
             raise ValueError(
-                f"{p.name} has no effect beside {sliding[0].name}, which makes everything slide by Coulomb's "
-                "law: name one of them"
+                f"{p.name} has no effect beside {sliding[0].name}, with which everything slides by "
+                "Coulomb's law: name one of them"
             )
         if not sliding and not has_effect(p, [faces, side]):
             from explicit.contact import CONTACT_LAWS
@@ -464,7 +464,7 @@ def reference_words(names: Iterable[str]) -> str:
     if not there:
         return ""
     what = "Bergström and Boyce's network creeps" if there & set(NETWORK_FREE) else "a Prony series relaxes"
-    return f"the long-term curve, beside which {what}: at high rate the specimen is stiffer than m says"
+    return f"the long-term curve, to which {what}: at high rate the specimen is stiffer than m says"
 
 
 def parsed_kind(text: str) -> tuple[RelaxationKind, int]:

@@ -1,11 +1,11 @@
 """Noise of the front face's path: its modes, their most likely amplitudes, and the path moved by them.
 
 Noise of a flyer's record moves the onset of its motion, and a soft specimen rings with it. Modes are
-independent changes of the path with what each does to the data (singular vectors of replicates). Patterns
-are changes of the data at one point and ring at that point's frequency: where the path is off by much, an
-estimate of Poisson's ratio would follow the patterns instead of the data. So the model is run under the
-path p = p_0 + sum_k c_k (p_k - p_0) that explains the residual, over replicates p_k of the fitted path
-p_0, and the same change in terms of the patterns, M' a, is taken off its predictions. For a linear
+independent changes of the path with what each does to the data (singular vectors of what the patterns of
+its noise do). They are changes of the data at one point and ring at that point's frequency: where the path
+is off by much, an estimate of Poisson's ratio would follow them instead of the data. So the model is run
+under the path p = p_0 + sum_k c_k d_k that explains the residual, over patterns d_k of the noise of the
+fitted path p_0, and the same change in terms of the modes, M' a, is taken off its predictions. For a linear
 response nothing changes, the prior of the path included.
 """
 
@@ -20,6 +20,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
+PATTERNS = 16
+"""Patterns of the path's noise that are run [-]: 0.999 of what all 174 do to the data of `runs/open-01` and
+`runs/open-05`, in squares; as many draws miss or add a fifth."""
 SMALLEST_MODE = 0.3
 """A mode that moves the whole data vector by less, in units of its noise, is left out."""
 
@@ -31,46 +34,38 @@ class PathModes:
     patterns: FloatArray
     """Changes of bins and all points, shape [q, k]."""
     shares: FloatArray
-    """Shares of the replicates' deviations in each mode [-], shape [q, n]."""
-    deviations: FloatArray
-    """Of the replicates' jerks from the fitted path [m/s^3], shape [n, n_spans]."""
+    """Shares of the jerks in each mode [-], rows of length 1 at right angles, shape [q, n]."""
+    jerks: FloatArray
+    """Independent changes of the path's jerk, a standard deviation each [m/s^3], shape [n, n_spans]."""
 
     @classmethod
-    def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
-        """From what the replicates do to the data.
+    def of(cls, change: FloatArray, noise: FloatArray, jerks: FloatArray) -> PathModes:
+        """From what independent changes of the path do to the data.
 
-        ``change``: data under each replicate less those under the path, shape [n, k]. ``noise``: standard
-        deviations of the data, shape [k]. ``deviations``: as above, shape [n, n_spans].
+        ``change``: data under each change less those under the path, shape [n, k]. ``noise``: standard
+        deviations of the data, shape [k]. ``jerks``: as above, shape [n, n_spans].
         """
-        root = np.sqrt(len(change))
-        left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
+        left, size, right = np.linalg.svd(change / noise, full_matrices=False)
         kept = size > SMALLEST_MODE
-        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
+        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T, jerks)
 
-    def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
-
-        ``shares``: of the replicates' deviations in a path that the modes reach, shape [n]. Returns: of q
-        replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans]. Returns: of them in the
-        same path [-], shape [q]. Returns: what they are multiplied by to be a standard deviation each [-].
-        """
-        q = len(self.shares)
-        own = self.amplitudes(shares) / np.sqrt(q)
-        return np.sqrt(q) * (self.shares @ self.deviations), own, 1.0 / np.sqrt(q)
+    @property
+    def own_jerks(self) -> FloatArray:
+        """Changes of the path's jerk by a standard deviation of each mode [m/s^3], shape [q, n_spans]."""
+        return self.shares @ self.jerks
 
     def amplitudes(self, shares: FloatArray) -> FloatArray:
-        """Amplitudes of the modes in a path that has some shares of the replicates' deviations, shape [q].
+        """Amplitudes of the modes in a path that has some shares of the jerks, shape [q].
 
         What of it no mode reaches is left out.
 
         ``shares``: shape [n].
         """
-        # Rows of `shares` are orthogonal, of length n^-1/2.
-        return np.asarray(len(shares) * (self.shares @ shares))
+        return np.asarray(self.shares @ shares)
 
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
         """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
-        return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
+        return replace(fitted, jerk=fitted.jerk + amplitudes @ self.own_jerks)
 
 
 @dataclass(frozen=True)
@@ -139,13 +134,22 @@ def data_change(prediction: Prediction) -> FloatArray:
     return np.nan_to_num(vectors - vectors[0])
 
 
-def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
+def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
     """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
 
     ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
     deviations of the data, shape [k].
     """
-    _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
+    return front_modes(change / np.sqrt(len(change)), noise)
+
+
+def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
+    """Independent patterns of the data with the sum of squares of some changes, shape [n_modes, k].
+
+    ``change``: of the data by independent standard deviations, shape [n, k]. ``noise``: standard deviations
+    of the data, shape [k].
+    """
+    _, size, patterns = np.linalg.svd(change / noise, full_matrices=False)
     kept = size > SMALLEST_MODE
     return np.asarray(size[kept, None] * patterns[kept] * noise)
 

@@ -121,7 +121,7 @@ LATE = 3.0
 
 @dataclass(frozen=True)
 class FitQuality:
-    """The residual of one channel at the optimum, beside what a right model would leave."""
+    """The residual of one channel at the optimum, beside what a correct model would leave."""
 
     channel: str
     """ "force" or "outline"."""
@@ -132,7 +132,7 @@ class FitQuality:
     residual: float
     """Root mean square of measurement minus model, in `unit`."""
     predicted: Mapping[str, float]
-    """Root mean square of what is left by a right model, by source, in `unit`: "noise", and where they are
+    """Root mean square of what is left by a correct model, by source, in `unit`: "noise", and where they are
     known "flyer motion", "material curve" and "mesh"."""
     peak: float
     """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
@@ -140,7 +140,7 @@ class FitQuality:
     """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
     points), in `unit`: noise and ringing average out, a wrong input does not."""
     slow_expected: float
-    """Root mean square of what a right model leaves in the same means, of all sources, in `unit`."""
+    """Root mean square of the residual of a correct model in the same means, of all sources, in `unit`."""
     chi2: float
     """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
     discrepancy_share: float
@@ -158,11 +158,11 @@ class FitQuality:
 
     @property
     def expected(self) -> float:
-        """Root mean square of what a right model leaves, of all sources, in `unit`."""
+        """Root mean square of the residual of a correct model, of all sources, in `unit`."""
         return float(sum(part**2 for part in self.predicted.values()) ** 0.5)
 
     def spread(self, noise: FloatArray) -> FloatArray:
-        """Standard deviation of what a right model leaves at each value, in `unit`, shape of ``noise``.
+        """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
         ``noise``: that of each value; of the other sources each value has the root mean square. The root mean
         square of the spread is `expected`.
@@ -183,17 +183,17 @@ class FitQuality:
 
     @property
     def excess(self) -> float:
-        """Residual over what a right model leaves [-]."""
+        """Residual over that expected of a correct model [-]."""
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
     def slow_excess(self) -> float:
-        """Slow residual over what a right model leaves of it [-]."""
+        """Slow residual over that expected of a correct model of it [-]."""
         return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
 
     @property
     def explained(self) -> bool:
-        """True if the residual is what a right model leaves. An unknown residual is not explained."""
+        """True if the residual is the residual of a correct model. An unknown residual is not explained."""
         return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
     @property
@@ -270,7 +270,7 @@ class CauseFinding:
     sigma: float
     """Standard uncertainty of `value`; NaN where it has none."""
     explained: float
-    """Share of the misfit beyond what a right model leaves that goes [-]."""
+    """Share of the misfit beyond the residual of a correct model that goes [-]."""
     evidence: float
     """Logarithm of the likelihood ratio, one residual a time and channel, times 2 [-]; 0 where the data are
     explained as they are."""
@@ -648,7 +648,8 @@ class Identification(ResultViews):
     """Input hashes, settings, versions, seed, machine class, precision."""
 
     def spread(self, channel: str) -> FloatArray:
-        """Standard deviation of what a right model leaves at each force bin or outline point, in N or m.
+        """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
+        m.
 
         The noise alone where the goodness of fit was not recorded.
         """

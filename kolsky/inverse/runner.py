@@ -17,7 +17,7 @@ from kolsky.inverse.forward import Forward
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.path_noise import PATTERNS, FrontPath
 from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns, Replicates, Runs, RunTable
 from kolsky.inverse.settings import Numerics
@@ -87,14 +87,10 @@ class Runner:
         """Named parameters at which a mesh is run for a point of shape [d]."""
         return self.problem.point(self.solver_values(x[None], mesh)[0])
 
-    def front_deviations(self, n: int) -> FloatArray:
-        """Jerks of `n` paths drawn from the path's noise, less its own, [n, n_spans], in m/s^3.
-
-        The same for the same number.
-        """
-        path = self.front.path
-        drawn = path.replicates(n, np.random.default_rng([self.problem.settings.seed, 1]))
-        return np.array([one.jerk for one in drawn]).reshape(n, -1) - path.jerk
+    @property
+    def front_jerks(self) -> FloatArray:
+        """Changes of the path's jerk by its leading patterns of noise [m/s^3], shape [q, n_spans]."""
+        return self.front.path.noise_patterns(PATTERNS)
 
     def design(self, box: Box) -> Design:
         """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
@@ -174,9 +170,9 @@ class Runner:
         return self.table.on(mesh, self.front.path, self.offset(mesh))
 
     def replicate(self, x: FloatArray, *, lesson: bool = True) -> PendingResult[Replicates]:
-        """Run a point again under `settings.replicates` other motions, and as many other curves.
+        """Run a point again under `settings.replicates` other curves, and as many motions.
 
-        They are drawn now and run when they are asked for.
+        They are drawn now and run when they are asked for. Where the path's patterns are known no motion is.
 
         ``x``: in parameter units, shape [d]. ``lesson``: whether as many motions again are run, from which
         weights learn. Returns: gives the replicates; raises ValueError if the reference among them did not
@@ -184,7 +180,8 @@ class Runner:
         """
         settings = self.problem.settings
         n = settings.replicates
-        moved = 2 * n if lesson else n
+        motions = 0 if self.front.noise.patterns is not None else n
+        moved = 2 * motions if lesson else motions
         forward = self.problem.prepared.with_replicates(moved, self.rng, curves=n, path=self.front.path)
         scaled = len(forward.paths) - moved - 1
         motion = np.concatenate([np.arange(moved + 1), np.zeros(n, int), np.full(scaled, moved + 1)])
@@ -201,8 +198,8 @@ class Runner:
                 raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
             return Replicates(
                 prediction=predict(response.select(rows), self.problem.observations),
-                flyer=(rows > 0) & (rows <= n),
-                lesson=(rows > n) & (rows <= moved),
+                flyer=(rows > 0) & (rows <= motions),
+                lesson=(rows > motions) & (rows <= moved),
                 curve=(rows > moved) & (rows <= moved + n),
                 scale=rows > moved + n,
                 lost=response.n_samples - len(rows),
@@ -211,18 +208,18 @@ class Runner:
         return PendingResult(run)
 
     def under_other_motions(
-        self, points: FloatArray, deviations: FloatArray, numerics: Numerics
+        self, points: FloatArray, jerks: FloatArray, numerics: Numerics
     ) -> list[Prediction | None]:
         """Run each point under the path of the front face, row 0, and under others.
 
         None for a point whose run under the path itself did not complete.
 
-        ``points``: in parameter units, shape [p, d]. ``deviations``: jerks of the other paths less that of
-        the path [m/s^3], shape [n, n_spans], see `front_deviations`.
+        ``points``: in parameter units, shape [p, d]. ``jerks``: of the other paths less that of the path
+        [m/s^3], shape [n, n_spans], see `front_jerks`.
         """
-        path, n = self.front.path, len(deviations)
+        path, n = self.front.path, len(jerks)
         forward = replace(
-            self.forward, paths=(path, *(replace(path, jerk=path.jerk + change) for change in deviations))
+            self.forward, paths=(path, *(replace(path, jerk=path.jerk + change) for change in jerks))
         )
         motion = np.tile(np.arange(n + 1), len(points))
         at = np.repeat(points, n + 1, axis=0)

@@ -54,7 +54,7 @@ Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED
 class Numerics:
     """Numerical choices of a run; they are part of every result's provenance."""
 
-    mesh: Mesh = (24, 32)
+    mesh: Mesh = (20, 27)
     grading: float = 2.0
     """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
     safety: float = 0.9
@@ -142,8 +142,12 @@ class Settings:
     ] = (48, 64)
     replicates: Annotated[
         int,
-        Option("Random draws of the flyer's and the curve's noise, each; 0: none.", min=0, panel=ADVANCED),
-    ] = 64
+        Option(
+            "Random draws of the curve's noise, and of the flyer's in several shots or sliding; 0: none.",
+            min=0,
+            panel=ADVANCED,
+        ),
+    ] = 32
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""
     bayes: Annotated[bool, Option("Sample the posterior too; needs emcee.", panel=ADVANCED)] = False

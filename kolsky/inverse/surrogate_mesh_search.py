@@ -28,7 +28,6 @@ from kolsky.inverse.path_noise import (
     PathModes,
     credible,
     data_change,
-    front_modes,
     likely_amplitudes,
     noise_of,
     rms_amplitude,
@@ -53,13 +52,14 @@ FIRST_STEPS, MOST_STEPS = 4, 8
 AT_REST = 0.5
 """Length of the next step, in standard deviations, at which a search is at rest: the refined mesh's optimum
 is some ten of them away."""
-MOTIONS = 32
-"""Most other motions of the front face that its patterns are made of: some twenty of them count."""
 MOST_MOVES = 4
 """Most times that the front face's path is moved and its patterns are made anew."""
 STILL = 1.0
 """Move of the optimum, in standard deviations, by which the patterns are not made anew: they are as much out
 of step then as where the answer may lie anyhow."""
+STILL_HELD = 8.0
+"""The same where Poisson's ratio is held and the path stays: the frequency goes with the root of m, and eight
+standard deviations of half a per mille move thirty oscillations by 0.06 of one."""
 STEP = 1e-3
 """Half the distance of the differences in the unit box of the search."""
 
@@ -155,20 +155,18 @@ def follow_front(
     The patterns ring at the frequency of the point at which they are made: they are made anew until the
     optimum stays. Where they have little to explain the path stays, and they explain it.
     """
-    n = min(MOTIONS, runner.problem.settings.replicates)
     front, noise = runner.front, noise_of(runner.problem.observations)
     fitted, first = front.path, best
-    deviations, shares, size_of_run = runner.front_deviations(n), np.zeros(n), 1.0
+    jerks = runner.front_jerks
+    shares = np.zeros(len(jerks))
     # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
     followed = 0.0 if VALLEY in runner.problem.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
-        runs = runner.under(front).under_other_motions(best.x[None], size_of_run * deviations, numerics)[0]
-        if runs is None:
+        runs = runner.under(front).under_other_motions(best.x[None], jerks, numerics)[0]
+        if runs is None or len(runs.force_bins) <= len(jerks):  # which motion was lost is not known
             break
-        change = data_change(runs)[1:] / size_of_run
-        if len(change) < len(deviations):  # which motion was lost is not known
-            return best, front.with_noise(front_modes(change, noise), front.noise.offset)
-        modes = PathModes.of(change, noise, deviations)
+        change = data_change(runs)[1:]
+        modes = PathModes.of(change, noise, jerks)
         front = front.with_noise(modes.patterns, shares @ change if shares.any() else None)
         weighed = replace(objective, front=front.noise)
         vector = weighed.reached(runs)[0]
@@ -182,10 +180,10 @@ def follow_front(
             front = FrontPath.following(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, front=front.noise)
         (best,) = _least_squares_on(runner.under(front), weighed, numerics, best.x[None], MOST_STEPS)
-        if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
+        still = STILL_HELD if followed and not shares.any() else STILL
+        if (np.abs(best.x - before.x) <= still * best.sigma).all():
             break
-        if size_of_run == 1.0:
-            deviations, shares, size_of_run = modes.as_replicates(shares)
+        jerks, shares = modes.own_jerks, modes.amplitudes(shares)
     return best, front
 
 

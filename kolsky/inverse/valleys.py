@@ -43,8 +43,6 @@ SMALL_STRAIN = 0.05
 LIKELY = {"balanced": 3, "force": 1, "joint": 2}
 """Local minima of each misfit of the scan that are searched, the deepest first: by a frame's points as one
 entry, by the force alone, by all entries. The one nearest to the declared value is searched too."""
-MOTIONS = 24
-"""Other motions of the flyer at the floor of each valley that was searched."""
 
 
 def small_strain_modulus(curve: MaterialCurve) -> float:
@@ -194,7 +192,7 @@ def climb_summit(
     table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
     middle = float(np.interp(floor[i], table, number))
     places: dict[int, tuple[FloatArray, Prediction | None]] = {0: (floor, runs)}
-    deviations = runner.front_deviations(MOTIONS)
+    jerks = runner.front_jerks
     best, new = 0, strides_beside(0, {0})
     while True:
         new = [k for k in new if number[0] <= middle + STRIDE * k <= number[-1]]
@@ -202,7 +200,7 @@ def climb_summit(
             break
         points = np.tile(floor, (len(new), 1))
         points[:, i] = np.interp(middle + STRIDE * np.array(new), number, table)
-        found = runner.under_other_motions(points, deviations, numerics)
+        found = runner.under_other_motions(points, jerks, numerics)
         places |= dict(zip(new, zip(points, found, strict=True), strict=True))
         order = sorted(places)
         at = np.array([places[k][0] for k in order])
@@ -221,7 +219,7 @@ def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, ins
     ``runner``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
     ValueError if the run at no floor completes.
     """
-    runs = runner.under_other_motions(floors, runner.front_deviations(MOTIONS), numerics)
+    runs = runner.under_other_motions(floors, runner.front_jerks, numerics)
     first = int(np.argmin(deviance_with_path_noise(runner, floors, runs, inside)))
     found = runs[first]
     if found is None:

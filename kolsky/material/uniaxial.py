@@ -109,7 +109,7 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     if rising and strain[extreme] - strain[start] > least:
         ramps.append(slice(start, extreme + 1))
     if not ramps:
-        raise ValueError(f"{test.name}: the strain never rises; is its sign declared as it is?")
+        raise ValueError(f"{test.name}: the strain never rises; is its sign declared correctly?")
     return ramps
 
 

@@ -119,7 +119,7 @@ def calibration_in_background(
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
     targets = target_of(section.target, toml)
-    series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
+    series = calibration_pictures(toml, section)
     counts = [pictures.n_frames for pictures in series]
     numbers = [
         getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
@@ -224,6 +224,14 @@ def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence
             )
 
 
+def calibration_pictures(toml: TomlFile, section: CalibrationSection) -> list[Pictures]:
+    """The pictures of the target by camera.
+
+    Raises InputError if a series cannot be opened.
+    """
+    return [_series(toml, name, getattr(section, name)) for name in CAMERAS]
+
+
 def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
     from dic.images import open_pictures
 
@@ -275,6 +283,15 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
             "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"
         )
     return toml, section
+
+
+def has_calibration_pictures(folder: Path) -> bool:
+    """Whether a folder's shot.toml or calibration.toml names pictures of a target."""
+    try:
+        read_calibration_toml(folder)
+    except InputError:
+        return False
+    return True
 
 
 def calibration_json(found: Calibration) -> dict[str, Any]:

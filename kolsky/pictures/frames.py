@@ -145,7 +145,7 @@ def flyer_motion(
 def _stray_note(table: FrameTable, row: int, off: float) -> str:
     return (
         f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
-        f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or"
+        f" {off * 1e3:+.3g} mm off the frames around it; it was given no weight: look at it, or"
         " correct the export"
     )
 

@@ -259,7 +259,7 @@ class Session:
                 partial.write_bytes(text.encode("utf-8"))
                 self.validate(partial)
         except CannotEdit as error:
-            return [f"{self.path.name} was left as it is, {error}; write into [dic]: {'; '.join(lines)}"]
+            return [f"{self.path.name} was not changed, {error}; write into [dic]: {'; '.join(lines)}"]
         except InputError as error:
             return [f"{self.path.name} was left as it is: {error.message}"]
         except OSError as error:
@@ -366,7 +366,7 @@ def snippet(session: Session) -> str:
     x, y = columns - 1, rows - 1
     lines = [
         f"# Regions for the table [dic] of {session.path.name}: replace the numbers by those of the grid,",
-        "# x to the right and y down, and copy the lines into the file. Corners stand in order around it.",
+        "# x to the right and y down, and copy the lines into the file. List corners in order around it.",
     ]
     for one in session.wanted:
         lines.append(f"# {one.title}")

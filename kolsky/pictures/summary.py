@@ -213,7 +213,7 @@ def flyer_problem(
             "so that both show the flyer at rest",
         )
     return (
-        f"{first}, and the rim of its face, which would tell where it was, is not clear in enough frames, "
+        f"{first}, and the rim of its face, which would locate it, is not clear in enough frames, "
         "or the cameras put it too far apart",
         "declare a region that ends 2 to 8 pixels before the edge of its face, in a frame that shows much of "
         "it, or set the cameras so that both show the flyer at rest",

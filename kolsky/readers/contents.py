@@ -75,7 +75,7 @@ class ChannelInfo:
     number: int
     """Its number among the columns or channels of the file, counted from 1; it may be asked for by this."""
     unit: str | None
-    """Unit of its samples as the file writes it; None if the file does not say."""
+    """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
     """Number of its samples."""
     start: float | None

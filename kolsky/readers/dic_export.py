@@ -352,8 +352,8 @@ def _point_index(files: Sequence[_File]) -> dict[object, int]:
     if by_row and len(lengths) > 1:
         raise InputError(
             files[0].path,
-            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that says which point is"
-            " which",
+            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that identifies the "
+            "points",
             cure="export the points' numbers or places in the picture too",
         )
     return {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}

@@ -112,7 +112,7 @@ def array_channels(
                 path,
                 f"has no times for '{signal.name}' ({signal.samples} samples) and no interval"
                 + (f" that is clear: {header.doubt}" if header.doubt else ""),
-                cure='say in the layout time = "NAME", or interval = "100 ns"',
+                cure='give in the layout time = "NAME", or interval = "100 ns"',
             )
         return clock_of_array(path, by_name[near[0]], layout, header)
 

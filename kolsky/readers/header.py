@@ -222,7 +222,7 @@ class HeaderClock:
         if abs(interval - self.interval) > min(self.interval_digit, _AGREE * self.interval) + 1e-9 * interval:
             raise InputError(
                 path,
-                f"is said to have the interval {interval:.9g} s, its header states {self.interval:.9g} s"
+                f"is declared with the interval {interval:.9g} s, its header states {self.interval:.9g} s"
                 f" ({self.source})",
                 cure="leave interval out, or correct it; where the header is wrong, correct it in the file",
             )

@@ -48,7 +48,7 @@ def read(path: Path, layout: Layout) -> Contents:
             path,
             "has a second segment",
             line=ends[2] + 1,
-            cure="save each record in a file of its own; one segment is read",
+            cure="save each record in a separate file; one segment is read",
         )
     separator = "," if "Separator,Comma" in (line.strip() for line in lines[: ends[0]]) else "\t"
     file_keys, segment_keys = (

@@ -32,7 +32,7 @@ def read(path: Path, layout: Layout) -> Contents:
             path,
             f"has {fields} columns and {len(lines)} lines; two of metadata and a signal are needed",
             line=1,
-            cure="is it a .raw file of this make? if not, say its format in the layout",
+            cure="is it a .raw file of this make? if not, give its format in the layout",
         )
     check_width(path, lines, "\t", fields)
     table = [line.split("\t") for line in lines[:3]]

@@ -1,6 +1,8 @@
-"""Meshes of other programs: Gmsh 2.2 in text (flat meshes and bodies), and VTK's files through PyVista."""
+"""Meshes of other programs: flat ones of Gmsh 2.2 in text, and bodies by meshio."""
 
 import hashlib
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -153,14 +155,12 @@ def _numbered(
     return cells, found
 
 
-VOLUMES = {4: ("tet4", (0, 1, 2, 3)), 5: ("hex8", tuple(range(8))), 11: ("tet10", (*range(8), 9, 8))}
-"""Element and order of its points in VTK's, by Gmsh's number."""
-VOLUME_SURFACES = (2, 3, 9)
-"""Gmsh's numbers of the surface elements that name points."""
+BODIES = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8", "hexahedron27": "hex27"}
+"""Element by meshio's name of a cell."""
 
 
 @dataclass(frozen=True)
-class GmshVolume:
+class BodyMesh:
     """A mesh of a body as the file has it."""
 
     points: FloatArray
@@ -168,61 +168,74 @@ class GmshVolume:
     cells: IntArray
     """Points of each cell in the order of VTK, shape [m, k]."""
     kind: str
-    """tet4, tet10 or hex8."""
+    """tet4, tet10, hex8 or hex27."""
     groups: dict[str, IntArray]
-    """Points on each named group of surfaces or points."""
+    """Points on each named group."""
     sha256: str
     """SHA-256 of the file, hex."""
 
 
-def read_gmsh_volume(path: Path) -> GmshVolume:
-    """Read a mesh of a body.
+def read_body(path: Path) -> BodyMesh:
+    """Read a mesh of a body: Gmsh 2 or 4.1 (.msh), or VTK's XML (.vtu), by meshio.
 
-    Raises InputError if the file cannot be read, is of another format, or has no volume elements or several
-    kinds of them.
+    Groups are Gmsh's physical groups of surfaces, curves and points, and masks in the point data of a VTU
+    file whose names begin with "set:". Points that no cell has are left out.
+
+    Raises InputError if the file cannot be read, or has no volume elements or several kinds of them.
     """
-    raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
-    blocks = blocks_of(path, decode(path, raw).splitlines())
-    names = names_of(path, blocks)
-    rows, place, elements = _points_and_elements(path, blocks)
-    volumes = [row for row in elements if row[1] in VOLUMES]
-    kinds = {row[1] for row in volumes}
-    if len(kinds) != 1:
+    import meshio  # heavy
+
+    sha256 = hashlib.sha256(read_bytes(path, limit=GMSH_SIZE_LIMIT)).hexdigest()
+    reader = {".msh": meshio.gmsh.read, ".vtu": meshio.vtu.read}.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(
+            path, f"ends in {path.suffix!r}", allowed=".msh, .vtu", cure="save it as one of them"
+        )
+    try:
+        found = reader(str(path))
+    except (meshio.ReadError, ValueError, LookupError, TypeError, AttributeError, AssertionError) as error:
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        cure = "save it again: MSH of Gmsh 2 or 4.1, or VTU"
+        raise InputError(path, f"cannot be read as a mesh: {words}", cure=cure) from None
+    except (OSError, EOFError, SyntaxError, struct.error, zlib.error) as error:
+        raise InputError(
+            path, f"cannot be read as a mesh: {error}", cure="save it again: is it cut?"
+        ) from None
+    kinds = sorted({block.type for block in found.cells if block.dim == 3})
+    if len(kinds) != 1 or kinds[0] not in BODIES:
         raise InputError(
             path,
-            f"has {len(kinds)} kinds of volume elements; one is needed",
-            allowed="tetrahedra with 4 or 10 points, or hexahedra with 8",
+            f"has {', '.join(kinds) or 'no'} volume elements; one kind is needed",
+            allowed="tetrahedra with 4 or 10 points, or hexahedra with 8 or 27",
             cure="mesh it in 3-D with one kind",
         )
-    kind, order = VOLUMES[kinds.pop()]
-    cells = np.array([[place[n] for n in row[3 + row[2] :]] for row in volumes], dtype=np.int64)
-    found: dict[str, set[int]] = {}
-    for row in elements:
-        if row[1] in VOLUME_SURFACES or row[1] == 15:
-            dimension = 0 if row[1] == 15 else 2
-            group = group_of(row)
-            named = names.get((dimension, group), str(group))
-            found.setdefault(named, set()).update(place[n] for n in row[3 + row[2] :])
-    groups = {name: np.array(sorted(points), dtype=np.int64) for name, points in found.items()}
-    return GmshVolume(rows[:, 1:4], cells[:, list(order)], kind, groups, hashlib.sha256(raw).hexdigest())
+    points = np.asarray(found.points, dtype=np.float64)
+    if points.shape[1:] != (3,) or not (np.abs(points) <= LARGEST_SAMPLE).all():
+        raise InputError(path, "has points that are not three coordinates", cure="save it again")
+    cells = np.concatenate([block.data for block in found.cells if block.type == kinds[0]])
+    used, cells = np.unique(cells, return_inverse=True)
+    place = np.full(len(points), -1)
+    place[used] = np.arange(len(used))
+    groups = {
+        name: place[members][place[members] >= 0]
+        for name, members in _groups_of(found).items()
+        if len(members)
+    }
+    shape = (-1, len(next(b for b in found.cells if b.type == kinds[0]).data[0]))
+    return BodyMesh(points[used], cells.reshape(shape).astype(np.int64), BODIES[kinds[0]], groups, sha256)
 
 
-VTK_SIZE_LIMIT = 500_000_000
-"""Largest file that is read [bytes]."""
-
-
-def read_vtu(path: Path) -> tuple[Any, str]:
-    """Read a file: PyVista's unstructured grid, and the SHA-256 of the file, hex.
-
-    Raises InputError if it cannot be read or holds no unstructured grid.
-    """
-    import pyvista  # heavy
-
-    sha256 = hashlib.sha256(read_bytes(path, limit=VTK_SIZE_LIMIT)).hexdigest()
-    try:
-        grid = pyvista.read(path)
-    except (ValueError, OSError, RuntimeError, ImportError) as error:
-        raise InputError(path, f"cannot be read: {error}", cure="save a VTU file, or MSH of Gmsh") from None
-    if not isinstance(grid, pyvista.UnstructuredGrid):
-        raise InputError(path, "holds no unstructured grid", cure="save cells, not a surface")
-    return grid, sha256
+def _groups_of(found: Any) -> dict[str, IntArray]:
+    """Points of each group of a mesh that meshio read."""
+    groups: dict[str, list[IntArray]] = {}
+    names = {(int(value[1]), int(value[0])): name for name, value in found.field_data.items()}
+    physical = found.cell_data.get("gmsh:physical", [])
+    for block, tags in zip(found.cells, physical, strict=False):
+        for tag in np.unique(tags) if block.dim < 3 else ():
+            if tag > 0:  # 0: of no group
+                name = names.get((block.dim, int(tag)), str(tag))
+                groups.setdefault(name, []).append(block.data[np.asarray(tags) == tag].ravel())
+    for name, values in found.point_data.items():
+        if name.startswith("set:"):
+            groups.setdefault(name.removeprefix("set:"), []).append(np.flatnonzero(values))
+    return {name: np.unique(np.concatenate(parts)) for name, parts in groups.items()}

@@ -234,7 +234,7 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
     raise InputError(
         path,
         "is of no known format",
-        cure=f"is it the right file? if so, say its format in a layout: {', '.join(FORMATS)}",
+        cure=f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}",
     )
 
 
@@ -244,7 +244,7 @@ def _check_layout(path: Path, layout: Layout) -> None:
             path, f"is said to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
         )
     if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
-        raise InputError(path, f"is said to have the interval {layout.interval} s", allowed="> 0 s")
+        raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
     if layout.start is not None and not np.isfinite(layout.start):
         raise InputError(path, f"is said to start at {layout.start} s", allowed="finite")
     if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
@@ -315,7 +315,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
         raise InputError(
             contents.path,
             f"does not say the unit of channel '{channel.name}'",
-            cure='say it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
+            cure='give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
         )
     known = si_unit(text)
     if known is None:

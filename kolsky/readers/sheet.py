@@ -326,7 +326,7 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
             path,
             f"is neither a header nor samples: '{wrong[:60]}' beside the number {numbers[0]}",
             line=number + 1,
-            cure="correct the line, or say header_line in the layout",
+            cure="correct the line, or give header_line in the layout",
         )
 
 
@@ -457,7 +457,7 @@ class SignalTable:
                     "has no time column that is recognised and no interval in its header"
                     + (f" that is clear: {header.doubt}" if header.doubt else ""),
                     None,
-                    'say in the layout time = "NAME", or interval = "100 ns"',
+                    'give in the layout time = "NAME", or interval = "100 ns"',
                 )
             return stated_clock(interval, start, source)
         values, digit = self._times(number)

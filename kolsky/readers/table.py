@@ -266,7 +266,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     else:
         if layout is not None and layout.sheet is not None:
             raise InputError(
-                path, f"is said to have the sheet '{layout.sheet}', and it is text", cure="leave sheet out"
+                path, f"is declared with the sheet '{layout.sheet}', and it is text", cure="leave sheet out"
             )
         data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
@@ -308,9 +308,9 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         if layout is PLAIN and len(names) == 1:
             find_table(path, lines, Layout())  # says which other dialect the lines almost have
         raise
-    division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may say otherwise"
+    division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
     if source in (excel, excel_97):
-        division = f"names were taken from row {header_line}; header_line and sheet in a layout say otherwise"
+        division = f"names were taken from row {header_line}; header_line and sheet in a layout change that"
     elif source is not None:
         division = "the arrays as long as the longest are its columns; `kolsky channels FILE` lists all"
     return Table(sheet, sha256, header_line or None, division)
@@ -345,7 +345,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
         raise InputError(
             path,
             f"is said to have {decimal!r} as delimiter and as decimal sign",
-            cure='say the other one too, e.g. delimiter = ";"',
+            cure='give the other one too, e.g. delimiter = ";"',
         )
     return Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
 

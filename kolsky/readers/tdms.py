@@ -198,7 +198,7 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
                     path,
                     f"channel '{name}' holds several waveforms: sample {part.before + 1} was taken"
                     f" {gap:.6g} s later than wf_increment puts it",
-                    cure="save every waveform in a channel or a file of its own",
+                    cure="save every waveform in a separate channel or file",
                 )
 
 

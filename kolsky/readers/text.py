@@ -78,7 +78,7 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
             path,
             f"is not {chosen} text: byte 0x{body[error.start]:02x} at byte offset {error.start + len(mark)}",
             line=body.count(b"\n", 0, error.start) + 1,
-            cure="say the encoding in the layout, or convert the file to UTF-8",
+            cure="give the encoding in the layout, or convert the file to UTF-8",
         ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
@@ -86,7 +86,7 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
             path,
             "has a zero byte: it is no text, or was cut off",
             line=line,
-            cure="copy it again, or say its format in the layout",
+            cure="copy it again, or give its format in the layout",
         )
     return text, words
 
@@ -233,7 +233,7 @@ _CURES = tuple(
         ),
         (
             r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?",
-            "it stands for a missing value: leave the line out, or export without gaps",
+            "it marks a missing value: leave the line out, or export without gaps",
         ),
         (
             r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*",

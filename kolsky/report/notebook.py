@@ -19,7 +19,7 @@ from dic.result import FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.result_folder import has_tables, tables_of
-from kolsky.results.printed import answer, details
+from kolsky.results.printed import answer, details, fit_line, summary
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 
@@ -153,8 +153,11 @@ def _(data: SurfaceHistory) -> str:
 
 @html.register
 def _(data: Identification) -> str:
-    rows = [*details(data).items(), *(("warning", text) for text in data.warnings)]
-    return html_table("; ".join(answer(estimate) for estimate in data.estimates.values()), rows)
+    first = "; ".join(answer(estimate) for estimate in data.estimates.values())
+    short = [("fit", fit_line(data).removeprefix("fit: ")), *summary(data).items()]
+    short += [("warning", text) for text in data.warnings]
+    rest = html_table("Every value", list(details(data).items()))
+    return f"{html_table(first, short)}<details><summary>Every value</summary>{rest}</details>"
 
 
 @to_dataframe.register

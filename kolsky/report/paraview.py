@@ -124,7 +124,7 @@ def write_vtu(
     nodes, `sample` or `every` is out of range, or the mesh has other nodes.
     """
     if response.nodes is None:
-        raise ValueError("the response kept no nodes; ask for them when the simulation is run")
+        raise ValueError("the response kept no nodes; request them when the simulation is run")
     if not 0 <= sample < response.n_samples:
         raise ValueError(f"sample must be in [0, {response.n_samples - 1}], got {sample}")
     if every < 1:
@@ -162,7 +162,7 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     files written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
     epipolar distance and the standard deviation of a match [px], the correlation and the point's number.
     """
-    surface, triangles = body.surface, _grid_triangles(body.cell)
+    surface, triangles = body.surface, grid_triangles(body.cell)
 
     def write(frame: int, path: Path, faces: NDArray[np.int64]) -> None:
         valid = surface.valid[frame]
@@ -207,7 +207,7 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     Points are the current places in the result's unit; their data are displacement and sigma in that unit,
     the strains xx, yy, xy (NaN where there is none), the lowest correlation and the point's number.
     """
-    surface, triangles = result.surface, _grid_triangles(result.cell)
+    surface, triangles = result.surface, grid_triangles(result.cell)
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
         triangles = triangles[:, ::-1]
 
@@ -225,7 +225,7 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     return _write_frames(Path(folder), "field", ".vtu", surface, triangles, write)
 
 
-def _grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return two triangles for every square of four neighbouring points of a grid."""
     if len(cell) == 0:
         return np.empty((0, 3), dtype=np.int64)

@@ -228,7 +228,8 @@ def _own_columns(found: JointResult) -> dict[str, list[float]]:
 
 
 def _fit_columns(found: JointResult) -> dict[str, list[Any]]:
-    """A row a channel of a shot, and a slow test: residual over what a right model leaves, and its limit."""
+    """A row a channel of a shot, and a slow test: residual over that expected of a correct model, and its
+    limit."""
     rows = [(shot.name, fit.channel, fit) for shot in found.shots for fit in shot.fit]
     rows += [("slow test", fit.channel, fit) for fit in found.slow_fit]
     return {

@@ -77,8 +77,7 @@ MANY_SIGMAS = 4.0
 
 
 def why_beyond_noise(f: FitQuality) -> str:
-    """Return why a model is right whose residual is far above the noise; empty where it is not, or is not
-    explained."""
+    """Return why a residual far above the noise is expected; empty where it is not, or is not explained."""
     if not (f.explained and f.limit < float("inf") and f.chi2 > MANY_SIGMAS):
         return ""
     factor, unit = _CHANNEL_UNITS[f.unit]
@@ -87,9 +86,9 @@ def why_beyond_noise(f: FitQuality) -> str:
         return ""
     source = max(others, key=lambda name: others[name])
     return (
-        f"The {f.channel}'s residual is {f.over_noise:.2g} times its noise. A right model leaves as much: "
-        f"{source} alone brings {factor * others[source]:.2g} {unit}, the noise "
-        f"{factor * f.predicted[NOISE]:.2g} {unit}. The band of the figure has all sources."
+        f"The {f.channel}'s residual is {f.over_noise:.2g} times its noise, as expected ({source}: "
+        f"{factor * others[source]:.2g} {unit}, noise: {factor * f.predicted[NOISE]:.2g} {unit}). The band "
+        "of the figure includes all sources."
     )
 
 
@@ -105,10 +104,10 @@ def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, 
         rows[f"{f.channel}, residual"] = f"{residual}, {f.over_noise:.2g} x noise, {peak}"
         tau = f"tau {100.0 * f.discrepancy_share:.2g} % of the variance"
         rows[f"{f.channel}, chi2/n"] = f"{f.chi2:.3g}, {tau}"
-        rows[f"{f.channel}, over right model"] = _limited(f.excess, f.limit)
+        rows[f"{f.channel}, over expected"] = _limited(f.excess, f.limit)
         rows[f"{f.channel}, the same, slow"] = _limited(f.slow_excess, f.slow_limit)
         if f.limit < float("inf"):
-            rows[f"{f.channel}, would notice"] = f"a residual beyond {factor * f.noticed:.2g} {unit} rms"
+            rows[f"{f.channel}, detectable"] = f"a residual above {factor * f.noticed:.2g} {unit} rms"
         rows[f"{f.channel}, neighbours"] = (
             f"correlation {f.correlation:.2g}, white with p = {f.whiteness:.2g}"
         )
@@ -171,7 +170,7 @@ def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
     value, U = numbers.measured(1e6 * lag.lag, 2e6 * lag.sigma)
     state = lag_state(result, lag)
     if state != "not found":
-        state += f"; would notice a lag beyond {1e6 * lag.noticed:.2g} µs"
+        state += f"; a lag above {1e6 * lag.noticed:.2g} µs would be detected"
     return lag.recording, f"{value} ± {U} µs", state
 
 

@@ -288,7 +288,7 @@ class UncertaintySection(Section):
     def _one_stiffness(self) -> "UncertaintySection":
         if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
             raise f.problem(
-                "is given beside bar_modulus; with the density each follows from the other",
+                "is given in addition to bar_modulus; with the density each follows from the other",
                 key="bar_wave_speed",
                 cure="keep the one that was measured",
             )

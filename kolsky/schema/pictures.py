@@ -89,7 +89,7 @@ class CalibrationSection(Section):
         given = [key for key, value in pictures.items() if value is not None]
         if self.file is not None and given:
             raise f.problem(
-                "is given beside file, so it would have no effect",
+                "is given in addition to file, so it would have no effect",
                 key=given[0],
                 cure="remove it, or remove file to calibrate from the pictures",
             )
@@ -138,7 +138,7 @@ def _flyer_test(value: object) -> object:
         raise f.problem(
             "is not allowed",
             allowed='"flyer test" in a shot.toml',
-            cure="write plane, surface and cylinder into a dic.toml of their own",
+            cure="write plane, surface and cylinder into a separate dic.toml",
         )
     return value
 

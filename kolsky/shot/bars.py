@@ -258,7 +258,7 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
     if not two_stations:
         idle["separation"] = "it needs a second station on the incident bar"
     elif switches["separation"]:
-        idle["free end"] = "two stations tell the waves of the incident bar apart already"
+        idle["free end"] = "two stations separate the waves of the incident bar already"
         idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
     for key, why in idle.items():
         if switches.stated.get(key, False):
@@ -378,7 +378,7 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
         [
             file.error(
                 "specimen.diameter",
-                "is wider than a bar, which cannot press on what lies beside it",
+                "is wider than a bar, which loads only its own cross-section",
                 allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
             )
             for side, bar in bars.items()

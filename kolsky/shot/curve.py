@@ -153,7 +153,8 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
         strain <= -1.0,
         strain,
         "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
-        "nominal strain is change of length over initial length; check curve.strain and its unit",
+        "nominal strain is change of length over initial length; check curve.strain and its unit; of a "
+        "column of logarithmic (true) strain e declare exp(e) - 1",
     )
     _rows(
         table,

@@ -309,7 +309,7 @@ INPUTS: dict[str, Input] = {
             cause=Cause(
                 key="model.mass_damping",
                 words="a damping proportional to mass beside it",
-                check="the material may be damped otherwise than model.damping says",
+                check="the damping of the material may differ from model.damping",
                 changed=lambda u: Change(values={"mass_damping": u}),
                 scan=(50.0, 150.0, 400.0, 1000.0, 2500.0),
                 step=20.0,

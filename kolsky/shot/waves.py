@@ -282,7 +282,7 @@ def _result(
     elif sync is not None and abs(sync.gain - 1.0) > 2.0 * sync.sigma_gain:
         remarks.append(
             f"the flyer moves {sync.gain:.3f} ± {2.0 * sync.sigma_gain:.3f} (k = 2) times as much as the "
-            "incident transducer and the mass before it say; cure: check incident_force.sensitivity and mass"
+            "incident transducer and the mass before it give; cure: check incident_force.sensitivity and mass"
         )
     return FlyerResult(
         name=shot.name,

@@ -170,7 +170,7 @@ def _scale(name: str, value: float) -> float:
     own = parameter(name).scale
     scale = scale_of(name, value) if own is None else own(value)
     if not 0.0 < scale < np.inf:
-        raise ValueError(f"{name} = {value:.6g} has no scale of its own; hold it at a finite value > 0")
+        raise ValueError(f"{name} = {value:.6g} has no scale; hold it at a finite value > 0")
     return scale
 
 

@@ -25,6 +25,7 @@ from kolsky.material.relaxation.rate_fit import (
 from kolsky.material.relaxation.temperature import Superposition
 from kolsky.material.uniaxial import gaussian_strain
 from kolsky.studies.rate_models import (
+    CURVE,
     POOR_FIT,
     ModelComparison,
     compare_slow,
@@ -64,6 +65,12 @@ class SlowDynamics(ResultViews):
     def fit(self) -> RateFit:
         """The series that the data ask for."""
         return self.verdict.fit
+
+    @property
+    def sentence(self) -> str:
+        """The number of branches in words; none is asked for where a curve of the strain does as well."""
+        best = self.comparison.best
+        return self.comparison.sentence if best.name == CURVE else self.verdict.sentence
 
     @property
     def young(self) -> float:
@@ -166,7 +173,9 @@ def _sweep_remarks(name: str, sweep: Superposition) -> list[str]:
             f" {sweep.law_likely:.2g}): the shifts are taken as found, temperature by temperature"
         )
     if sweep.C1 is None:
-        said.append(f"{name}: two temperatures do not tell the constants of Eq. (V.5); the shift is as found")
+        said.append(
+            f"{name}: two temperatures do not determine the constants of Eq. (V.5); the shift is as found"
+        )
     return said
 
 
@@ -234,7 +243,7 @@ def summary(found: SlowDynamics) -> dict[str, Any]:
     """The result for JSON, SI."""
     fit = found.fit
     return {
-        "verdict": found.verdict.sentence,
+        "verdict": found.sentence,
         "branches": found.verdict.branches,
         "comparison": comparison_summary(found.comparison),
         "long_term_E": {

@@ -8,6 +8,10 @@ shots -2 ln L), k parameters and n values,
 and the weight of a model is exp(-dBIC / 2) over the sum of all, its probability where all were equally likely
 before (Kass and Raftery 1995). A model is chosen if it is the least by BIC, no other comes within `STRONG` of
 it, and none has a lower AICc. Else the data do not choose.
+
+A law that does not fit in strain leaves a misfit that a branch can take up as well, and tests at one rate
+cannot show the difference. Among the models of histories is therefore a curve: a stress that is any smooth
+function of the stretch alone. Where it is the best, no rate dependence is chosen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,6 +20,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
 from explicit.materials import MaterialLaw
@@ -33,6 +38,10 @@ POOR_FIT = 2.0
 """Chi-square over degrees of freedom from which on a fit is remarked, and no model is chosen."""
 NETWORK = "bergstrom_boyce"
 """Name of the network among the models, as in a shot file."""
+ELASTIC, CURVE = "elastic", "elastic curve"
+"""Names of the models without rate dependence: the declared law, and any curve of the stretch."""
+MOST_PIECES = 6
+"""Most cubic pieces of a curve: 9 constants bend as often as any law of `explicit.materials` [-]."""
 CREEP_STRENGTHS = (0.1, 1.0)
 """Ratios of the networks that the search begins with [-]."""
 CREEP_RESISTANCES = (0.1, 1.0, 10.0)
@@ -48,7 +57,7 @@ class Candidate:
     """A model fitted to all values."""
 
     name: str
-    """"elastic", "prony", "prony:2", "prony:3" or "bergstrom_boyce"."""
+    """"elastic", "elastic curve", "prony", "prony:2", "prony:3" or "bergstrom_boyce"."""
     parameters: int
     """Number of its free parameters."""
     deviance: float
@@ -100,13 +109,15 @@ class ModelComparison:
     def rivals(self) -> tuple[Candidate, ...]:
         """Models that keep the best from being chosen.
 
-        One that cannot be chosen is a rival only if it is better than the best by BIC.
+        One that cannot be chosen is a rival only if it is better than the best by BIC. The law and a curve
+        are both elastic and no rivals of each other.
         """
         best, n = self.best, self.n_data
         return tuple(
             one
             for one in self.candidates
             if one is not best
+            and {one.name, best.name} != {ELASTIC, CURVE}
             and (
                 one.bic(n) < best.bic(n) + (0.0 if one.doubt else STRONG)
                 or (not one.doubt and one.aicc(n) < best.aicc(n))
@@ -136,6 +147,11 @@ class ModelComparison:
                 for one in self.rivals
             )
             return f"the data do not choose between {best.name} and {near}"
+        if best.name == CURVE:
+            return (
+                "the data do not ask for rate dependence: a curve of the strain alone explains them, the law"
+                " does not; correct the material's [law], or test at a second rate"
+            )
         others = [one.bic(self.n_data) for one in self.candidates if one is not best]
         gap = "no other"
         if others:
@@ -173,7 +189,7 @@ def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> Model
             "modulus do not give"
         )
     else:
-        found.append(fit_network(law, slow))
+        found += [fit_curve(slow), fit_network(law, slow)]
     n = fits[0].n_data
     scatter = max(1.0, min(one.deviance / max(n - one.parameters, 1) for one in found))
     found = [
@@ -185,11 +201,34 @@ def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> Model
 
 def series_name(branches: int) -> str:
     """Name of a series as `--relaxation` takes it; "elastic" without branches."""
-    return ("elastic", "prony")[branches] if branches < 2 else f"prony:{branches}"
+    return (ELASTIC, "prony")[branches] if branches < 2 else f"prony:{branches}"
 
 
 def _ends(names: Sequence[str]) -> str:
     return f"at the end of its range: {', '.join(names)}" if names else ""
+
+
+def fit_curve(slow: Slow) -> Candidate:
+    """Fit the cubic spline of the stretch whose number of pieces has the least BIC."""
+    values, sigma = slow_measured(slow)
+    stretch = np.concatenate([one.stretch[np.isfinite(one.sigma)] for one in slow])  # type: ignore[union-attr]
+    found = []
+    for pieces in range(1, MOST_PIECES + 1):
+        knots = np.unique(np.quantile(stretch, np.linspace(0.0, 1.0, pieces + 1)))
+        if len(knots) < 2:
+            continue  # one stretch: a constant below
+        knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
+        rows = BSpline.design_matrix(stretch, knots, 3).toarray()
+        found.append(_least_squares(rows / sigma[:, None], values / sigma))
+    if not found:
+        found = [_least_squares(1.0 / sigma[:, None], values / sigma)]
+    return min(found, key=lambda one: one.bic(len(values)))
+
+
+def _least_squares(rows: FloatArray, values: FloatArray) -> Candidate:
+    """A curve that is linear in its constants; those that no value sees do not count."""
+    solved, _, rank, _ = np.linalg.lstsq(rows, values)
+    return Candidate(CURVE, int(rank), float(np.square(rows @ solved - values).sum()), {})
 
 
 def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
@@ -267,7 +306,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
         sizes.append(round(float(np.exp((choice.bic - lower) / k))))
         values = {key: e.value for key, e in result.estimates.items()}
         if not found:
-            found.append(Candidate("elastic", len(choice.elastic), 0.0, choice.elastic))
+            found.append(Candidate(ELASTIC, len(choice.elastic), 0.0, choice.elastic))
         # what a criterion speaks for, but planted elastic data or the mesh would show as well, is not chosen
         doubt = "" if choice.asked_for or choice.aic >= 0.0 else choice.sentence
         found.append(Candidate(name, len(result.estimates), lower, values, doubt))

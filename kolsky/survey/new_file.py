@@ -237,7 +237,7 @@ def _recorder(name: str, contents: Contents) -> str:
         span = f"{microseconds(clock.start)} to {microseconds(last)}"
         lines.append(f"# {span}, every {microseconds(clock.interval)}, on the file's clock: {clock.source}")
     if any(channel.unit is None for channel in contents.channels):
-        lines.append(_blank("unit", 'the file does not say it: "V", "mV", "strain"'))
+        lines.append(_blank("unit", 'the file does not state it: "V", "mV", "strain"'))
     lines.append(_blank("clock_offset", "\"0 us\" where it is the shot's: clock = the file's time + this"))
     return "\n".join(lines) + "\n\n"
 

@@ -61,7 +61,8 @@ class InputChanges:
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
     """Patterns of one standard deviation each as replicates with the same mean square, shape [n, k]."""
-    return np.asarray(np.sqrt(len(patterns)) * patterns)
+    none = np.zeros((1, patterns.shape[1]))
+    return np.asarray(np.sqrt(len(patterns)) * patterns) if len(patterns) else none
 
 
 def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
@@ -73,9 +74,8 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
         Whose data vector, and the force's scale.
     replicates
         Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
-        replicate leaves adds nothing. Where the front face's path is moved, the patterns of its noise in the
-        weights stand for the other motions: the replicates' ring out of step with the answer, on a mesh that
-        rings otherwise, and the weights would take nothing of that away.
+        replicate leaves adds nothing. Where no other motion was run, the patterns of its noise in the weights
+        stand for them.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
@@ -88,8 +88,7 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
     change = np.nan_to_num(vectors - vectors[0])
     if replicates.scale.any():
         scales["motion scale"] = change[replicates.scale][0]
-    moved = objective.front.offset is not None
-    motions = as_drawn(objective.front_noise) if moved else change[replicates.flyer]
+    motions = change[replicates.flyer] if replicates.flyer.any() else as_drawn(objective.front_noise)
     drawn = {"flyer motion": motions, "material curve": change[replicates.curve]}
     return InputChanges({**drawn, **known}, scales)
 

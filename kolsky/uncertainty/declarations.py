@@ -165,11 +165,11 @@ def invisible_inputs(parts: Sequence[Declaration]) -> Iterator[str]:
             if pair == {"specimen_density", "sensitivity"}:
                 yield (
                     "stress and density scaled alike leave the motion and scale the force: a wrong "
-                    "specimen_density is a force gain, told from a wrong sensitivity only by a declared "
-                    "uncertainty"
+                    "specimen_density is a force gain, distinguished from a wrong sensitivity only by a "
+                    "declared uncertainty"
                 )
             else:
                 yield (
                     f"{INPUTS[part.key].words} and {INPUTS[other].words} leave the same residual: the data "
-                    "do not tell which of them is wrong"
+                    "do not show which of them is wrong"
                 )

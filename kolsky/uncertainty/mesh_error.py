@@ -237,7 +237,7 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
         across, along = numerics.mesh
         raise ValueError(
             f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
-            "so that the error of the refined one cannot be told: refine the surrogate's mesh"
+            "so that the error of the refined one cannot be estimated: refine the surrogate's mesh"
         )
     # Where the mesh is run at shifted points, in step with the refined one, the shift is taken back along the
     # slopes, which are right there; a run that is out of step with the data has other ones.

@@ -198,7 +198,8 @@ def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
     reach = NEAR * np.sqrt(np.diag(answer.objective.covariance(answer.slope, answer.vector)))
     lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
-    enough = 12 * box.dimension
+    d = box.dimension
+    enough = (d + 1) * (d + 2) // 2 + d  # a quadratic has the first so many coefficients
     if box != whole and box.contains(runner.on_surrogate_mesh()[0]).sum() < enough:
         runner.simulate("profile", runner.design(box), runner.problem.numerics)
     return box

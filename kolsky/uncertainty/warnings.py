@@ -111,8 +111,8 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
         else:
             yield (
                 f"the run at the answer with {run.numerics.element} elements on {across} x {along} was lost"
-                f"{why}, so that a multiple of what is extrapolated stands in the mesh's part of the "
-                "interval for the distance of the two elements: give another --mesh, or end the [window] "
+                f"{why}, so that the mesh's part of the interval comes from extrapolation alone (usually "
+                "larger): give another --mesh, or end the [window] "
                 "before it"
             )
 
@@ -260,8 +260,8 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
         needed, cure = result.surrogate.get("runs_needed"), ""
         if len(result.estimates) > 1:  # no surrogate led there, but steps on the refined mesh
             cure = (
-                "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold what "
-                "the data hardly tell (--hold)"
+                "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold "
+                "what the data hardly determine (--hold)"
             )
         elif needed is not None:
             cure = (
@@ -280,7 +280,7 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
             "no outline was measured: the value rests on the force alone, and nothing shows whether the "
-            "specimen deformed as the model says, slid on the platens or was of another length"
+            "specimen deformed as in the model, slid on the platens or was of another length"
         )
 
 

@@ -55,7 +55,7 @@ def sampled(
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))
     if at.max() > known[-1] + 1e-12:
-        raise ValueError(f"the recorder asks for {at.max():.9g} s, the signal ends at {known[-1]:.9g} s")
+        raise ValueError(f"the recorder needs {at.max():.9g} s, the signal ends at {known[-1]:.9g} s")
     return np.interp(at, known, signal)
 
 

@@ -82,7 +82,8 @@ def main() -> None:
     for text in (f"{D1} 1/MPa", f"{D1} MPa"):
         solid = replace(read.actuator.solid, volumetric=bulk(volume_reading(text)))
         for name, g in read.gravities.items():
-            run = read.actuator.simulate(g, read.pressures, solid=solid)
+            constants = read.actuator.constants(body=solid)
+            run = read.actuator.simulate(g, read.pressures, constants=constants)
             for pressure, angle in zip(read.pressures, np.degrees(run.angle), strict=True):
                 print(f"D1 = {text}, {name}, {1e-5 * pressure:.3g} bar: {angle:.2f} deg")
                 row = (name, float(pressure), text, float(angle))

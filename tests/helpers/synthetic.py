@@ -167,7 +167,7 @@ def synthetic(
 
 
 def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
-    """The residual of a right model: as large as what is predicted."""
+    """The residual of a correct model: as large as what is predicted."""
     force = FitQuality(
         channel="force",
         unit="N",

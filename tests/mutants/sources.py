@@ -1,9 +1,7 @@
 """Where faults lie: the functions, classes and constants of the packages by their names."""
 
 import ast
-import io
 import re
-import tokenize
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -23,6 +21,13 @@ TOKEN = re.compile(
     re.VERBOSE,
 )
 """A token of code or a word of a text in it."""
+
+TEXT_OR_COMMENT = re.compile(
+    r""""{3}(?:\\.|[^\\])*?"{3} | '{3}(?:\\.|[^\\])*?'{3} | "(?:\\.|[^"\\])*" | '(?:\\.|[^'\\])*' | \#[^\r\n]*""",
+    re.VERBOSE | re.DOTALL,
+)
+WORD = re.compile(r"\w+")
+BLANKED = re.compile(r"[^\r\n]")
 
 
 @dataclass(frozen=True)
@@ -62,10 +67,23 @@ def texts(code: str) -> tuple[str, ...]:
 
 
 class Module:
-    """A source file, and its code without comments and docstrings."""
+    """A source file, and its code without comments and docstrings; parsed where a fault may lie in it."""
 
     def __init__(self, file: str, source: str) -> None:
         self.file, self.source = file, source
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        """What the source means."""
+        return ast.parse(self.source)
+
+    @cached_property
+    def places(self) -> dict[str, list["Place"]]:
+        """Every function, class and constant by its name."""
+        found: dict[str, list[Place]] = {}
+        for place in _places(self, self.tree, "", in_function=False):
+            found.setdefault(place.name, []).append(place)
+        return found
 
     @cached_property
     def line_starts(self) -> tuple[int, ...]:
@@ -80,19 +98,17 @@ class Module:
         """The source with spaces in place of comments and docstrings: every place is kept."""
         spans = [
             (self.line_starts[node.lineno - 1], self.line_starts[node.end_lineno or node.lineno])
-            for node in ast.walk(ast.parse(self.source))
+            for node in _statements(self.tree)
             if isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Constant)
             and isinstance(node.value.value, str)
         ]
-        if "#" in self.source:
-            for one in tokenize.generate_tokens(io.StringIO(self.source).readline):
-                if one.type == tokenize.COMMENT:
-                    spans.append(tuple(self.line_starts[row - 1] + at for row, at in (one.start, one.end)))
-        characters = list(self.source)
-        for start, end in spans:
-            characters[start:end] = (letter if letter in "\r\n" else " " for letter in self.source[start:end])
-        return "".join(characters)
+        spans += [one.span() for one in TEXT_OR_COMMENT.finditer(self.source) if one[0][0] == "#"]
+        parts, at = [], 0
+        for start, end in sorted(spans):
+            parts += [self.source[at:start], BLANKED.sub(" ", self.source[start:end])]
+            at = end
+        return "".join([*parts, self.source[at:]])
 
     @cached_property
     def texts(self) -> tuple[str, ...]:
@@ -131,6 +147,11 @@ class Place:
         """The tokens without their places."""
         return tuple(one.text for one in self.tokens)
 
+    def changed(self, fault: Fault) -> str:
+        """The lines of the place with a fault in them."""
+        starts, planted = self.module.line_starts, self.planted(fault)
+        return planted[starts[self.first - 1] : len(planted) - len(self.module.source) + starts[self.last]]
+
     def planted(self, fault: Fault) -> str:
         """The source of the module with a fault in it; lines of the wrong code after its first are indented
         as the line that they follow is."""
@@ -141,11 +162,6 @@ class Place:
         line = source[source.rfind("\n", 0, start) + 1 :]
         indent = line[: len(line) - len(line.lstrip())]
         return source[:start] + fault.wrong.replace("\n", f"\n{indent}") + source[end:]
-
-
-def places(module: Module) -> Iterator[Place]:
-    """Every function, class and constant of a module or of a class in it, with the name it has there."""
-    yield from _places(module, ast.parse(module.source), "", in_function=False)
 
 
 def _places(module: Module, parent: ast.AST, within: str, *, in_function: bool) -> Iterator[Place]:
@@ -167,12 +183,19 @@ def _places(module: Module, parent: ast.AST, within: str, *, in_function: bool) 
             yield from _places(module, node, within, in_function=in_function)
 
 
+def _statements(parent: ast.AST) -> Iterator[ast.AST]:
+    for node in ast.iter_child_nodes(parent):
+        if isinstance(node, ast.stmt | ast.excepthandler | ast.match_case):
+            yield node
+            yield from _statements(node)
+
+
 class Sources:
     """The sources under a folder, where faults are looked for."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.places: dict[str, list[Place]] = {}
+        self.modules: dict[str, list[Module]] = {}  # by the words in them
         for folder in sorted(root.iterdir()):
             if folder.name.startswith(".") or folder.name in NO_SOURCES or not folder.is_dir():
                 continue
@@ -180,8 +203,8 @@ class Sources:
                 continue
             for path in sorted(folder.rglob("*.py")):
                 module = Module(path.relative_to(root).as_posix(), path.read_text("utf-8"))
-                for place in places(module):
-                    self.places.setdefault(place.name, []).append(place)
+                for word in set(WORD.findall(module.source)):
+                    self.modules.setdefault(word, []).append(module)
 
     def place(self, fault: Fault) -> Place:
         """The one place that a fault fits.
@@ -190,7 +213,8 @@ class Sources:
         """
         named = [
             place
-            for place in self.places.get(fault.function, ())
+            for module in self.modules.get(fault.function.rpartition(".")[2], ())
+            for place in module.places.get(fault.function, ())
             if not fault.near or place.is_near(fault.near)
         ]
         near = f" near {fault.near!r}" if fault.near else ""

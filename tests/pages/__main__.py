@@ -21,7 +21,7 @@ def main(words: list[str]) -> int:
     parser.add_argument("more", type=Path, nargs="*", help="pages that are there already")
     parser.add_argument("--audit", type=Path, help="folder with node_modules")
     parser.add_argument("--made", action="store_true", help="the pages are in OUT already")
-    options = parser.parse_args(words)
+    options = parser.parse_intermixed_args(words)
     options.out.mkdir(parents=True, exist_ok=True)
     if not options.made:
         for name, render in RENDERED.items():

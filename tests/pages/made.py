@@ -13,16 +13,16 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers"), str(ROOT / "tests" / "unit" / "report")]
 
 COMMANDS = {
-    "specimen": ("specimen/test_specimen_commands.py::test_simulate_fit_and_plan", "fit/specimen.html"),
-    "sheet": ("specimen/test_specimen_commands.py::test_sheet", "fit/specimen.html"),
-    "actuator": ("actuator/test_actuator_commands.py::test_simulate_invert_and_control", "s/actuator.html"),
+    "specimen": ("bodies/test_specimen_commands.py::test_simulate_fit_and_plan", "fit/specimen.html"),
+    "sheet": ("bodies/test_specimen_commands.py::test_sheet", "fit/specimen.html"),
+    "actuator": ("bodies/test_actuator.py::test_simulate_invert_and_control", "s/actuator.html"),
     "actuator-invert": ("", "i/actuator.html"),
     "actuator-control": ("", "c/actuator.html"),
     "joint": ("joint/test_identify_shots.py::test_files_and_page_say_the_same", "out/joint.html"),
-    "relaxation": ("joint/test_slow_dynamics.py::test_from_files_to_the_constants", "out/relaxation.html"),
+    "relaxation": ("joint/test_slow_tests.py::test_from_files_to_the_constants", "out/relaxation.html"),
     "material": ("cli/test_material_command.py::test_from_files_to_a_report", "out/material.html"),
     "dic-alone": ("cli/test_dic_alone_command.py::test_files_tables_and_page_are_there", "results0/dic.html"),
-    "calibration": ("cli/test_calibrate_command.py::test_the_files_say_the_same", "calibration.html"),
+    "calibration": ("cli/test_dic_alone_command.py::test_the_files_say_the_same", "calibration.html"),
     "prediction": ("prediction/test_predict.py::test_the_command", "p/prediction.html"),
     "plan": ("studies/test_plan.py::test_files_hold_the_map", "plan.html"),
     "check": ("cli/test_cli_new_check.py", "shot/results/check.html"),

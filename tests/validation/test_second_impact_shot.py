@@ -120,7 +120,7 @@ def test_faces_that_open_and_meet_again_are_answered_rightly_or_not_at_all(tmp_p
 
 OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"
 COARSE = Settings(free={"stiffness_factor": None}, numerics=Numerics(mesh=(12, 16)), refined_mesh=(18, 24))
-"""Meshes on which this takes seconds; their own error is in what a right model is expected to leave."""
+"""Meshes on which this takes seconds; their own error is in what a correct model is expected to leave."""
 
 
 def with_force(wrong: str) -> Shot:

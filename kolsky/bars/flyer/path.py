@@ -148,6 +148,22 @@ class FlyerPath:
         root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
 
+    def noise_patterns(self, count: int) -> FloatArray:
+        """Jerks of one standard deviation each of independent patterns of the path's noise, [q, n_spans].
+
+        Those that move the velocity most come first; all of them together make the covariance.
+
+        ``count``: most patterns.
+        """
+        scale = np.sqrt(np.diag(self.covariance))
+        safe = np.where(scale > 0.0, scale, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(safe, safe))
+        root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        spans = np.diff(self.knots)[:, None]
+        velocity = np.cumsum(np.cumsum(root * spans, axis=0) * spans, axis=0)
+        _, _, turned = np.linalg.svd(velocity, full_matrices=False)
+        return np.asarray(turned[:count] @ root.T)
+
     def scaled(self, factor: float) -> "FlyerPath":
         """The path with every displacement multiplied; its covariance is left as it is."""
         return replace(self, jerk=factor * self.jerk)

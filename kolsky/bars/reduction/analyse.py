@@ -144,7 +144,7 @@ def _left_out(given: WavesInput) -> dict[str, str]:
     return {
         "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
         FREE_END: "off by default: the windows end before an echo from a far end",
-        "bending": "one gauge at each station; two opposed ones would tell bending apart",
+        "bending": "one gauge at each station; two opposed gauges would separate bending",
         "separation": "one station on the incident bar, whose pulses do not overlap",
         **NO_PART,
     }

@@ -249,7 +249,7 @@ def _check(faces: FaceWaves, specimen: Specimen) -> None:
         if specimen.diameter > bar.diameter * (1.0 + 1e-9):
             raise ValueError(
                 f"the specimen's diameter = {specimen.diameter} m must not exceed the {name} bar's, "
-                f"{bar.diameter} m: a bar cannot press on what lies beside it"
+                f"{bar.diameter} m: a bar loads only its own cross-section"
             )
 
 

@@ -187,7 +187,8 @@ class Linear:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.factor) and self.factor > 0.0):
             raise ValueError(
-                f"a calibration factor must be finite and > 0, got {self.factor}; its sign is declared apart"
+                f"a calibration factor must be finite and > 0, got {self.factor}; its sign is declared "
+                "separately"
             )
 
     @property

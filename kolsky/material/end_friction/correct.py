@@ -91,8 +91,8 @@ def _remarks_on(
         said.append(
             f"{found[k].model.name} meets the test within its noise too and differs from"
             f" {found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them rests on their"
-            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at"
-            " mid-height would tell"
+            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at "
+            "mid-height would decide"
         )
     return tuple(said)
 

@@ -236,7 +236,7 @@ def _check_strain_unit(path: Path, column: str, strain: FloatArray) -> None:
             path,
             f"column '{column}' has strains up to {largest:.6g} without a unit, as plain ratios a stretch of"
             f" {1.0 + largest:.6g}",
-            cure='say what it is: --strain-unit "%", or --strain-unit 1',
+            cure='give its unit: --strain-unit "%", or --strain-unit 1',
         )
 
 

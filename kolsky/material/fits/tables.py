@@ -239,7 +239,7 @@ def remarks(found: Comparison) -> list[str]:
     if first is not best:
         why = "is not stable over the data" if not first.stable else "has a higher BIC"
         if first.fit is not None and first.fit.outcome is FitOutcome.NOT_DETERMINED:
-            why = "has constants that the data do not tell apart"
+            why = "has constants that the data do not distinguish"
         if first.fit is not None and first.fit.outcome is FitOutcome.UNCONFIRMED:
             why = "has a minimum that one start alone reached: raise --starts"
         said.append(f"{first.candidate.name} has the least AIC, but {why}")

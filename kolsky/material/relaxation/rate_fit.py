@@ -117,7 +117,7 @@ class RateVerdict:
         if k == 0:
             fit, p = self.fits[1], self.probabilities[0]
             why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else _chance(p)
-            return f"the data do not ask for rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
+            return f"the data do not need rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
         p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
         return f"the data ask for {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
 
@@ -180,7 +180,7 @@ class PronyProblem:
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
         if not np.isfinite(both).all():
             raise ValueError(
-                f"the evidence cannot be predicted beside {model_of(x)}: a simulation did not complete; end "
+                f"the evidence cannot be predicted with {model_of(x)}: a simulation did not complete; end "
                 "its window before the specimen is crushed"
             )
         return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))

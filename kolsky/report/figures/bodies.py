@@ -117,8 +117,8 @@ def correlations(view: SpecimenView, panels: Panels) -> str:
         if number == min(len(view.fits), 3) - 1:
             colour_bar(image, ax, "correlation")
     return (
-        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and not "
-        "each: another kind of test tells them apart."
+        "Correlations of the fitted constants. Near ± 1 a test determines a combination of two constants and "
+        "not each: another kind of test distinguishes them."
     )
 
 

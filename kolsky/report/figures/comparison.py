@@ -33,13 +33,12 @@ from kolsky.report.figures.base import (
     largest,
     note_empty,
 )
-from kolsky.report.scene.scene_data import FIELDS, has_scene
-from kolsky.report.scene.stills import COUNT as STILLS
-from kolsky.report.scene.stills import draw_still, scene_of_stills
+from kolsky.report.scene.drawing import CannotRender, evenly_spaced, offscreen_pyvista, render
+from kolsky.report.scene.scene_data import FIELDS, has_scene, scene_of
 from kolsky.results.numbers import percent, plain
 
-RIGHT = "right model, k = 2"
-"""Label of the band of what a right model leaves."""
+RIGHT = "correct model, k = 2"
+"""Label of the band of the residual of a correct model."""
 
 
 def right_model(result: Identification, channel: str) -> str:
@@ -51,7 +50,8 @@ def right_model(result: Identification, channel: str) -> str:
     added = f" with the root mean square left by {', '.join(others)}" if others else ""
     limit = f"limit {plain(fit.limit, 2)}" if np.isfinite(fit.limit) else "no limit"
     return (
-        f"The band is what a right model may leave, k = 2: the noise of each value{added}. The verdict "
+        f"The band is the residual expected of a correct model, k = 2: the noise of each value{added}. The "
+        "verdict "
         f"compares the residual with the same spread: {plain(fit.excess, 2)} of it, {limit}."
     )
 
@@ -251,7 +251,8 @@ def profiles(result: Identification, panels: Panels) -> str:
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ of their noise "
         "and the simulated side surface (top); ΔZ, simulated minus measured Z of the same points, and the "
-        "band of what a right model may leave, k = 2 (bottom). y is the height above the transmission platen."
+        "band of the residual expected of a correct model, k = 2 (bottom). y is the height above the "
+        "transmission platen."
     )
 
 
@@ -289,8 +290,8 @@ def force_residual(result: Identification, panels: Panels) -> str:
     share.set_xlim(left=0.0)
     share.tick_params(labelleft=False)
     return (
-        "Residual of the force over the standard deviation σ of what a right model may leave in each bin, "
-        "with the band of k = 2 (left), and its distribution beside the standard normal one (right). "
+        "Residual of the force over the standard deviation σ expected of a correct model in each bin, "
+        "with the band of k = 2 (left), and its distribution with the standard normal one (right). "
         "Stretches of one sign are error of the model, not noise."
     )
 
@@ -417,20 +418,32 @@ def meshes(result: Identification, panels: Panels) -> str:
     )
 
 
+STILLS = 3
+"""Number of pictures of the specimen in three dimensions."""
+
+
 @figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
 def scene(result: Identification, panels: Panels) -> str:
-    stage = scene_of_stills(result)
+    stage = scene_of(result, chosen=lambda n: evenly_spaced(n, STILLS))
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
     for ax in axes:
         ax.set_axis_off()
-    for ax, (k, time) in zip(axes, enumerate(stage.times), strict=False):
-        draw_still(ax, stage, k)
+    try:
+        pyvista = offscreen_pyvista()
+    except CannotRender as why:
+        axes[STILLS // 2].text(0.5, 0.5, "not drawn", transform=axes[STILLS // 2].transAxes, ha="center")
+        return f"The specimen in three dimensions is not drawn: {why}."
+    stills = np.stack([render(pyvista, stage, k, bar=False) for k in range(len(stage.times))])
+    paper = (stills == np.iinfo(np.uint8).max).all(axis=(0, 3))  # one frame for all, so one scale
+    (rows,), (columns,) = (~paper).any(axis=1).nonzero(), (~paper).any(axis=0).nonzero()
+    for ax, still, time in zip(axes, stills, stage.times, strict=False):
+        ax.imshow(still[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], interpolation="none")
         ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
     colour_bar(colours, axes, kind.label, location="bottom", aspect=50, shrink=0.5)
     return (
-        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
-        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
-        "Points: as measured."
+        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by "
+        "the smallest principal stretch; next to it the measured outline, nearest frame, revolved about "
+        "the axis. Points: as measured."
     )

@@ -265,7 +265,7 @@ def signals(result: Prediction, panels: Panels) -> str:
         panels[name].set_xlim(0.0, time[-1])
         _mark(panels[name], result, named=name == "bar")
         panels[name].tick_params(labelbottom=name == PREDICTION_PANELS[-1])
-    stand_in = "" if result.response is not None else "; the specimen's static curve stands in for it"
+    stand_in = "" if result.response is not None else "; the specimen's static curve replaces it"
     return (
         "The planned test from the striker's touch on; compression is positive, dotted lines are the events "
         "found in the signals. (a) Force at the middle of the incident bar. (b) Velocity of the flyer and of "

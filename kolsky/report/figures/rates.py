@@ -241,8 +241,8 @@ def rate_stiffness(group: GroupRates, panels: Panels) -> str:
         if not slow:
             _plain_rates(ax)
     return (
-        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
-        " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
+        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given "
+        "next to each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
         " the quasi-static curve times m; open: the quasi-static curve itself"
         + (
             ", at its own rate, and its level carried to theirs (dotted)."
@@ -382,6 +382,6 @@ def joint_curve(result: JointResult, panels: Panels) -> str:
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="upper left")
     return (
-        "Nominal stress that the impacts ask for, with its k = 2 band, and the slow curve (dashed). Dots: "
-        "nodes; grey ones, of which smoothness tells more than the data."
+        "Nominal stress identified from the impacts, with its k = 2 band, and the slow curve (dashed). Dots: "
+        "nodes; grey ones, which smoothness determines more than the data."
     )

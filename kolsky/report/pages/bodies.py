@@ -143,7 +143,15 @@ def _degrees(value: float) -> str:
 
 def tables(view: ActuatorView) -> list[dict[str, Any]]:
     """Tables of the page: of each the caption, the heads and the rows."""
-    return [bends(view), contacts(view), _marker_rows(view), stiffness(view), inversions(view), loops(view)]
+    return [
+        bends(view),
+        contacts(view),
+        forces(view),
+        _marker_rows(view),
+        stiffness(view),
+        inversions(view),
+        loops(view),
+    ]
 
 
 def bends(view: ActuatorView) -> dict[str, Any]:
@@ -183,6 +191,23 @@ def contacts(view: ActuatorView) -> dict[str, Any]:
         }
         rows.append((cells, False))
     return _table("Contact of neighbouring chambers", rows)
+
+
+def forces(view: ActuatorView) -> dict[str, Any]:
+    """Forces on planes and on what holds a blocked set."""
+    rows = []
+    for one in view.directions:
+        for name, each in one.forces.items():
+            for k in one.asked:
+                cells = {
+                    "Gravity": one.name,
+                    "Pressure (bar)": f"{BAR * float(one.pristine.pressures[k].max()):.3g}",
+                    "On": name,
+                    "Force (N)": f"{np.linalg.norm(each[k]):.4g}",
+                    "x, y, z (N)": ", ".join(f"{x:.4g}" for x in each[k]),
+                }
+                rows.append((cells, False))
+    return _table("Forces on the outside", rows)
 
 
 def _marker_rows(view: ActuatorView) -> dict[str, Any]:

@@ -47,21 +47,21 @@ _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
 """Words for the keys of `Estimate.numerical_parts`."""
 
 _VERDICTS = {
-    Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
-    Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
-    "No outline was measured, or by itself it tells the value too poorly to check the force.",
-    Verdict.OUTLINE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the "
-    "surrogate. By itself the force tells the value too poorly to check the outline.",
-    Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh leave where the model is right: "
-    "do not use the value before the cause is found. The warnings name the channel.",
-    Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
+    Verdict.IDENTIFIED: "The optimum lies inside the search range, and a simulation there confirms it.",
+    Verdict.FORCE_ALONE: "The optimum lies inside the search range, and a simulation there confirms it. "
+    "The outline was not measured, or it alone determines the value too poorly to check the force.",
+    Verdict.OUTLINE_ALONE: "The optimum lies inside the search range, and a simulation there confirms it. "
+    "The force alone determines the value too poorly to check the outline.",
+    Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh explain: do not use the value "
+    "before the cause is found. The warnings name the channel.",
+    Verdict.CONTRADICTED: "Force and outline give values that differ by more than their uncertainties "
     "allow: do not use the value before the cause is found.",
-    Verdict.SHOTS_CONTRADICT: "The shots ask for stiffnesses that are further apart than their uncertainties "
+    Verdict.SHOTS_CONTRADICT: "The shots give stiffnesses that differ by more than their uncertainties "
     "allow: do not use the value before the cause is found. The warnings name the shots.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: the value is a limit, not an "
     "estimate. Widen the design and run again.",
-    Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not tell the value "
-    "from that bound, and the interval's other end alone is a finding. Where a value beyond is possible, "
+    Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not exclude that "
+    "bound, and only the other end of the interval is a result. Where a value beyond is possible, "
     "widen the design and run again; where none is (no friction is the least), hold the parameter there.",
     Verdict.OTHER_VALLEY: "At another value the force's ringing falls in step with the measured one nearly "
     "as well: the value may be whole oscillations off. Hold the parameter at an independent value, or "
@@ -69,10 +69,11 @@ _VERDICTS = {
     Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "
     "the value and its interval hold only if that bound is right. Widen that bound, or hold that "
     "parameter at an independent value.",
-    Verdict.NOT_SEEN: "The data hardly depend on this parameter: the interval tells which values are "
-    "excluded, the value itself is not determined. Hold it fixed at an independent value.",
+    Verdict.NOT_SEEN: "The data hardly depend on this parameter: the interval excludes the values outside "
+    "it, the value itself is not determined. Hold it fixed at an independent value.",
     Verdict.PLATEAU: "The simulated response jumps by so much that the misfit is flat, to within its jumps, "
-    "over the width that the warnings name: values on it are not told apart. Refine both meshes, or hold "
+    "over the width that the warnings name: the data do not distinguish these values. Refine both meshes, "
+    "or hold "
     "another parameter.",
     Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
     "value. Add runs near the optimum and search again.",

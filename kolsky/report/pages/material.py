@@ -126,7 +126,7 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         heading=", ".join(test.label for test in result.tests),
         subject="rate dependence of the material",
         remarks=list(result.remarks),
-        sentence=result.verdict.sentence,
+        sentence=result.sentence,
         constants=constants,
         young=numbers.plain(1e-3 * result.young, 4),
         sweeps=sweeps,

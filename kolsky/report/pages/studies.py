@@ -305,8 +305,8 @@ def _budget_warnings(result: Budget) -> list[str]:
     texts = []
     if result.adds_up is False:
         texts.append(
-            "The sources added in quadrature do not give the uncertainty of all at once: they act on each "
-            "other, or the answer is not linear in them. The draws of all at once hold."
+            "The sources added in quadrature do not give the uncertainty with all sources at once: they "
+            "interact, or the answer is not linear in them. Use the uncertainty with all sources at once."
         )
     if len(result.elsewhere):
         places = ", ".join(
@@ -315,7 +315,7 @@ def _budget_warnings(result: Budget) -> list[str]:
         texts.append(
             f"{len(result.elsewhere)} of {result.searched} whole searches with all errors at once ended in "
             f"another valley of the misfit, at {places}. The uncertainties here are those within the valley "
-            "of the test without errors; a jump is no part of them."
+            "of the test without errors; jumps are not included."
         )
     if lost := [source.factor.words for source in result.sources if source.refused]:
         texts.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")

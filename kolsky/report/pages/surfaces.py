@@ -296,7 +296,9 @@ def calibration_summary(result: Calibration) -> dict[str, str]:
 
 def calibration_warnings(result: Calibration) -> list[str]:
     """Return the warnings about a calibration."""
-    texts = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in result.rejected]
+    texts = [
+        f"pair {pair.name} was left out: {pair.reason}. Cure: {pair.outcome.cure}" for pair in result.rejected
+    ]
     texts += [f"pair {pair.name}: {pair.reason}; export it again" for pair in result.unusable]
     if result.clustering > 2.0:
         texts.append(

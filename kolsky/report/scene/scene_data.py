@@ -254,7 +254,7 @@ def mesh_of(result: Identification) -> explicit.Mesh:
         specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]
         radius, length = 0.5 * float(specimen["diameter"]), float(specimen["length"])
     except (KeyError, TypeError, ValueError):
-        raise SceneDataMissing("the result's provenance does not say how large the specimen was") from None
+        raise SceneDataMissing("the result's provenance does not hold the size of the specimen") from None
     n_radial, n_axial = result.refined_mesh
     mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
     assert result.response.nodes is not None  # checked by `_simulated`

@@ -329,7 +329,7 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
     found = [
         f"{shot.name} is not counted: {shot.verdict.value}"
         if not np.isfinite(shot.m) or shot.sigma_own > 0.0
-        else f"{shot.name} is not counted: it has no uncertainty of its own, so that it would decide alone"
+        else f"{shot.name} is not counted: it has no uncertainty, so that it would decide alone"
         for shot in shots
         if not shot.counted
     ]
@@ -376,7 +376,7 @@ def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     if rates and rates != {None} and len(rates) > 1:
         return ["the quasi-static curves have different rates, or not all are declared: no line to them"]
     if rates == {None}:
-        return ['no curve says its strain_rate: add strain_rate = "0.03 1/s" to [curve] for a line to it']
+        return ['no curve has a strain_rate: add strain_rate = "0.03 1/s" to [curve] for a line to it']
     return []
 
 

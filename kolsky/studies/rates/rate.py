@@ -187,7 +187,7 @@ def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str
     """Refuse a result of other recordings; a shot file may have got a group or a rate since."""
     made_of = found.provenance.get("inputs")
     if not isinstance(made_of, dict):
-        raise InputError(place, "does not say which files it was made of", cure="identify the shot again")
+        raise InputError(place, "does not name the files it was made of", cure="identify the shot again")
     changed = sorted(
         name for name, digest in loaded.inputs.items() if name != shot_file and made_of.get(name) != digest
     )

@@ -213,7 +213,7 @@ class RatedShot:
         return self.verdict in good and np.isfinite(self.m) and self.sigma_own > 0.0
 
     def excess(self, channel: str) -> float:
-        """Residual of a channel over what a right model leaves [-]; NaN if it was not recorded."""
+        """Residual of a channel over the residual of a correct model [-]; NaN if it was not recorded."""
         return next((fit.excess for fit in self.found.fit if fit.channel == channel), float("nan"))
 
     def common_parts(self) -> dict[tuple[str, str], float]:

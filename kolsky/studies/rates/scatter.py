@@ -337,7 +337,7 @@ class Slope:
         )
         if self.verdict is SlopeVerdict.NONE_SEEN:
             found = f"{self.verdict.value} beyond ± {max(-low, high):.2g} per decade"
-        return f"{found}; would notice a slope beyond {self.fit.noticeable(1):.2g} per decade"
+        return f"{found}; a slope above {self.fit.noticeable(1):.2g} per decade would be detected"
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -440,8 +440,8 @@ def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -
             LARGEST_LEVERAGE,
             "1",
             False,
-            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its error"
-            " would go into the line and not show beside it: repeat the test at that rate",
+            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its "
+            "error would move the line without a visible residual: repeat the test at that rate",
         ),
         Criterion(
             "half width of the slope's interval over the mean",

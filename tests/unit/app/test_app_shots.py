@@ -36,6 +36,8 @@ def tree(root: Path, count: int = 3) -> Path:
     for name, text in (("ready", "format = 1\n"), ("blank", '[specimen]\ndiameter = ""  # > 0\n')):
         (root / name).mkdir()
         (root / name / "shot.toml").write_text(text)
+    (root / "plane").mkdir()
+    (root / "plane" / "dic.toml").write_text("format = 1\n")
     (root / "raw").mkdir()
     (root / "raw" / "scope.csv").write_text("a,b\n1,2\n")
     (root / "empty").mkdir()
@@ -48,6 +50,7 @@ def test_every_state(tmp_path: Path) -> None:
         "day 0/shot-0": "identified",
         "day 0/shot-2": "identified",
         "day 1/shot-1": "identified",
+        "plane": "pictures only",
         "ready": "not identified",
         "blank": "not filled in",
         "raw": "no shot.toml",
@@ -60,6 +63,15 @@ def test_every_state(tmp_path: Path) -> None:
     assert done.number("U stiffness_factor (1)") == pytest.approx(2.0 * estimate.sigma, rel=1e-6)
     (tmp_path / "day 0" / "shot-0" / "shot.toml").write_text("format = 1 # later\n")
     assert next(one.state for one in list_shots(tmp_path) if one.name == "day 0/shot-0") == "changed since"
+
+
+@pytest.mark.parametrize("content", [b"", b"a,b\n", b"\xff\xfe,\n1,2\n"], ids=["empty", "no row", "no text"])
+def test_a_damaged_summary_is_a_row_and_no_end(content: bytes, tmp_path: Path) -> None:
+    root = tree(tmp_path, 2)
+    (root / "day 0" / "shot-0" / "results" / "summary.csv").write_bytes(content)
+    states = {one.name: one.state for one in list_shots(root)}
+    assert states["day 0/shot-0"] == "summary.csv cannot be read"
+    assert states["day 1/shot-1"] == "identified"
 
 
 def test_of_each_shot_one_file_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,8 +87,8 @@ def test_of_each_shot_one_file_is_read(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(builtins, "open", counting)
     found = list_shots(root)
     inside = [name for name in opened if name.startswith(str(root))]
-    assert len(found) == 15
-    assert len(inside) == 14  # none of the folder without a shot file
+    assert len(found) == 16
+    assert len(inside) == 14  # none of the folders without a shot file
     assert len(set(inside)) == len(inside)
 
 
@@ -89,6 +101,7 @@ def test_a_row_is_sorted_by_numbers_and_shows_the_digits_that_count(tmp_path: Pa
     other = next(row for row in rows if row["state"] == "no shot.toml")
     assert other["m_number"] is None
     assert other["link"].startswith("/setup")
+    assert next(row["link"] for row in rows if row["name"] == "plane") == "/pictures?shot=plane"
 
 
 def test_the_campaign_is_one_table(tmp_path: Path) -> None:
@@ -102,7 +115,7 @@ def test_the_page_lists_and_names_them(tmp_path: Path) -> None:
 
     async def steps(user: User) -> None:
         await user.open("/")
-        await user.should_see("6 shots below")
+        await user.should_see("7 shots below")
         user.find("Compare the chosen").click()
         await user.should_see("Choose two shots or more.")
         await user.open("/setup?shot=..")

@@ -15,8 +15,10 @@ pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 from nicegui.testing import User
 from simulated import walk
 
+from doe.ledger import Pace
 from kolsky.app import jobs
 from kolsky.base.errors import InputError
+from kolsky.cli import terminal
 
 
 def wait(log: Path, seconds: float = 60.0) -> jobs.Job:
@@ -67,11 +69,45 @@ def test_progress_is_the_last_line_and_no_part_of_the_text(tmp_path: Path) -> No
         "mesh error: 3 of 7, 0:00:09 since the start\n",
     )
     job = jobs.read_job(log)
-    assert job.progress == ("mesh error", 3, 7)
+    assert job.stages[-1] == jobs.Stage("mesh error", 3, 7, "0:00:09 since the start")
+    assert [one.name for one in job.stages] == ["coarse search", "mesh error"]
     assert job.text == "warning: odd"
     assert job.started == "2026-01-02 03:04"
     assert not job.running  # process 1 is no command of ours
     assert "without a server" in job.state
+
+
+def test_a_stage_that_comes_back_is_the_current_one(tmp_path: Path) -> None:
+    """And a sweep's lines are progress too, before and after its rate is known."""
+    log = written(
+        shot(tmp_path / "one"),
+        "# kolsky sweep , process 1, started 2026-01-02 03:04\n"
+        "design: 10 of 40, 0:00:01 since the start\n"
+        "sweep: 0 of 256, \n"
+        "design: 40 of 40, 0:00:02 since the start\n"
+        "sweep: 30 of 256, 12.1 runs/s, 0:00:19 left\n"
+        "fit: force 1 of 3\n",
+    )
+    job = jobs.read_job(log)
+    assert [(one.name, one.done, one.time) for one in job.stages] == [
+        ("design", 40, "0:00:02 since the start"),
+        ("sweep", 30, "12.1 runs/s, 0:00:19 left"),
+    ]
+    assert job.text == "fit: force 1 of 3"
+
+
+def test_what_the_commands_print_is_progress(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The lines of `kolsky sweep` and of all others, as the terminal writes them."""
+    monkeypatch.setattr(terminal, "_EVERY", 0.0)
+    with terminal.printing(), terminal.progress_bars() as progress, terminal.sweep_progress() as pace:
+        progress("design", 3, 40)
+        pace(Pace(finished=0, total=256, rate=0.0))
+        pace(Pace(finished=30, total=256, rate=12.13))
+    lines = capsys.readouterr().err.splitlines()
+    found = [(one.name, one.done, one.total) for line in lines for one in jobs._stages([line])]
+    assert found == [("design", 3, 40), ("sweep", 0, 256), ("sweep", 30, 256)]
 
 
 @pytest.mark.parametrize(

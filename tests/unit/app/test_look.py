@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
 pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 
 from laboratory_files import OPEN_05
+from memory_pictures import Memory
 from nicegui import ui
 from nicegui.testing import User
 from simulated import walk
 from synthetic import fit, synthetic
 
-from kolsky.app.copies import changed_value, copy_with
+from kolsky.app.copies import changed_value, copy_with, original_of
+from kolsky.app.look import answer_words, misfit_words, picture_source
 from kolsky.app.what_if import GRID, Misfit, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.result import CauseFinding
@@ -102,6 +106,37 @@ def test_a_copy_says_what_the_diagnosis_applied(key: str, value: float, of: str,
         copy_with(folder, cause(key, value))
 
 
+def test_a_copy_names_its_original(tmp_path: Path) -> None:
+    for name in ("one", "one, specimen.length changed", "two, specimen.length changed"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "shot.toml").write_text("format = 1\n", encoding="utf-8")
+    assert original_of(tmp_path / "one, specimen.length changed") == tmp_path / "one"
+    assert original_of(tmp_path / "one") is None
+    assert original_of(tmp_path / "two, specimen.length changed") is None  # two is gone
+
+
+def test_the_change_of_the_misfit_in_words() -> None:
+    words = misfit_words(Misfit(3.0, 0.9), Misfit(2.0, 1.0))
+    assert words == "force 3.00, at the answer 2.00 (+50 %); outline 0.90, at the answer 1.00 (-10 %)"
+    assert misfit_words(Misfit(1.0, float("nan")), Misfit(1.0, float("nan"))) == (
+        "force 1.00, at the answer 1.00 (+0 %)"
+    )
+
+
+def test_an_estimate_has_greek_letters_in_a_page() -> None:
+    damping = synthetic(("stiffness_factor", "damping")).estimates["damping"]
+    assert answer_words(damping).startswith("β = ")
+    assert " µs (k = 2)" in answer_words(damping)
+
+
+def test_a_picture_beside_the_plots_is_as_wide_as_it_is_shown() -> None:
+    wide = np.random.default_rng(0).integers(0, 255, (64, 1280), dtype=np.uint8)
+    source = picture_source(Memory([wide, None]), 0)
+    png = base64.b64decode(source.removeprefix("data:image/png;base64,"))
+    assert cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE).shape == (32, 640)
+    assert picture_source(Memory([wide, None]), 1) == ""  # it cannot be read
+
+
 def test_values_of_the_model_take_the_place_of_the_declared_ones(tmp_path: Path) -> None:
     shutil.copytree(OPEN_05, tmp_path / "one")
     assert load_shot(copy_with(tmp_path / "one", cause("model.poisson", 0.4985))).model.poisson == 0.4985
@@ -130,7 +165,7 @@ def test_the_page(tmp_path: Path) -> None:
         (slider,) = user.find(marker="what-if-stiffness_factor").elements
         assert isinstance(slider, ui.slider)
         user.find(marker="what-if-stiffness_factor").trigger("change")
-        await user.should_see("at the answer force", retries=100)
+        await user.should_see(", at the answer ", retries=100)
         force = next(one for one in user.find(ui.echart).elements if "Transmitted force" in str(one.props))
         curves = {one["name"]: one["data"] for one in force.options["series"]}
         assert curves["model"][0][1] == pytest.approx(found.comparison.force_model[0], rel=1e-5)

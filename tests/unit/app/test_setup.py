@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -17,16 +19,23 @@ from nicegui import ui
 from nicegui.testing import User
 from simulated import walk
 
-from kolsky.app.draft import Conflict, Draft, choices, fields_of, optional_keys
+from kolsky.app.draft import Conflict, Draft, choices, fields_of, optional_keys, series_toml
 from kolsky.app.setup import new_shot
 from kolsky.app.signals import (
     MOST_POINTS,
+    Signal,
     assigned,
+    change_signal,
+    changes,
     curve_signal,
+    declared_series,
     entry,
     force_signal,
     interval_of,
     motion_signal,
+    on_clock,
+    picture_series,
+    rig_files,
     thinned,
 )
 from kolsky.base.errors import InputError
@@ -111,6 +120,29 @@ def test_two_tabs_cannot_overwrite_each_other(tmp_path: Path) -> None:
     assert tomllib.loads((tmp_path / "shot.toml").read_text())["specimen"]["length"] == "7 mm"
 
 
+def test_of_many_tabs_at_once_no_change_is_lost_or_torn(tmp_path: Path) -> None:
+    """Each enters its own key again and again; a refused one reads the file and enters it then."""
+    keys = [f"key_{i}" for i in range(4)]
+    path = draft(tmp_path, "# many\n" + "".join(f'{key} = "0"  # of {key}\n' for key in keys)).path
+
+    def enter(key: str) -> int:
+        mine, refused = Draft(path), 0
+        for number in range(1, 9):
+            while True:
+                try:
+                    mine.set_values({key: f'"{number}"'})
+                    break
+                except Conflict:
+                    refused += 1
+                    mine.reload()
+        return refused
+
+    with ThreadPoolExecutor(len(keys)) as tabs:
+        list(tabs.map(enter, keys))
+    assert path.read_text("utf-8") == "# many\n" + "".join(f'{key} = "8"  # of {key}\n' for key in keys)
+    assert list(tmp_path.iterdir()) == [path]  # no part of a file is left
+
+
 def test_a_text_that_is_no_toml_is_not_written(tmp_path: Path) -> None:
     one = draft(tmp_path)
     with pytest.raises(InputError, match="is no valid TOML"):
@@ -153,6 +185,130 @@ def test_plots_follow_signs_units_and_clocks() -> None:
     assert "Minus" in turned.y_name
     np.testing.assert_array_equal(getattr(motion_signal(OPEN_05, other), "y", None), -moved.y)
     np.testing.assert_array_equal(getattr(curve_signal(OPEN_05, other), "y", None), -curve.y)
+
+
+def test_a_motion_follows_the_clock_of_its_frames() -> None:
+    text = (OPEN_05 / "shot.toml").read_text("utf-8")
+    content = tomllib.loads(text)
+    moved = motion_signal(OPEN_05, content)
+    assert moved is not None
+    few = Signal(moved.x[:3], moved.y[:3], "", "")
+    now = on_clock(OPEN_05, content, few)
+    assert now is not None
+    times = np.loadtxt(OPEN_05 / "frames.csv", delimiter=",", skiprows=1)[:3, 1]
+    np.testing.assert_allclose(now.x, 1e6 * times, rtol=1e-12)
+    before, frames, after = text.partition("[frames]")
+    late = before + frames + after.replace('clock_offset = "0 us"', 'clock_offset = "-7 us"', 1)
+    later = on_clock(OPEN_05, tomllib.loads(late), few)
+    assert later is not None
+    np.testing.assert_allclose(later.x - now.x, -7.0, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(later.y, few.y)
+    assert on_clock(OPEN_05, content, Signal(np.array([1e4]), np.zeros(1), "", "")) is None
+
+
+RAW_FRAMES, RAW_SIDE, STEP = 8, 32, 10
+"""Pictures of each camera; from frame 4 on, camera 0 is brighter by so many grey values a frame."""
+
+
+def pictures_of_two_cameras(folder: Path) -> Path:
+    """Raw pictures and the times of their frames, no shot file."""
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(2)
+    for camera in (0, 1):
+        ground = rng.integers(20, 100, (RAW_SIDE, RAW_SIDE))
+        for k in range(RAW_FRAMES):
+            brighter = STEP * max(k - 3, 0) if camera == 0 else 0
+            cv2.imwrite(str(folder / f"cam{camera}_{k:02d}.png"), (ground + brighter).astype(np.uint8))
+    lines = "".join(f"{k},{1e-5 * k}\n" for k in range(RAW_FRAMES))
+    (folder / "frames.csv").write_text(f"frame,time (s)\n{lines}", encoding="utf-8")
+    (folder / "rig.xml").write_text("<rig/>", encoding="utf-8")
+    return folder
+
+
+def test_pictures_are_offered_and_compared(tmp_path: Path) -> None:
+    folder = pictures_of_two_cameras(tmp_path / "one")
+    assert [one.name for one in picture_series(folder)] == ["cam0_*.png", "cam1_*.png"]
+    assert rig_files(folder) == ["frames.csv", "rig.xml"]
+    assert series_toml("pattern", "cam0_*.png", ["192", " "]) == (
+        '{ pattern = "cam0_*.png", crop_offset = [192, ""] }'
+    )
+    content = {
+        "pictures": {
+            f"camera_{i}": tomllib.loads(f"value = {series_toml('pattern', f'cam{i}_*.png', ['0', '0'])}")[
+                "value"
+            ]
+            for i in (0, 1)
+        }
+    }
+    series = declared_series(folder, content)
+    found = changes(series)
+    assert found is not None
+    signal = change_signal(found)
+    brighter = [0, 0, 0, 0, *(STEP * k for k in range(1, RAW_FRAMES - 3))]
+    np.testing.assert_allclose(signal.y, 100.0 * np.array(brighter) / 255.0, rtol=1e-12)
+    np.testing.assert_array_equal(signal.x, np.arange(RAW_FRAMES))
+    content["pictures"]["camera_1"] = {"pattern": "none_*.png", "crop_offset": [0, 0]}
+    assert declared_series(folder, content) == []
+    assert changes([]) is None
+
+
+def test_frames_at_rest_are_chosen_over_the_pictures(tmp_path: Path) -> None:
+    folder = pictures_of_two_cameras(tmp_path / "root" / "one")
+    new_shot(folder, "pictures")
+    path = folder / "shot.toml"
+    remarks = [line.partition("#")[2] for line in path.read_text("utf-8").splitlines()]
+
+    def declared() -> dict[str, dict[str, object]]:
+        return tomllib.loads(path.read_text("utf-8"))
+
+    async def steps(user: User) -> None:
+        await user.open("/setup?shot=one")
+        (slider,) = user.find(marker="static-slider").elements
+        slider.set_value(4)
+        await user.should_see("Frame 3, the last one at rest")
+        user.find(marker="static-slider").trigger("change")
+        assert declared()["frames"]["static"] == 4
+        (field,) = user.find(marker="frames.static").elements
+        assert field.value == "4"
+        fill(user, "pictures.camera_0.x", "192")
+        fill(user, "pictures.camera_0.y", "64")
+        assert declared()["pictures"]["camera_0"] == {"pattern": "cam0_*.png", "crop_offset": [192, 64]}
+        fill(user, "pictures.camera_0", "cam1_*.png")
+        assert declared()["pictures"]["camera_0"] == {"pattern": "cam1_*.png", "crop_offset": [192, 64]}
+        fill(user, "calibration.file", "rig.xml")
+        assert declared()["calibration"]["file"] == "rig.xml"
+        user.find("Undo").click()
+        user.find("Undo").click()
+        assert declared()["pictures"]["camera_0"] == {"pattern": "cam0_*.png", "crop_offset": [192, 64]}
+
+    walk(tmp_path / "root", tmp_path / "main.py", steps)
+    assert [line.partition("#")[2] for line in path.read_text("utf-8").splitlines()] == remarks
+
+
+def test_a_dragged_stretch_stands_in_the_fields_and_problems_at_theirs(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    shutil.copytree(OPEN_05, root / "one")
+
+    async def steps(user: User) -> None:
+        await user.open("/setup?shot=one")
+        (plot,) = user.find(marker="plot-force").elements
+        assert [one["name"] for one in plot.options["series"]] == ["signal", "flyer"]
+        user.find(marker="plot-force").trigger(
+            "chart:brushEnd", {"areas": [{"coordRange": [-50.07, -150.02]}]}
+        )
+        content = tomllib.loads((root / "one" / "shot.toml").read_text("utf-8"))
+        assert content["force"]["baseline"] == ["-150 us", "-50.1 us"]  # inward, to a tenth of a microsecond
+        (end,) = user.find(marker="force.baseline.1").elements
+        assert end.value == "-50.1 us"
+        (area,) = plot.options["series"][0]["markArea"]["data"]
+        assert (area[0]["xAxis"], area[1]["xAxis"]) == pytest.approx((-150.0, -50.1))
+        fill(user, "force.baseline.1", "-160 us")
+        user.find(kind=ui.button, content="Check").click()
+        await user.should_see("The check found 1 problem", retries=100)
+        (label,) = (one for one in user.find(marker="problem-force.baseline").elements)
+        assert "ends before it begins" in label.text
+
+    walk(root, tmp_path / "main.py", steps)
 
 
 def test_a_chosen_file_brings_its_columns() -> None:

@@ -1,18 +1,16 @@
 """`kolsky open` in a browser, from raw files to m: `AUDIT=FOLDER pytest --long tests/unit/app/test_walk.py`.
 
 FOLDER has `npm install axe-core puppeteer-core` behind it; CHROMIUM names the browser. PICTURES names a
-folder that gets the pictures of the how-to.
+folder that gets the pictures and the film of the how-to.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
-import socket
 import subprocess
 import sys
-import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,35 +19,19 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 
 from laboratory_files import TYPED, laboratory
+from PIL import Image, ImageDraw, ImageFont
+from served import served
 from speckle_pictures import plane
 
 from kolsky.results.hdf5 import read_identification
 
-OPTIONS = ["--mesh", "12x16", "--refined-mesh", "16x22", "--replicates", "2", "--threads", "1"]
-"""A coarse mesh: a minute for an answer, whose interval is 1.136 ± 0.017; the truth is 1.12."""
+OPTIONS = ["--mesh", "12x16", "--refined-mesh", "18x24", "--replicates", "2"]
+"""Coarse meshes: 40 s of a processor for an answer, 1.129 ± 0.015; the truth is 1.12."""
+COARSER = ["--mesh", "12x16", "--refined-mesh", "16x22", "--replicates", "2"]
+"""Of the shot that is only compared."""
 PICTURES = ("shots", "setup", "run", "look", "pictures", "compare")
-
-
-def served(root: Path) -> tuple[subprocess.Popen[str], str]:
-    """The server over a folder, and the address that it prints."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    words = [sys.executable, "-m", "kolsky.cli", "open", str(root), "--no-browser", "--port", str(port)]
-    outside = {
-        key: value for key, value in os.environ.items() if not key.startswith("PYTEST")
-    }  # a user's own
-    server = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=outside)
-    assert server.stdout is not None
-    server.stdout.readline()
-    url = server.stdout.readline().strip()
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return server, url
-        time.sleep(0.1)
-    raise AssertionError("the server does not answer")
+FILM = (800, 532)
+"""Columns and rows of the film [px], the caption included."""
 
 
 @pytest.mark.long
@@ -61,8 +43,6 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     out.mkdir()
     laboratory(root / "shot5")
     plane(root / "plane")
-    shutil.copy(root / "plane" / "dic.toml", root / "plane" / "frames.csv")  # a table, so that it is listed
-    (root / "plane" / "frames.csv").write_text("frame,time (s)\n0,0\n1,1\n2,2\n", encoding="utf-8")
     typed: list[tuple[str, str]] = []
     for key, toml in TYPED.items():
         value = json.loads(toml)
@@ -72,42 +52,92 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
             else [(key, str(value))]
         )
     (out / "typed.json").write_text(json.dumps(typed), encoding="utf-8")
-    server, url = served(root)
-    try:
-        surroundings = {**os.environ, "NODE_PATH": f"{audit}/node_modules", "OPTIONS": " ".join(OPTIONS)}
+    with served(root) as (server, url):
+        own = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST")}
+        own |= {
+            "NODE_PATH": f"{audit}/node_modules",
+            "OPTIONS": " ".join(OPTIONS),
+            "COARSER": " ".join(COARSER),
+            "SERVER": json.dumps({"process": server.pid, "words": server.args}),
+        }
         script = Path(__file__).with_name("walk.js")
         done = subprocess.run(
             ["node", script, url, out, root],
-            env=surroundings,
+            env=own,
             capture_output=True,
             text=True,
-            timeout=900,
+            timeout=2400,
             check=False,
         )
-    finally:
-        server.terminate()
-        server.wait(20.0)
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["problems"] == []
     assert found["outside"] == []  # nothing is loaded from a network
     first, last = (float(end.removesuffix(" us")) for end in json.loads(found["baseline"]))
     assert -200.0 <= first < last < 0.0  # it was dragged: the survey's baseline ends after 0
+    assert found["states"]["tabs"] == ["6.6 mm", "870 kg/m^3"]  # of the other tab, not of the refused one
+    assert found["states"]["undone"] == ["6.5 mm", "870 kg/m^3"]
+    assert ": running" in found["states"]["afterKill"]
     assert "m = 1.1" in found["log"]
+    assert "force explained" in found["log"]
+    assert found["states"]["report"] == [200, "shot5"]
+    assert found["states"]["filtered"] == ["shot5, longer"]
+    assert found["hostile"] == {
+        "read": "refused",
+        "read blindly": "refused",
+        "post": "refused",
+        "websocket": "refused",
+        "frame": "refused",
+        "another name": "status 403",
+    }
     assert done.returncode == 0
-    by_page = read_identification(root / "shot5" / "results" / "identification.h5")
-    again = [
+    assert (root / "plane" / "results" / "dic.h5").is_file()
+    _same_by_command(root / "shot5", tmp_path / "out2")
+    if target := os.environ.get("PICTURES"):
+        for name in PICTURES:
+            _small(out / f"{name}-1280.png", Path(target) / f"app_{name}.png")
+        _write_film(out, found["film"], Path(target) / "app_walk.webp")
+
+
+def _same_by_command(shot: Path, out: Path) -> None:
+    """The same shot.toml gives the same bits by the command line."""
+    words = [
         sys.executable,
         "-m",
         "kolsky.cli",
         "identify",
-        str(root / "shot5"),
+        str(shot),
         "--out",
-        str(tmp_path / "again"),
+        str(out),
+        "--quiet",
+        *OPTIONS,
     ]
-    subprocess.run([*again, *OPTIONS, "--quiet"], check=True)
-    by_command = read_identification(tmp_path / "again" / "identification.h5")
-    assert by_page.estimates == by_command.estimates  # to the bit
+    subprocess.run(words, check=True)
+    by_page = read_identification(shot / "results" / "identification.h5")
+    by_command = read_identification(out / "identification.h5")
+    assert by_page.estimates == by_command.estimates
     np.testing.assert_array_equal(by_page.design.points, by_command.design.points)
-    if target := os.environ.get("PICTURES"):
-        for name in PICTURES:
-            shutil.copy(out / f"{name}-1280.png", Path(target) / f"app_{name}.png")
+    for name in ("force.csv", "profile.csv", "summary.csv"):
+        assert (shot / "results" / name).read_bytes() == (out / name).read_bytes()
+
+
+def _small(source: Path, target: Path) -> None:
+    """A picture of a page in 256 colours: a third of the bytes."""
+    with Image.open(source) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(target, optimize=True)
+
+
+def _write_film(out: Path, pictures: Sequence[tuple[str, str, float]], target: Path) -> None:
+    """The pictures with their captions, one after the other, as an animated WebP that is shown twice."""
+    frames = []
+    font = ImageFont.load_default(19)
+    for name, words, _ in pictures:
+        frame = Image.new("RGB", FILM, "#0072b2")
+        with Image.open(out / name) as image:
+            seen = image.convert("RGB").crop((0, 0, 1280, 800))
+            frame.paste(seen.resize((800, 500), Image.Resampling.LANCZOS), (0, 0))
+        ImageDraw.Draw(frame).text((14, 505), words, fill="white", font=font)
+        frames.append(frame)
+    durations = [round(1000.0 * seconds) for _, _, seconds in pictures]
+    frames[0].save(
+        target, save_all=True, append_images=frames[1:], duration=durations, loop=2, quality=55, method=6
+    )

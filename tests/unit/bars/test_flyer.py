@@ -17,7 +17,7 @@ from kolsky.bars.flyer.jerks import (
     noise_parts,
     posterior,
 )
-from kolsky.bars.flyer.path import fit_flyer, responses, whitening
+from kolsky.bars.flyer.path import FlyerPath, fit_flyer, responses, whitening
 from kolsky.base.records import FlyerMotion
 
 ROOT = Path(__file__).parents[3]
@@ -347,3 +347,16 @@ def test_warm_air_is_no_motion():
     assert rms[1] < 0.6 * rms[0]
     assert np.sqrt(np.mean((errors[1] / spreads[1]) ** 2)) < 2.0
     assert np.sqrt(np.mean((errors[0] / spreads[0]) ** 2)) > 2.0
+
+
+def test_all_patterns_of_a_path_make_its_covariance() -> None:
+    rng = np.random.default_rng(7)
+    root = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-2.0, 2.0, 6)[:, None]
+    spans = rng.uniform(1.0, 2.0, 6)
+    path = FlyerPath(np.append(0.0, np.cumsum(spans)), np.zeros(6), root @ root.T, 0.0, 1.0, 1.0, 10.0, 1.0)
+    jerks = path.noise_patterns(6)
+    np.testing.assert_allclose(jerks.T @ jerks, path.covariance, rtol=1e-7)
+    # Fewer are those that move the velocity most, each by less than the one before.
+    moved = np.linalg.norm(np.cumsum(np.cumsum(jerks * spans, 1) * spans, 1), axis=1)
+    assert (np.diff(moved) <= 1e-9 * moved[0]).all()
+    np.testing.assert_allclose(path.noise_patterns(2), jerks[:2])

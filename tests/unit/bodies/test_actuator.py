@@ -168,6 +168,8 @@ density = "1.02 g/cm^3"
 [gravity]
 downward = {gravity}
 """
+STIFF = 'constants = { mu = "10 MPa" }\npoisson = 0.4\n'
+TABLE = '[plane.table]\npoint = ["0 mm", "0 mm", "1 mm"]\nnormal = [0, 0, 1]\n'
 SMALL = 'chambers = 2\nelement = "hex8"'
 
 
@@ -209,11 +211,34 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
             "actuator that is .* long",
         ),
         ({'["0.1 bar", "0.4 bar"]': '["-0.1 bar", "0.4 bar"]'}, "are of both signs"),
+        ({"[gravity]": f'[part.layer]\nheight = ["0 mm", "30 mm"]\n{STIFF}[gravity]'}, "heights must be in"),
+        ({"[gravity]": f'[part.layer]\nheight = ["1 mm", "0 mm"]\n{STIFF}[gravity]'}, "has no cell"),
+        ({"[gravity]": f"[part.layer]\n{STIFF}[gravity]"}, "part.layer.height"),
+        ({"[gravity]": f"{TABLE}[gravity]"}, "lies 1 mm inside the actuator"),
+        ({"[gravity]": f'{TABLE.replace("1 mm", "-1 mm")}[path]\nfirst = "1 Pa"\n[gravity]'}, "not followed"),
+        ({"[gravity]": '[blocked]\nset = "thumb"\n[gravity]'}, "no set 'thumb'"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         read_actuator(_spec(tmp_path, **wrong))
+
+
+def test_parts_and_the_outside_are_declared(tmp_path: Path) -> None:
+    part = f'[part.layer]\nheight = ["0 mm", "0.3 mm"]\ndensity = "1.2 g/cm^3"\n{STIFF}'
+    added = part + TABLE.replace("1 mm", "-1 mm") + "[blocked]\n[gravity]"
+    made = read_actuator(_spec(tmp_path, **{"[gravity]": added})).actuator
+    heights = made.mesh.points[made.mesh.cells[made.parts[0].cells], 2]
+    assert (heights.min(), heights.max()) == pytest.approx((0.0, 0.3e-3))
+    # K = 2 mu (1 + nu) / (3 (1 - 2 nu))
+    assert made.constants()[1] == pytest.approx([10e6, 10e6 * 2.8 / 0.6])
+    assert made.density_of_regions == pytest.approx((1020.0, 1200.0))
+    assert [one.where for one in made.world] == ["end", "table"]
+    touching = made.mesh.nodes("table")
+    assert not np.isin(touching, np.concatenate([made.mesh.nodes("end"), made.mesh.nodes("clamp")])).any()
+    inner = np.setdiff1d(made.mesh.nodes("cavity"), made.mesh.nodes("mirror"))
+    assert not np.isin(inner, touching).any()
+    assert np.isin(made.mesh.nodes("gap_1_left")[:1], touching).all()
 
 
 def _vtu(path: Path, mesh, sets) -> None:
@@ -547,7 +572,7 @@ def test_reduced_slope_is_the_difference_of_bends(reduction) -> None:
 def test_loop_with_the_reduced_model_reaches_the_angle_of_a_softer_plant(reduction) -> None:
     soft = actuator()
     p = np.linspace(0.0, MOST, 5)
-    angle = soft.simulate(DOWN, p, solid=soft.solid.with_parameters(0.85 * soft.solid.parameters())).angle
+    angle = soft.simulate(DOWN, p, constants=soft.constants(0.85)).angle
     wanted = np.repeat([0.03, 0.05], 60)
     controller = Controller(reduction.model, gain=0.3, most=MOST)
     found = run_loop(controller, Plant(p, angle, 0.02, 1, 0.0), wanted, rate=20.0, seed=1)

@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from explicit.materials import LAWS
 from kolsky.bodies.actuator_bending import Search, SearchEnd, implausible_load, pressure_for, pressures_for
 from kolsky.bodies.actuator_control import reduce_actuator
-from kolsky.bodies.actuator_model import bend_of, bend_slope, touching
+from kolsky.bodies.actuator_model import Actuator, Part, bend_of, bend_slope, forces_outside, touching
 from kolsky.bodies.actuator_reading import read_actuator
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_fit import LIMIT, debonding
 from kolsky.bodies.specimen_model import Shape, SpecimenModel, strains
-from kolsky.equilibrium.model import SelfContact
+from kolsky.equilibrium.meshes import Mesh, grid
+from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact
+from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import Newton
 from kolsky.equilibrium.surface_contact import surface_contacts
 from tests.unit.bodies.small import DOWN, MOST, actuator
@@ -286,3 +289,73 @@ def test_a_shorter_bond() -> None:
     assert STRIP.shortened().bond == pytest.approx(0.005)
     with pytest.raises(ValueError, match="at least 2"):
         Shape("strip", (0.08, 0.02, 0.004), 0.005, (16, 4, 2)).shortened()
+
+
+SPAN, CAP, LAYER, CLOSED = 0.2, 5e-3, 2e-3, (2e-3, 6e-3)
+"""Length, thickness of the closed end and of the stiff layer, heights of the hole of a square bar of 10 mm
+with a hole 4 mm wide [m]."""
+YOUNG, RATIO, SMALL_PRESSURE = 1e6, 20.0, 200.0
+"""Modulus [Pa], that of the layer over it [-]; bends of 2e-4 rad, far inside the range of small ones [Pa]."""
+
+
+def _linear(young: float) -> Isotropic:
+    """A rubber of Poisson's ratio 0: nothing couples the walls' stress across with that along the bar."""
+    return Isotropic(LAWS["neo_hookean"].of([0.5 * young]), bulk(young / 3.0))
+
+
+def _layered(*world: Fixed | RigidPlane) -> Actuator:
+    """Half of the bar, clamped at x = 0, with a stiff layer at its bottom."""
+    x = np.concatenate([np.linspace(0.0, SPAN - CAP, 7), [SPAN]])
+    keep = np.ones((len(x) - 1, 2, 3), dtype=bool)
+    keep[:-1, 0, 1] = False
+    mesh = grid([x, np.array([0.0, 2e-3, 5e-3]), np.array([0.0, *CLOSED, 10e-3])], keep)
+    p, tight = mesh.points, 1e-9
+    low, far = p[:, 2] < tight, p[:, 0] > SPAN - tight
+    inside = (p[:, 0] < SPAN - CAP + tight) & (p[:, 1] < 2e-3 + tight) & (np.abs(p[:, 2] - 4e-3) < 2.001e-3)
+    middle = p[:, 1] < tight
+    masks = {
+        "clamp": p[:, 0] < tight, "mirror": middle, "cavity": inside, "edge": far & low,
+        "origin": (p[:, 0] < tight) & middle & low, "tip": far & middle & low,
+    }  # fmt: skip
+    sets = {name: np.flatnonzero(mask) for name, mask in masks.items()}
+    layer = np.flatnonzero(p[mesh.cells, 2].mean(axis=1) < LAYER)
+    part = Part("layer", _linear(RATIO * YOUNG), 3000.0, layer)
+    return Actuator(
+        Mesh(p, mesh.cells, mesh.kind, sets), ("cavity",), _linear(YOUNG), 1000.0, parts=(part,), world=world
+    )
+
+
+def _beam() -> tuple[float, float]:
+    """Deflection of the free end [m] and EI [N m^2] of the layered beam under the pressure on its closed end,
+    which acts in the hole's middle."""
+    parts = [(10e-3, 0.0, LAYER, RATIO), (10e-3, LAYER, 10e-3, 1.0), (-4e-3, *CLOSED, 1.0)]
+    stiff = [(b * (top - low) * e, 0.5 * (low + top), top - low) for b, low, top, e in parts]
+    centre = sum(s * z for s, z, _ in stiff) / sum(s for s, *_ in stiff)
+    bending = YOUNG * sum(s * (h**2 / 12.0 + (z - centre) ** 2) for s, z, h in stiff)
+    moment = SMALL_PRESSURE * 16e-6 * (4e-3 - centre)
+    return moment * (SPAN - CAP) * (SPAN - 0.5 * (SPAN - CAP)) / bending, bending
+
+
+def test_a_layered_bar_bends_presses_and_is_blocked_as_a_beam() -> None:
+    deflection, bending = _beam()
+    pressure = np.array([SMALL_PRESSURE])
+    free = _layered().simulate((0.0, 0.0, 0.0), pressure)
+    # 1 %: shear, and the ends of the hole, are (height / length)^2 = 0.25 % and more of the bend
+    assert free.solution.mean_displacement("tip")[0, 2] == pytest.approx(-deflection, rel=0.01)
+    blocked = deflection * 3.0 * bending / SPAN**3
+    held = _layered(Fixed("edge", (2,))).simulate((0.0, 0.0, 0.0), pressure)
+    assert forces_outside(held)["edge"][0] == pytest.approx([0.0, 0.0, -blocked], rel=0.01)
+    table = RigidPlane("edge", (0.0, 0.0, 2.0), (0.0, 0.0, -0.4 * deflection))
+    pressed = _layered(table).simulate((0.0, 0.0, 0.0), pressure)
+    assert forces_outside(pressed)["edge"][0] == pytest.approx([0.0, 0.0, -0.6 * blocked], rel=0.015)
+
+
+def test_every_part_has_its_own_weight_and_scales_alike() -> None:
+    one = _layered()
+    lying = one.simulate((0.0, 0.0, -1e-3), np.zeros(1))
+    mass = 3000.0 * 10e-3 * LAYER * SPAN + 1000.0 * (80e-6 * SPAN - 16e-6 * (SPAN - CAP))
+    assert 2.0 * lying.solution.reaction("clamp")[0, 2] == pytest.approx(1e-3 * mass, rel=1e-6)
+    ogden = Isotropic(LAWS["ogden1"].of([2e5, 3.0]), bulk(1e6))
+    own = replace(one, solid=ogden, parts=()).constants()
+    assert replace(one, solid=ogden, parts=()).constants(2.0) / own == pytest.approx(np.array([[2, 1, 2]]))
+    assert one.constants(2.0) == pytest.approx(2.0 * one.constants())

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from boards import LENS, MATRIX, averaged, dots, flat, pose
+from boards import CALIBRATION, LENS, MATRIX, SHIFT, board_series
 from kolsky_command import json_of
 from speckle_pictures import render, speckle_pattern
 from typer.testing import CliRunner
@@ -161,44 +161,10 @@ def test_a_shot_is_not_taken_for_a_measurement(folder, tmp_path):
         shot_toml(tmp_path)
 
 
-HOLLOW = ((2, 2), (7, 2), (2, 5))
-MIDDLE = (5.4e-3, 4.2e-3)
-TURN = cv2.Rodrigues(np.array([0.0, 0.2, 0.0]))[0]
-SHIFT = np.array([0.0, 0.0, 0.1]) - TURN @ [0.0, 0.0, 0.1] + [1e-4, 2e-4, 0.0]
-
-CALIBRATION = """
-[calibration]
-camera_0 = "left_*.png"
-camera_1 = "right_*.png"
-distortion = "k1 k2 p1 p2"
-
-[calibration.target]
-kind = "fiducial_dots"
-columns = 10
-rows = 8
-pitch = "1.2 mm"
-diameter = "0.6 mm"
-hole = "0.28 mm"
-hollow = [[2, 2], [7, 2], [2, 5]]
-"""
-
-
 @pytest.fixture(scope="module")
 def series(tmp_path_factory) -> Path:
     """Seven pairs of a board with calibration.toml; the fourth and the sixth of camera 1 are swapped."""
-    folder = tmp_path_factory.mktemp("series")
-    paint = dots(10, 8, 1.2e-3, 0.6e-3, HOLLOW, 0.28e-3)
-    rng = np.random.default_rng(5)
-    second = []
-    for k in range(7):
-        R, t = pose(tuple(rng.uniform(-0.45, 0.45, 3)), MIDDLE, 0.1 + rng.uniform(-4e-3, 4e-3))
-        cv2.imwrite(str(folder / f"left_{k}.png"), averaged(flat(paint, R, t), noise=1.5, seed=k))
-        second.append(averaged(flat(paint, TURN @ R, TURN @ t + SHIFT), noise=1.5, seed=50 + k))
-    second[3], second[5] = second[5], second[3]
-    for k, picture in enumerate(second):
-        cv2.imwrite(str(folder / f"right_{k}.png"), picture)
-    (folder / "calibration.toml").write_text(CALIBRATION)
-    return folder
+    return board_series(tmp_path_factory.mktemp("series"))
 
 
 def run(*arguments: object):

@@ -71,7 +71,7 @@ def test_a_series_of_another_length_is_not_the_tests(tmp_path: Path) -> None:
         "board/left_*.png", "board/right_*.png", "left.tif", "right.tif",
     ]  # fmt: skip
     done = runner.invoke(app, ["new", "--pictures", str(folder)])
-    assert "left.tif: 185 pictures of 8 x 6 px: of no part of the shot beyond doubt" in done.stdout
+    assert "left.tif: 185 pictures of 8 x 6 px: not clearly part of the shot" in done.stdout
     assert (folder / "shot.toml").read_text("utf-8").count("[calibration.target]") == 1
 
 

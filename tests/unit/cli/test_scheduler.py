@@ -20,7 +20,7 @@ FILE = "scheduler.json"
 
 @contextmanager
 def listener(says: bytes | None) -> Iterator[str]:
-    """A port that takes connections and says nothing, or always the same."""
+    """A port that takes connections and does not answer, or always the same."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def talk() -> None:

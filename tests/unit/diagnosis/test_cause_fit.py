@@ -15,7 +15,6 @@ from kolsky.diagnosis.cause_fit import (
     holm,
     solve_linear,
 )
-from kolsky.diagnosis.cause_model import leading_patterns
 
 K = 60
 """Entries: the first half are the force's."""
@@ -167,15 +166,3 @@ def test_probabilities_are_adjusted_as_holm_says() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
     assert holm([]) == []
-
-
-def test_all_patterns_of_a_path_make_its_covariance() -> None:
-    rng = np.random.default_rng(7)
-    root = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-2.0, 2.0, 6)[:, None]
-    covariance, spans = root @ root.T, rng.uniform(1.0, 2.0, 6)
-    jerks = leading_patterns(covariance, spans, 6)
-    np.testing.assert_allclose(jerks @ jerks.T, covariance, rtol=1e-7)
-    # Fewer are those that move the velocity most, each by less than the one before.
-    moved = np.linalg.norm(np.cumsum(np.cumsum(jerks * spans[:, None], 0) * spans[:, None], 0), axis=0)
-    assert (np.diff(moved) <= 1e-9 * moved[0]).all()
-    np.testing.assert_array_equal(leading_patterns(covariance, spans, 2), jerks[:, :2])

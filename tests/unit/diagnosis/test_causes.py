@@ -11,8 +11,14 @@ from doe import Box
 from kolsky.diagnosis.cause_search import Trial
 from kolsky.diagnosis.causes import (
     ALIKE,
+    CONTENDERS,
+    LEAST_SHARE,
+    LEVEL,
     MISTAKE,
+    SURE,
+    Best,
     CauseAnalysis,
+    _contenders,
     by_evidence,
     cause_warnings,
     in_groups,
@@ -20,10 +26,12 @@ from kolsky.diagnosis.causes import (
     sentence,
     stiffness_at_bound,
     strangeness,
+    with_leading,
+    with_suspects,
     without_twin_between,
 )
 from kolsky.inverse.result import CauseFinding
-from kolsky.shot.inputs import DENSITY, POISSON, SENSITIVITY, causes
+from kolsky.shot.inputs import CURVE_SCALE, DENSITY, POISSON, SENSITIVITY, causes
 
 BY_KEY = {c.key: c for c in causes()}
 
@@ -119,7 +127,7 @@ def test_a_misfit_that_nothing_explains_is_said_and_a_right_shot_is_quiet() -> N
     assert said.startswith("no single change of an input explains the misfit (the residual is 5 and 1 times")
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([2.1, 1.1]))))
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])), explained=True))
-    (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), "the run ended"))
+    (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), lost="the run ended"))
     assert lost == "which input may be wrong could not be tried: the run ended"
 
 
@@ -203,3 +211,64 @@ def test_a_scale_of_the_force_stands_once_before_what_explains_as_much() -> None
     # 1.1 of 3 %, 3.4 of 1 % and 3.5 of 0.2 %, all as likely.
     tried = [trial(SENSITIVITY, 0.968, 0.0), trial(DENSITY, 1.034, 0.1), trial("frames.time", 0.993, 6.0)]
     assert in_groups(search(), tried) == [SENSITIVITY, "frames.time", DENSITY]
+
+
+def test_an_input_is_suspected_where_the_data_are_sure_and_the_answer_leaves_its_interval() -> None:
+    """From 1.00 with sigma 0.01 the answer leaves at 1.02; the probability must be below `SURE`."""
+
+    def one(key: str, probability: float, m: float, **more: Any) -> CauseFinding:
+        parameters = {"stiffness_factor": m}
+        return finding(key=key, named=False, probability=probability, parameters=parameters, **more)
+
+    tried = (
+        one("stays", 0.1 * SURE, 1.019),
+        one("by chance", 2.0 * SURE, 1.5),
+        one("within", 0.1 * SURE, 1.5, declared_sigma=0.4),
+        one("lost", 0.1 * SURE, 1.5, status="the run ended"),
+        one("moves", 0.2 * SURE, 1.021),
+        one("moves more surely", 0.1 * SURE, 0.979),
+    )
+    found = with_suspects(tried, {"stiffness_factor": 1.0}, 0.01)
+    assert [f.key for f in found if f.named] == ["moves more surely", "moves"]
+    assert [f.key for f in found][2:] == ["stays", "by chance", "within", "lost"]
+    (said, _) = cause_warnings(CauseAnalysis(found, np.ones(2)), explained=True)
+    assert said.startswith("the model explains the data, and a force gain of 0.498 ± 0.010 (k = 2) would fit")
+
+
+def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_own() -> None:
+    """Strong ones within `KEPT` of the best, if there are two at least, and no more than `CONTENDERS`."""
+
+    def best(key: str, loss: float) -> Best:
+        one = trial(key, 1.1, loss)
+        return Best(one, one, SimpleNamespace())  # type: ignore[arg-type]
+
+    judge: Any = search()
+    judge.gain = lambda misfits: 200.0 - float(np.log(misfits[0]))
+    keys = [SENSITIVITY, DENSITY, "frames.time", "pictures.scale", "specimen.length", "specimen.diameter"]
+    near = [best(key, 10.0 * i) for i, key in enumerate(keys)]
+    assert [b.own.candidate.key for b in _contenders(judge, near)] == keys[:CONTENDERS]
+    far = [best(SENSITIVITY, 0.0), best(DENSITY, 61.0), best("frames.time", 110.0)]
+    assert _contenders(judge, far) == []
+    weak = [best(SENSITIVITY, 90.0), best(DENSITY, 101.0)]
+    assert _contenders(judge, weak) == []
+
+
+def test_of_an_answer_that_is_withheld_the_leading_inputs_are_named() -> None:
+    """Significant and a share of the misfit are enough there; at a bound what lies beyond comes first."""
+
+    def one(key: str, probability: float, share: float, **more: Any) -> CauseFinding:
+        return finding(key=key, named=False, probability=probability, explained=share, evidence=4.0, **more)
+
+    tried = (
+        one("leads", 0.9 * LEVEL, LEAST_SHARE),
+        one("by chance", 1.1 * LEVEL, 0.9),
+        one("little", 0.0, 0.9 * LEAST_SHARE),
+        one("within", 0.0, 0.9, declared_sigma=0.4),
+        one("lost", 0.0, 0.9, status="the run ended"),
+        one(CURVE_SCALE, 1.0, 0.0),
+        one("follows", 0.0, 0.9),
+    )
+    assert [f.key for f in with_leading(tried, at_bound=False) if f.named] == ["leads", "follows"]
+    found = with_leading(tried, at_bound=True)
+    assert [f.key for f in found if f.named] == [CURVE_SCALE, "leads", "follows"]
+    assert len(found) == len(tried)

@@ -71,12 +71,12 @@ def test_evidence_counts_against_the_answer_and_not_against_the_other_start() ->
     # Noise of mean square one, and what is left of the data beside it, over K entries.
     assert answer.before[0] == pytest.approx(1.0 + LATE**2 / K, abs=0.3)
     assert second.before[0] == pytest.approx(1.0 + (LATE**2 + OFF**2) / K, abs=0.3)
-    second.judge(answer, [])
+    second.judge(answer)
     assert second.before[0] == answer.before[0]
     # An answer that is worse than the other start is no yardstick.
     worse, better = searches()[1], searches()[0]
     before = better.before[0]
-    better.judge(worse, [])
+    better.judge(worse)
     assert better.before[0] == before
 
 
@@ -85,8 +85,8 @@ def test_an_input_out_of_reach_of_the_answer_is_named_from_the_other_start() -> 
     tried = [candidate("late"), candidate("idle")]
     trials = best_trials(answer, tried)
     assert not any(f.named for f in ranked(answer, trials))
-    seen = second.judge(answer, trials)
-    both = [Best(s, t, answer) for s, t in zip(seen, trials, strict=True)]
+    second.judge(answer)
+    both = [Best(second.seen(answer, t), t, answer) for t in trials]
     both += [Best(t, t, second) for t in best_trials(second, tried)]
     best = best_of_each(both, second)
     assert {one.own.candidate.key: one.search for one in best}["late"] is second
@@ -107,7 +107,7 @@ def test_trials_of_the_answer_keep_the_entries_that_count_in_both() -> None:
         misfits=lambda r: np.array([float(r @ r) / len(r), 1.0]), times=np.array([K, 0])
     )
     second.before = np.zeros(2)
-    (seen,) = second.judge(answer, trials)
+    seen = second.seen(answer, trials[0])
     np.testing.assert_array_equal(seen.residual, trials[0].residual[10:])
     assert seen.misfits[0] == pytest.approx(float((trials[0].residual[10:] ** 2).mean()))
 

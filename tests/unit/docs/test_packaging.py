@@ -1,6 +1,7 @@
 """What is installed: the conda recipe asks for what the package asks for, every file of a page is shipped."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,9 +10,14 @@ import tomllib
 import zipfile
 from fnmatch import fnmatch
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
+from kolsky_command import run_kolsky
+
+from kolsky.base.errors import InputError
+from kolsky.cli import identify
 
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -70,13 +76,17 @@ def test_the_wheel_holds_every_file_of_the_packages_and_runs_outside_the_tree(tm
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
         archive.extractall(tmp_path / "site")
+    shot = {name for name in held if ".data/" in name}  # of `kolsky demo`
+    assert {name.partition(".data/data/share/kolsky/")[2] for name in shot} == {
+        f"open-05/{path.name}" for path in (ROOT / "runs" / "open-05").glob("*.*")
+    }
     there = {
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
-    assert held == there
+    assert held - shot == there
     for arguments in (["--version"], ["virtual", "new", str(tmp_path / "lab")]):
         code = f"import sys; sys.argv[1:] = {arguments!r}; from kolsky.cli import main; main()"
         done = subprocess.run(
@@ -122,3 +132,42 @@ def test_classifiers_name_the_pythons_and_the_field() -> None:
     assert "Programming Language :: Python :: 3.11" in said
     assert "Typing :: Typed" in said
     assert any(text.startswith("Topic :: Scientific/Engineering") for text in said)
+
+
+def test_the_shot_of_the_demo_comes_from_the_source_tree_or_from_what_was_installed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    names = {path.name for path in (ROOT / "runs" / "open-05").glob("*.*")}
+    assert {path.name for path in identify.demo_files()} == names
+    (tmp_path / "open-05").mkdir()
+    installed = [tmp_path / "open-05" / name for name in ("scope.csv", "shot.toml")]
+    for path in installed:
+        path.write_text("", "utf-8")
+    listed = [SimpleNamespace(parent=path.parent, locate=lambda path=path: path) for path in installed]
+    listed.append(SimpleNamespace(parent=Path("kolsky/cli"), locate=lambda: tmp_path / "identify.py"))
+    monkeypatch.setattr(identify, "__file__", str(tmp_path / "kolsky" / "cli" / "identify.py"))
+    monkeypatch.setattr(identify.metadata, "files", lambda name: listed)
+    assert identify.demo_files() == installed
+    installed[0].unlink()
+    with pytest.raises(InputError, match="without its shot open-05"):
+        identify.demo_files()
+
+
+def test_the_demo_is_a_new_folder_with_the_shot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    jobs: list[identify.SingleShotJob] = []
+    monkeypatch.setattr(identify, "_print_one", jobs.append)
+    run_kolsky("demo", tmp_path / "a" / "trial", "-v")
+    assert (jobs[0].shot, jobs[0].verbose) == (tmp_path / "a" / "trial", True)
+    for path in identify.demo_files():
+        assert (tmp_path / "a" / "trial" / path.name).read_bytes() == path.read_bytes()
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["trial"]  # nothing half-made
+    refused = run_kolsky("demo", tmp_path / "a" / "trial", code=2)
+    assert "exists already and was not changed" in refused.stderr
+    assert len(jobs) == 1
+
+
+def test_the_release_notes_are_short() -> None:
+    releases = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)[1:]
+    assert releases[0].startswith(f"[{PROJECT['project']['version']}]")
+    for notes in releases:
+        assert notes.count("\n- ") <= 10, notes.partition("\n")[0]

@@ -132,7 +132,7 @@ def test_failed_runs_shorten_the_step_and_are_told_at_the_start() -> None:
     with pytest.raises(ValueError, match="no search could start"):
         least_squares(fragile, BOX, [[2.0, 1e-4]], data=NOISY, weighting=constant)
     both = least_squares(fragile, BOX, [[0.3, 1e-4], [2.0, 1e-4]], data=NOISY, weighting=constant)
-    assert both[1].ended == "the run at the start, or one beside it, failed"
+    assert both[1].ended == "the run at the start, or a neighbouring one, failed"
     assert not both[1].converged
 
 

@@ -18,7 +18,7 @@ from kolsky.inverse.path_noise import (
     PathModes,
     credible,
     data_change,
-    front_modes,
+    drawn_modes,
     likely_amplitudes,
 )
 from kolsky.inverse.settings import Settings
@@ -34,9 +34,9 @@ def test_modes_move_path_and_data_alike() -> None:
     noise = rng.uniform(0.1, 0.3, 9)
     modes = PathModes.of(deviations @ response, noise, deviations)
     assert modes.patterns.shape == (2, 9)
-    # Their outer products are the replicates' mean square.
+    # Their outer products are those of the changes.
     change = deviations @ response
-    np.testing.assert_allclose(modes.patterns.T @ modes.patterns, change.T @ change / 30, atol=1e-12)
+    np.testing.assert_allclose(modes.patterns.T @ modes.patterns, change.T @ change, atol=1e-12)
     moved = modes.moved(REST, np.array([1.5, -2.0]))
     np.testing.assert_allclose(moved.jerk @ response, np.array([1.5, -2.0]) @ modes.patterns, atol=1e-12)
 
@@ -69,7 +69,6 @@ class Onset(MadeUp):
         self.observations = objective(data, np.empty(0)).observations
         self.front = FrontPath(REST)
         self.lost = 0
-        self.draws = np.random.default_rng(8).standard_normal((replicates, 2))
 
     def rings(self, x: np.ndarray) -> np.ndarray:
         turns = 2.0 * np.pi * 0.5 * np.sqrt(x[0] / (1.0 - 2.0 * x[1]))
@@ -86,8 +85,9 @@ class Onset(MadeUp):
         jerks = self.front.path.jerk + np.concatenate([np.zeros((1, 2)), came])
         return [self.predicted(np.repeat(x[None], len(jerks), axis=0), COARSE, jerks) for x in points]
 
-    def front_deviations(self, n: int) -> np.ndarray:
-        return self.draws
+    @property
+    def front_jerks(self) -> np.ndarray:
+        return np.eye(2)
 
 
 def off_by(share: float) -> MeshOptimum:
@@ -104,9 +104,9 @@ def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
     # A prior of unit variance and a noise that is small beside the rings: what was planted, nearly.
     np.testing.assert_allclose(front.path.jerk, [4.0, -3.0], rtol=0.1)
-    # Two amplitudes whose replicates scatter by nearly one: 4 and 3 have a root mean square of 3.5.
+    # 4 and 3 have a root mean square of 3.5.
     assert front.moved is not None
-    assert front.moved.moved == pytest.approx(12.5**0.5, rel=0.3)
+    assert front.moved.moved == pytest.approx(12.5**0.5, rel=0.1)
     # Its prediction counts as if the path had not moved.
     seen = made.objective(np.empty(0, dtype=bool)).vectors(made.predicted(TRUTH[None], COARSE))
     np.testing.assert_allclose(seen[0], ringing(TRUTH)[0], atol=1.5)  # of rings of 15
@@ -131,16 +131,15 @@ def test_a_path_that_is_off_by_little_is_followed_where_poissons_ratio_is_free()
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
 
 
-def test_modes_take_the_place_of_their_replicates() -> None:
+def test_modes_take_the_place_of_the_changes_they_are_made_of() -> None:
     rng = np.random.default_rng(2)
     deviations, response = rng.normal(size=(30, 4)), rng.normal(size=(4, 9))
     response[2:] *= 1e-4  # two of the four numbers of a path that the data do not see
     modes = PathModes.of(deviations @ response, np.full(9, 0.2), deviations)
     assert len(modes.patterns) == 2
     amplitudes = np.array([1.5, -2.0])
-    fewer, shares, one_sigma = modes.as_replicates(amplitudes @ modes.shares)
-    # Two runs of a standard deviation each, the same path, and the same patterns.
-    np.testing.assert_allclose(one_sigma * fewer, modes.shares @ deviations, atol=1e-12)
+    fewer, shares = modes.own_jerks, modes.amplitudes(amplitudes @ modes.shares)
+    # Two runs, the same path, and the same patterns.
     np.testing.assert_allclose(shares @ fewer, modes.moved(REST_4, amplitudes).jerk, atol=1e-12)
     again = PathModes.of(fewer @ response, np.full(9, 0.2), fewer)
     np.testing.assert_allclose(
@@ -208,15 +207,14 @@ def test_a_lost_replicate_leaves_the_path() -> None:
     found, front = follow_front(made, one, made.settings.numerics, before)
     assert found is before
     assert front.path is REST
-    assert front.noise.patterns is not None
-    assert len(front.noise.patterns) == 2
+    assert front.noise.patterns is None  # the interval rests on draws of the motion
 
 
 def test_modes_have_the_replicates_mean_square() -> None:
     rng = np.random.default_rng(2)
     noise = np.array([0.3, 0.3, 2e-6, 2e-6, 2e-6])
     change = rng.normal(size=(64, 3)) @ rng.normal(size=(3, 5)) * noise
-    modes = front_modes(change, noise)
+    modes = drawn_modes(change, noise)
     assert modes.shape == (3, 5)
     np.testing.assert_allclose(modes.T @ modes, change.T @ change / 64, rtol=1e-9, atol=1e-18)
 
@@ -224,7 +222,7 @@ def test_modes_have_the_replicates_mean_square() -> None:
 def test_a_mode_far_below_the_noise_is_left_out() -> None:
     noise = np.ones(4)  # 1.41 and 0.14 of it
     change = np.array([[2.0, 0.0, 0.0, 0.0], [0.0, 0.2, 0.0, 0.0]])
-    modes = front_modes(change, noise)
+    modes = drawn_modes(change, noise)
     np.testing.assert_allclose(np.abs(modes), [[np.sqrt(2.0), 0.0, 0.0, 0.0]], atol=1e-12)
 
 

@@ -181,7 +181,7 @@ def test_a_start_without_constants_of_its_own(forward: Forward) -> None:
 
 def test_the_answer_says_that_m_is_of_the_long_term_curve() -> None:
     assert reference_words(["stiffness_factor", "poisson"]) == ""
-    assert "long-term curve, beside which a Prony series" in reference_words(["prony_time_1"])
+    assert "long-term curve, to which a Prony series" in reference_words(["prony_time_1"])
     assert "network creeps" in reference_words(["poisson", "creep_ratio", "creep_exponent"])
 
 

@@ -62,6 +62,15 @@ def test_motions_then_curves_then_the_scale(monkeypatch: pytest.MonkeyPatch) -> 
     assert not found.lesson.any()
 
 
+def test_where_the_patterns_are_known_no_motion_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    one = runner(shot, monkeypatch)
+    found = one.under(one.front.with_noise(np.ones((1, 4)))).replicate(np.array([1.1]), lesson=False)()
+    assert shot.motion.tolist() == [0, 0, 0, 0, 1]
+    assert not found.flyer.any()
+    assert np.flatnonzero(found.curve).tolist() == [1, 2, 3]
+
+
 def test_what_teaches_the_weights_does_not_judge_them(monkeypatch: pytest.MonkeyPatch) -> None:
     shot = Shot()
     found = replicated(shot, monkeypatch, lesson=True)

@@ -95,8 +95,9 @@ class MadeUp:
             points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
         )
 
-    def front_deviations(self, n: int) -> np.ndarray:
-        return np.zeros((n, 1))
+    @property
+    def front_jerks(self) -> np.ndarray:
+        return np.zeros((2, 1))
 
     def under_other_motions(self, points: np.ndarray, deviations: Any, numerics: Any) -> Any:
         n = len(deviations) + 1
@@ -207,6 +208,19 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
     third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
     assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
+
+
+def test_a_mesh_whose_slopes_fall_short_as_those_before_is_reached_by_one_step() -> None:
+    """Slopes that are twice the model's ask for half the way from -10 to 0."""
+    made: Any = Chord()
+    one, slope = objective(np.zeros(10), np.empty(0)), np.full((10, 1), 2.0)
+    found = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
+    assert made.visited == pytest.approx([-10.0, -5.0, 0.0], abs=1e-9)
+    assert found.factor == pytest.approx(2.0)
+    made = Chord()
+    again = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined, found.factor)
+    assert made.visited == pytest.approx([-10.0, 0.0], abs=1e-9)
+    assert again.factor == pytest.approx(2.0)
 
 
 def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:

@@ -26,7 +26,7 @@ def turns(x: np.ndarray) -> float:
 
 def climbed(made: Any, floor: np.ndarray) -> Any:
     numerics = made.settings.numerics
-    (runs,) = made.under_other_motions(floor[None], made.front_deviations(20), numerics)
+    (runs,) = made.under_other_motions(floor[None], made.front_jerks, numerics)
     return climb_summit(made, floor, runs, numerics, np.empty(0, dtype=bool))
 
 

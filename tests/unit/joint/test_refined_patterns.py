@@ -271,7 +271,7 @@ def test_parameters_come_first_in_their_own_coordinates() -> None:
     np.testing.assert_allclose(inner, [0.01, *x[1:]])
     np.testing.assert_allclose(both.from_search(inner), x)
     assert both.inner.logarithmic == (True, True, False, False, False, False)
-    with pytest.raises(ValueError, match="cannot be free beside them"):
+    with pytest.raises(ValueError, match="cannot be free together with them"):
         Unknowns({"stiffness_factor": None}, nodes=4)
     alone = Unknowns({}, nodes=4)
     assert alone.parameters is None

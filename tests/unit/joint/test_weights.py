@@ -139,6 +139,11 @@ def test_an_unknown_that_nothing_sees_keeps_the_width_of_its_range() -> None:
     found = np.linalg.inv(information(rows, np.array([10.0, 6.0])))
     # 1 / 25 of what is seen; the variance of an even distribution over 6 is 36 / 12
     np.testing.assert_allclose(found, np.diag([0.04, 3.0]))
+    # Of two unknowns only the sum is seen: what the first has more the second has less, and its variance is
+    # that of the way inside both ranges, w^2 / 12 along (1, -1) / sqrt(2).
+    sums = np.linalg.inv(information(np.array([[5.0], [5.0]]), np.array([6.0, 6.0])))
+    np.testing.assert_allclose(sums @ [1.0, 1.0], [0.02, 0.02])
+    np.testing.assert_allclose(np.array([1.0, -1.0]) @ sums @ [1.0, -1.0], 2.0 * 3.0)
 
 
 def test_a_step_stops_at_a_bound_and_the_others_follow() -> None:
@@ -308,11 +313,9 @@ def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() ->
 
 
 def test_the_choice_otherwise() -> None:
-    assert choice_in_words(-8.0, 1e-4, asked=True).startswith(
-        "the data ask for what relaxes (AIC -8.0; 0.01 %"
-    )
+    assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
     assert choice_in_words(2.0, 0.3, asked=False).startswith(
-        "the data do not ask for what relaxes (AIC +2.0; 30 %"
+        "the data do not need relaxation (AIC +2.0; 30 %"
     )
 
 
@@ -492,7 +495,7 @@ def test_a_foreign_slow_test_is_not_explained() -> None:
     assert right.slow_expected == pytest.approx(1.0 / np.sqrt(8.0))
     foreign = slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
     assert not foreign.explained
-    # The curve is uncertain by 20 sigma there: a right model leaves as much.
+    # The curve is uncertain by 20 sigma there: a correct model leaves as much.
     known = slow_fit(
         "relaxation", noise + 20.0, {"material curve": np.full((1, 64), 20.0)}, peak=50.0, judged=True
     )

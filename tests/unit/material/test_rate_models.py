@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from explicit.materials import neo_hookean
+from explicit.materials import LAWS, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import required_branches
 from kolsky.studies.rate_models import (
+    CURVE,
     NETWORK,
     Candidate,
     ModelComparison,
     compare_joint,
     compare_slow,
     comparison_table,
+    fit_curve,
     joint_models,
 )
 
@@ -65,6 +67,32 @@ def test_one_slow_ramp_chooses_nothing_beyond_elastic() -> None:
                    stress=test.stress[:12])  # fmt: skip
     found = compare_slow(LAW, (ramp,), required_branches(LAW, [ramp], at_most=1).fits)
     assert found.chosen is None or found.chosen.name == "elastic"
+
+
+def test_a_law_that_is_wrong_in_strain_is_no_rate_dependence() -> None:
+    """A stiffening rubber at one rate, held against a law that does not stiffen."""
+    stiffening = LAWS["yeoh"].of([10e3, 20e3, 0.0])
+    time = np.linspace(0.0, 100.0, 60)
+    stretch = 1.0 - 0.5 * time / 100.0
+    blank = HistoryTest(time, stretch, np.zeros(60), np.full(60, 60.0))
+    stress = blank.predict(stiffening, [RateModel(1.0, PronySeries((), ()))])[0]
+    noisy = replace(blank, stress=stress + 60.0 * np.random.default_rng(8).standard_normal(60))
+    found = compare_slow(LAW, (noisy,), required_branches(LAW, [noisy], at_most=1).fits)
+    assert found.chosen is not None
+    assert found.chosen.name == CURVE
+    assert "do not ask for rate dependence" in found.sentence
+    # 60 values of their own noise, k of them used up: chi-square within 3.5 of its deviations
+    k = found.chosen.parameters
+    assert abs(found.chosen.deviance - (60 - k)) < 3.5 * np.sqrt(2.0 * (60 - k))
+    # two rates that differ are no curve of the strain
+    assert fit_curve(histories(PRONY, 6)).deviance > 10.0 * 80.0
+
+
+def test_the_curve_is_no_rival_of_the_law() -> None:
+    elastic, curve = CANDIDATES[0], Candidate(CURVE, 4, 95.0, {})
+    assert ModelComparison((elastic, curve), 20, 1.0, {}).chosen is elastic
+    prony = Candidate("prony", 3, 95.0, {})
+    assert ModelComparison((curve, prony), 20, 1.0, {}).chosen is None
 
 
 CANDIDATES = (Candidate("elastic", 1, 100.0, {}), Candidate("prony", 3, 80.0, {}))

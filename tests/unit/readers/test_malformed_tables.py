@@ -63,7 +63,7 @@ REFUSED = {
     "two tables side by side": (text(f"{HEAD},{HEAD}", *(f"{r},{r}" for r in ROWS)), "is there 2 times"),
     "NaN": (text(HEAD, *ROWS[:5], "0.055,NaN", *ROWS[5:]), r"line 7: .*not a finite.*leave the line out"),
     "infinity": (text(HEAD, *ROWS[:5], "0.055,Inf", *ROWS[5:]), r"line 7: .*not a finite number"),
-    "dashes": (text(HEAD, *ROWS[:5], "0.055,---", *ROWS[5:]), r"line 7: .*stands for a missing value"),
+    "dashes": (text(HEAD, *ROWS[:5], "0.055,---", *ROWS[5:]), r"line 7: .*marks a missing value"),
     "an empty field": (text(HEAD, *ROWS[:5], "0.055,", *ROWS[5:]), r"line 7: .*the field is empty"),
     "a remark below": (text(HEAD, *ROWS, "Mean,16.2"), r"line 14: .*are there remarks, a mean"),
     "the decimal sign changes": (

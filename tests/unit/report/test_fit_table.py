@@ -55,7 +55,10 @@ def test_the_band_of_a_figure_is_that_of_the_verdict() -> None:
     np.testing.assert_array_equal(replace(found, fit=()).spread("force"), noise)
     for name in ("force", "outline"):
         caption = REGISTRY[name].caption(RESULT)
-        assert "The band is what a right model may leave, k = 2: the noise of each value with" in caption
+        assert (
+            "The band is the residual expected of a correct model, k = 2: the noise of each value with"
+            in caption
+        )
         assert "noise alone" in REGISTRY[name].caption(replace(RESULT, fit=()))
     band = build(REGISTRY["force"], RESULT).axes[1].collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(2.0 * RESULT.spread("force").max())
@@ -65,10 +68,10 @@ def test_rows_of_a_terminal() -> None:
     rows = printed_fit(RESULT, {"stiffness_factor": "m"})
     assert rows["force, residual"] == "0.2 N rms, 1.7 x noise, 0.29 % of peak"
     assert rows["force, chi2/n"] == "2.78, tau 64 % of the variance"
-    assert rows["force, over right model"] == "1, at most 2"
+    assert rows["force, over expected"] == "1, at most 2"
     assert rows["outline, residual"].startswith("4.1 um rms")
     assert rows["outline, information"] == "30 % of m"
-    assert rows["force, would notice"] == "a residual beyond 0.4 N rms"
+    assert rows["force, detectable"] == "a residual above 0.4 N rms"
     late = rows["force, late by"]
     assert late == "-0.20 ± 1.00 us: on time, notices 1.5 us"
 
@@ -78,8 +81,8 @@ def test_tables_of_a_page() -> None:
     assert [c["explained"] for c in shown["channels"]] == [True, True]
     assert shown["channels"][0]["predicted"] == "noise 0.12 N, flyer motion 0.16 N"
     assert shown["channels"][0]["weight"] == ["70 %"]
-    assert all(state.startswith("on time; would notice a lag beyond ") for _, _, state in shown["clocks"])
-    assert shown["clocks"][0][2].endswith(" 1.5 µs")  # three times 0.5 us
+    assert all(state.startswith("on time; a lag above ") for _, _, state in shown["clocks"])
+    assert shown["clocks"][0][2].endswith(" 1.5 µs would be detected")  # three times 0.5 us
     late = replace(RESULT.clocks[0], lag=1.51e-6)  # sigma is 0.5 us
     assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2].startswith("late; ")
     lost = replace(late, sigma=float("nan"))
@@ -124,8 +127,8 @@ def test_a_residual_far_above_the_noise_is_accounted_for() -> None:
     parts = {"noise": 1e-6, "flyer motion": 2e-6, "mesh": 7e-6}
     meshed = replace(OUTLINE, residual=6.9e-6, predicted=parts, chi2=48.0)
     assert why_beyond_noise(meshed) == (
-        "The outline's residual is 6.9 times its noise. A right model leaves as much: mesh alone brings "
-        "7 µm, the noise 1 µm. The band of the figure has all sources."
+        "The outline's residual is 6.9 times its noise, as expected (mesh: 7 µm, noise: 1 µm). The band of "
+        "the figure includes all sources."
     )
     assert why_beyond_noise(OUTLINE) == ""
     assert why_beyond_noise(replace(meshed, residual=70e-6)) == ""

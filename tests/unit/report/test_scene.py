@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from kolsky_command import run_kolsky
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from synthetic import synthetic
 from typer.testing import CliRunner
 
@@ -20,8 +18,9 @@ from explicit.materials.laws.marlow import neo_hookean
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.cli import app
 from kolsky.inverse.result import Identification
+from kolsky.report.canvas import build
 from kolsky.report.figures import REGISTRY
-from kolsky.report.scene import drawing, stills
+from kolsky.report.scene import drawing
 from kolsky.report.scene.drawing import CannotRender, evenly_spaced, picture, write_film, write_stills
 from kolsky.report.scene.scene_data import (
     FIELDS,
@@ -114,7 +113,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     ("change", "words"),
     [
         (lambda r: replace(r, response=replace(r.response, nodes=None)), "kept no nodes"),
-        (lambda r: replace(r, provenance={}), "how large the specimen was"),
+        (lambda r: replace(r, provenance={}), "does not hold the size"),
         (lambda r: replace(r, refined_mesh=(3, 4)), "nodes, its mesh has 20"),
         (
             lambda r: replace(r, response=replace(r.response, nodes=np.full_like(r.response.nodes, np.nan))),
@@ -210,46 +209,27 @@ def test_every_field_has_a_label_with_its_unit() -> None:
     assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "stress", "energy"]'
 
 
-def test_stills_are_drawn_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("pyvista", "vtk", "vtkmodules"):
-        monkeypatch.setitem(sys.modules, name, None)
-    scene = stills.scene_of_stills(result((1.25, 0.64)))
-    times = scene_of(result((1.25, 0.64))).times
-    np.testing.assert_array_equal(scene.times, times[evenly_spaced(len(times), stills.COUNT)])
-    # Uniform fields: yellow at 1, violet at the least stretch; brightness does not change the hue.
-    hues = []
-    for k in (0, len(scene.times) - 1):
-        figure = Figure(figsize=(4, 3), dpi=100)
-        canvas = FigureCanvasAgg(figure)
-        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        ax.set_axis_off()
-        stills.draw_still(ax, scene, k)
-        canvas.draw()
-        pixels = np.asarray(canvas.buffer_rgba())[..., :3].reshape(-1, 3).astype(int)
-        vivid = pixels[np.ptp(pixels, axis=1) > 40]
+@rendering
+def test_the_report_shows_three_pictures_on_one_scale() -> None:
+    kind = REGISTRY["scene"]
+    drawn = build(kind, result((1.25, 0.64)))
+    shown = [ax for ax in drawn.axes if ax.images]
+    assert len(shown) == 3
+    first, *_, last = (np.asarray(ax.images[0].get_array()).astype(int) for ax in shown)
+    assert first.shape == last.shape
+    # Uniform fields: yellow at 1, violet at the least stretch; the shorter specimen leaves the top white.
+    for pixels, share in ((first, 1.0), (last, 0.0)):
+        vivid = pixels[np.ptp(pixels, axis=2) > 40]
         assert len(vivid) > 2000  # the specimen fills a good part of the picture
-        hues.append(float(np.mean(vivid[:, 0] > vivid[:, 2])))
-    assert hues[0] > 0.9
-    assert hues[1] < 0.5
+        assert np.mean(vivid[:, 0] > vivid[:, 2]) == pytest.approx(share, abs=0.5)
+    assert (last[0] == 255).all() > (first[0] == 255).all()
 
 
-def test_brightness_is_lamberts_law_and_distance_is_toward_the_eye() -> None:
-    # A square across the light is as bright as can be, one that holds it as dark; turned round, the same.
-    across = np.linalg.svd(stills.LIGHT[None])[2][1:]
-    assert np.dot(stills.LIGHT, stills.EYE) > 0.0  # so the seen side of the first square is the lit one
-    a, b = across
-    corners = np.array([-a - b, a - b, a + b, b - a])
-    holds = np.array([-a - stills.LIGHT, a - stills.LIGHT, a + stills.LIGHT, stills.LIGHT - a])
-    for points, expected in ((corners, 1.0), (corners[::-1], 1.0), (holds, stills.AMBIENT)):
-        bright, toward = stills.brightness(Surface(points + 2.0 * stills.EYE, np.arange(4)[None]))
-        np.testing.assert_allclose(bright, expected, atol=1e-12)  # round-off
-        np.testing.assert_allclose(toward, 2.0, atol=1e-12)
-    # The picture is a parallel projection: lengths across the eye's direction are kept, y goes upward.
-    np.testing.assert_allclose(
-        stills.in_picture(np.array([stills.EYE, stills.RIGHT, stills.UP, [0.0, 1.0, 0.0]])),
-        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, np.hypot(stills.EYE[0], stills.EYE[2])]],
-        atol=1e-12,
-    )
+def test_the_report_says_why_nothing_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drawing, "renders", lambda: False)
+    drawn = build(REGISTRY["scene"], result())
+    assert "is not drawn: VTK finds neither a display nor EGL" in str(drawn.get_label())
+    assert not any(ax.images for ax in drawn.axes)
 
 
 def test_surfaces_of_the_scene_have_the_areas_of_their_solids() -> None:

@@ -202,7 +202,7 @@ def test_points_that_cannot_be_told_apart(tmp_path):
         path.write_text("\n".join(rows) + "\n")
     np.testing.assert_allclose(read(paths, "vic3d").X, in_program(*barrel())[0], rtol=0, atol=1e-11)
     damage(paths, 1, lambda lines: [*lines[:20], *lines[21:]])
-    with pytest.raises(InputError, match="have 107 to 108 rows and nothing that says which point is which"):
+    with pytest.raises(InputError, match="have 107 to 108 rows and nothing that identifies the points"):
         read(paths, "vic3d")
 
 

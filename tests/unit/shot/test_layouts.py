@@ -137,7 +137,7 @@ def test_damage_is_named_by_the_line_of_the_file(case: str, german: Path, tmp_pa
         ("{ header_line = 900000 }", ["header_line = 900000", "the file's lines"]),
         ("{ header_line = 3, first_line = 2 }", ["first_line = 2", "below the header in line 3"]),
         ('{ delimiter = ";" }', ["'frame' is missing", "separated by semicolons"]),
-        ('{ sheet = "A" }', ["is said to have the sheet 'A'", "it is text"]),
+        ('{ sheet = "A" }', ["is declared with the sheet 'A'", "it is text"]),
     ],
 )
 def test_a_layout_that_does_not_fit_is_refused(layout: str, fragments: list[str], tmp_path: Path) -> None:

@@ -178,8 +178,8 @@ def test_the_verdict_in_words() -> None:
     assert none.fit is not None
     bound = max(abs(end) for end in none.fit.interval(1))
     assert none.sentence == (
-        f"no rate sensitivity beyond ± {bound:.2g} per decade; would notice a slope beyond "
-        f"{none.fit.noticeable(1):.2g} per decade"
+        f"no rate sensitivity beyond ± {bound:.2g} per decade; a slope above "
+        f"{none.fit.noticeable(1):.2g} per decade would be detected"
     )
     steep = slope(RATES, spread, 1.12 + 0.2 * X, own)
     assert steep.sentence.startswith("rate sensitive: +0.2 per decade, 95 % ")

@@ -64,10 +64,12 @@ def test_sources_are_those_that_are_there() -> None:
     assert input_changes(made_up(0.0)[0], None).parts(GAIN) == {}
 
 
-def test_where_the_path_is_moved_the_patterns_of_its_noise_are_its_part() -> None:
+def test_where_no_motion_is_drawn_the_patterns_of_its_noise_are_its_part() -> None:
     objective, replicates = made_up(0.0)
-    objective.front = FrontNoise(offset=np.zeros(3))
+    replicates = replace(replicates, flyer=np.zeros(4, dtype=bool))
     found = input_changes(objective, replicates)
     # Two patterns of a standard deviation each: 2 x 0.3, and 1 x 0.4.
     np.testing.assert_allclose(found.parts(GAIN)["flyer motion"], [0.6, 0.4], rtol=1e-12)
     np.testing.assert_allclose(found.parts(GAIN)["material curve"], [0.0, 3.0])  # that of its replicates
+    objective.front_noise = np.zeros((0, 3))
+    np.testing.assert_allclose(input_changes(objective, replicates).parts(GAIN)["flyer motion"], [0.0, 0.0])

@@ -1,0 +1,186 @@
+"""The calibration in a page: every pair of pictures of the target, detected points and residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from nicegui import ui
+
+from dic.calibration.views import Calibration, Pair, PairView
+from dic.images import Pictures
+from kolsky.app import frame
+from kolsky.app.fields import data_uri
+from kolsky.base.errors import InputError
+from kolsky.base.process import single_threaded_libraries
+from kolsky.pictures.calibration import calibration_of, calibration_pictures, read_calibration_toml
+from kolsky.pictures.regions import png_of
+from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
+
+ARROW = 0.02
+"""Length of an arrow of the rms residual over the width of a picture."""
+
+
+@dataclass(frozen=True)
+class OpenCalibration:
+    """A solved calibration with its pictures."""
+
+    found: Calibration
+    series: list[Pictures]
+
+
+def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> OpenCalibration:
+    """Calibrate as `kolsky calibrate` does; `progress` gets the pictures done.
+
+    Raises InputError as `calibration_of`.
+    """
+    toml, section = read_calibration_toml(folder)
+    with single_threaded_libraries():
+        found = calibration_of(toml, section, lambda _, done, total: progress.update(now=(done, total)))
+    return OpenCalibration(found, calibration_pictures(toml, section))
+
+
+class CalibrationView:
+    """Pairs of pictures with what was detected, the table of pairs, the numbers of the calibration."""
+
+    def __init__(self, folder: Path) -> None:
+        """Build the view; the target is looked for when a person asks."""
+        self.folder = folder
+        self.progress: dict[str, tuple[int, int]] = {}
+        self.place = ui.column().classes("w-full gap-2")
+        with self.place:
+            frame.note("Finds the target in every picture and solves the cameras, as `kolsky calibrate`.")
+            self.button = ui.button("Calibrate", on_click=self._solve).props("unelevated dense")
+            self.state = ui.label().props("role=status").classes("soft")
+        self.timer = ui.timer(0.5, self._advance, active=False)
+
+    def _advance(self) -> None:
+        done, total = self.progress.get("now", (0, 0))
+        self.state.text = f"{done} of {total} pictures" if total else "The pictures are opened ..."
+
+    async def _solve(self) -> None:
+        self.button.disable()
+        self.timer.active = True
+        try:
+            opened = await frame.in_thread(solve, self.folder, self.progress)
+        except InputError as error:
+            self.state.text = str(error)
+            self.state.classes(replace="caution")
+            self.button.enable()
+            return
+        finally:
+            self.timer.active = False
+        self.place.clear()
+        with self.place:
+            self._show(opened)
+
+    def _show(self, opened: OpenCalibration) -> None:
+        self.opened, self.k = opened, 0
+        found = opened.found
+        for words in calibration_warnings(found):
+            frame.note(words, "caution")
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            ui.label("Pair").classes("soft whitespace-nowrap")
+            self.slider = ui.slider(min=0, max=max(len(found.pairs) - 1, 1), value=0)
+            self.slider.props('aria-label="Pair"').mark("pair")
+            self.slider.on_value_change(lambda change: self._at(min(int(change.value), len(found.pairs) - 1)))
+        self.about = ui.label().props("role=status").mark("pair-words")
+        with ui.element("div").classes("grid2"):
+            self.images = [self._camera(i) for i in range(2)]
+        length = arrow_scale(found, opened.series[0].shape[1])
+        frame.note(
+            f"Circles: detected points. Arrows: measured less expected place, {length:.0f} times enlarged. "
+            "Red: points too far off, left out."
+        )
+        with ui.element("div").classes("grid2"):
+            self._pairs()
+            with ui.column().classes("w-full gap-1"):
+                frame.heading("Cameras")
+                rows = [{"name": name, "value": value} for name, value in calibration_summary(found).items()]
+                columns = [
+                    {"name": key, "label": words, "field": key, "align": "left"}
+                    for key, words in (("name", "Quantity"), ("value", "Value"))
+                ]
+                ui.table(rows=rows, columns=columns, row_key="name").props(
+                    "flat dense wrap-cells hide-pagination"
+                ).classes("w-full")
+        self._at(0)
+
+    def _camera(self, i: int) -> ui.interactive_image:
+        with ui.column().classes("w-full gap-1"):
+            ui.label(f"Camera {i}").classes("soft")
+            image = ui.interactive_image(sanitize=False).classes("w-full")
+            ui.run_javascript(f"getHtmlElement({image.id}).querySelector('img').alt = 'Target in camera {i}'")
+        return image
+
+    def _pairs(self) -> None:
+        with ui.column().classes("w-full gap-1"):
+            frame.heading("Rms residual of every pair")
+            pairs = self.opened.found.pairs
+            series = []
+            for i, colour in enumerate((frame.INK, frame.BLUE)):
+                rms = [np.nan if (view := pair.views[i]) is None else view.rms for pair in pairs]
+                series.append(frame.dots(f"camera {i}", frame.points(range(len(pairs)), rms), colour, 8))
+            out = [
+                [k, pair.rms]
+                for k, pair in enumerate(pairs)
+                if not pair.outcome.used and pair.rms == pair.rms
+            ]
+            if out:
+                series.append(frame.dots("left out", out, frame.RED, 12, symbol="diamond"))
+            plot = frame.chart("Pair", "Rms residual (px)", series, words="Rms residual of every pair")
+            plot.options["tooltip"] = {"trigger": "item"}
+            plot.on("chart:click", lambda event: self._clicked(event.args), args=["data"])
+
+    def _clicked(self, event: object) -> None:
+        if isinstance(event, dict) and isinstance(data := event.get("data"), list):
+            self.slider.value = int(data[0])
+
+    def _at(self, k: int) -> None:
+        """Show a pair."""
+        self.k, pair = k, self.opened.found.pairs[k]
+        self.about.text = pair_words(pair)
+        self.about.classes(replace="soft" if pair.outcome.ok else "caution")
+        scale = arrow_scale(self.opened.found, self.opened.series[0].shape[1])
+        for image, pictures, view in zip(self.images, self.opened.series, pair.views, strict=True):
+            png = png_of(pictures, k) if k < pictures.n_frames else ""
+            image.set_source("" if isinstance(png, str) else data_uri(png))
+            image.content = "" if view is None else view_svg(view, scale, pictures.shape[1] / 400.0)
+
+
+def arrow_scale(found: Calibration, columns: int) -> float:
+    """How many times the arrows of residuals are enlarged: the rms residual is `ARROW` of a picture."""
+    return float(ARROW * columns / max(found.rms, 1e-9))
+
+
+def view_svg(view: PairView, scale: float, width: float) -> str:
+    """Detected points of a picture with their residuals enlarged, as SVG."""
+    parts = []
+    for (x, y), (dx, dy), used in zip(view.pixels, scale * view.residual, view.used, strict=True):
+        colour = "#00c2ff" if used else "#ff3b30"
+        parts.append(
+            f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{2.4 * width:g}" fill="none" stroke="{colour}" '
+            f'stroke-width="{0.7 * width:g}"/>'
+            f'<line x1="{x:.2f}" y1="{y:.2f}" x2="{x + dx:.2f}" y2="{y + dy:.2f}" '
+            f'stroke="#ff5a00" stroke-width="{0.7 * width:g}" marker-end="url(#head)"/>'
+        )
+    head = (
+        '<defs><marker id="head" orient="auto" markerWidth="4" markerHeight="4" refX="2" refY="2">'
+        '<path d="M0 0L4 2L0 4Z" fill="#ff5a00"/></marker></defs>'
+    )
+    return head + "".join(parts)
+
+
+def pair_words(pair: Pair) -> str:
+    """What became of a pair."""
+    parts = [
+        f"camera {i}: "
+        + ("not recognised" if view is None else f"{len(view.ids)} points, {view.rms:.3f} px rms")
+        for i, view in enumerate(pair.views)
+    ]
+    words = f"Pair {pair.name}: {'; '.join(parts)}"
+    if pair.outcome.ok:
+        return f"{words}."
+    reason = f" ({pair.reason})" if pair.reason else ""
+    return f"{words}. {pair.outcome.cause}{reason}; {pair.outcome.cure}."

@@ -1,0 +1,315 @@
+"""Measured fields over the pictures and in space, and a chosen point followed through time."""
+
+from __future__ import annotations
+
+import math
+from base64 import b64encode
+from collections.abc import Callable
+
+import numpy as np
+from nicegui import events, ui
+
+from dic.outcome import PointOutcome
+from dic.surfaces.strains import StrainOutcome
+from kolsky.app import frame
+from kolsky.report.scene.drawing import CannotRender
+from kolsky.report.surface_maps import (
+    OUTCOME_COLOURS,
+    View,
+    limits_of,
+    map_png,
+    scale_colours,
+    space_png,
+)
+from kolsky.shot.measured_points import OUTCOME, MeasuredPoints
+
+NO_FIELD = ""
+OPACITY = 0.8
+"""Of a map: the speckles stay visible."""
+TURN = 0.4
+"""Turn of the surface in space for each pixel of a drag [°/px]."""
+STEEPEST = 89.0
+"""Largest elevation of the eye [°]: above it, up is not defined."""
+FIRST_FIELD = "Eyy"
+
+
+def data_uri(png: bytes) -> str:
+    """A PNG as an address."""
+    return f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+class FieldsView:
+    """Choice of a field, its maps, its scale, the surface in space, one point over time."""
+
+    def __init__(
+        self, surfaces: tuple[MeasuredPoints, ...], shape: tuple[int, int], changed: Callable[[], None]
+    ) -> None:
+        """Begin with no field shown; `changed` draws the pictures again."""
+        self.surfaces, self.shape, self.changed = surfaces, shape, changed
+        self.points = surfaces[0]
+        self.field = NO_FIELD
+        self.chosen: int | None = None
+        self.k = 0
+        self.view = View()
+        self.sliders: dict[str, ui.slider] = {}
+        self.grip: tuple[float, float] | None = None
+        self.drawn: tuple[object, ...] = ()
+        self.busy = False
+        self.can_render = True
+
+    def controls(self) -> None:
+        """Make the choice of surface and field, with the scale of the colours."""
+        with ui.row().classes("w-full items-center gap-3"):
+            if len(self.surfaces) > 1:
+                names = {i: one.name for i, one in enumerate(self.surfaces)}
+                surface = ui.select(names, value=0, label="Surface").classes("w-36").mark("surface")
+                surface.props("outlined dense").on_value_change(lambda change: self._surface(change.value))
+            self.select = ui.select(self._options(), value=self.field, label="Colour of the pictures")
+            self.select.classes("w-72").props("outlined dense").mark("field")
+            self.select.on_value_change(lambda change: self._choose_field(str(change.value)))
+            self.scale = ui.html(sanitize=False).classes("grow")
+
+    def panels(self) -> None:
+        """Make the plot of a point over time and the surface in space."""
+        with ui.column().classes("w-full gap-1"):
+            frame.heading("One point over time")
+            self.about = frame.note("Click on the surface in a picture to choose a point.").mark("point")
+            self.plot = frame.chart("Time", "", [], words="The chosen point over time")
+            for key in ("xAxis", "yAxis"):
+                self.plot.options[key]["axisLine"]["onZero"] = False
+            self.plot.set_visibility(False)
+        with ui.column().classes("w-full gap-1"):
+            frame.heading("In space")
+            self.space_note = frame.note("The surface of the colours, with its motion.")
+            self.place = ui.column().classes("w-full gap-1")
+            with self.place:
+                ui.button("Draw the surface", on_click=self._begin_space).props("outline dense")
+
+    def _begin_space(self) -> None:
+        """Make the picture in space and its sliders; VTK is loaded now and not before."""
+        self.place.clear()
+        self.space_note.text = "Drag to turn. Net: the surface at its reference."
+        with self.place:
+            self.space = ui.interactive_image(
+                on_mouse=self._turn, events=["mousedown", "mousemove", "mouseup", "mouseleave"]
+            ).classes("w-full")
+            name = f"getHtmlElement({self.space.id}).querySelector('img').alt = 'The surface in space'"
+            ui.run_javascript(name)
+            with ui.row().classes("w-full items-center no-wrap gap-3"):
+                for key, words, low, high in (
+                    ("azimuth", "Turn", -180, 180),
+                    ("elevation", "Tilt", -STEEPEST, STEEPEST),
+                ):
+                    ui.label(words).classes("soft whitespace-nowrap")
+                    slider = ui.slider(min=low, max=high, value=getattr(self.view, key))
+                    slider.props(f'aria-label="{words}"').mark(key)
+                    slider.on_value_change(lambda change, key=key: self._slide(key, float(change.value)))
+                    self.sliders[key] = slider
+            ui.timer(0.3, self._space)
+
+    def _options(self) -> dict[str, str]:
+        return {NO_FIELD: "none", **{name: one.label for name, one in self.points.fields.items()}}
+
+    def _surface(self, number: int) -> None:
+        self.points, self.chosen = self.surfaces[number], None
+        if self.field not in self.points.fields:
+            self.field = NO_FIELD
+        self.select.set_options(self._options(), value=self.field)
+        self._point()
+        self._scale()
+        self.changed()
+
+    def _choose_field(self, name: str) -> None:
+        self.field = name
+        self._point()
+        self._scale()
+        self.changed()
+
+    @property
+    def followed(self) -> str:
+        """The field of the plot over time: the one of the colours, or the strain along y."""
+        known = self.points.fields
+        if self.field not in (NO_FIELD, OUTCOME):
+            return self.field
+        return FIRST_FIELD if FIRST_FIELD in known else "V"
+
+    def at(self, k: int) -> None:
+        """Go to a frame."""
+        self.k = min(k, self.points.surface.n_frames - 1)
+        if self.field == OUTCOME:
+            self._scale()
+        if self.chosen is not None:
+            self._mark_time()
+            self._describe()
+
+    def overlay(self, camera: int) -> str:
+        """The map and the chosen point's path over a camera's picture, as SVG."""
+        parts = []
+        rows, columns = self.shape
+        if self.field and camera < len(self.points.pixels):
+            limits = limits_of(self.points.fields[self.field])
+            png = map_png(self.points, self.field, self.k, camera=camera, shape=self.shape, limits=limits)
+            parts.append(
+                f'<image href="{data_uri(png)}" x="-.5" y="-.5" width="{columns}" height="{rows}" '
+                f'opacity="{OPACITY}"/>'
+            )
+        if self.chosen is not None and camera < len(self.points.pixels):
+            parts.append(path_svg(self.points, self.chosen, camera, self.k, columns / 400.0))
+        return "".join(parts)
+
+    def choose(self, camera: int, place: tuple[float, float]) -> None:
+        """Follow the point that is nearest to a place of a picture."""
+        if camera >= len(self.points.pixels):
+            return
+        self.chosen = self.points.nearest(camera, self.k, place)
+        self._point()
+
+    def _scale(self) -> None:
+        """Show what the colours mean."""
+        if not self.field:
+            self.scale.content = ""
+        elif self.field == OUTCOME:
+            self.scale.content = outcome_legend(self.points.outcomes(self.k))
+        else:
+            low, high = limits_of(self.points.fields[self.field])
+            self.scale.content = scale_html(low, high, self.points.fields[self.field].unit)
+
+    def _point(self) -> None:
+        """Draw the chosen point over time."""
+        self.plot.set_visibility(self.chosen is not None)
+        if self.chosen is None:
+            return
+        one, points = self.points.fields[self.followed], self.points
+        t, y = time_of(points), one.values[:, self.chosen]
+        series = []
+        if one.sigma is not None:
+            spread = 2.0 * one.sigma[:, self.chosen]
+            series += frame.band("± 2σ", t, y - spread, y + spread)
+        series.append(frame.line("measured", frame.points(t, y), frame.INK))
+        self.plot.options["series"] = series
+        self.plot.options["xAxis"]["name"] = "Time (µs)" if points.timed else "Frame"
+        self.plot.options["yAxis"]["name"] = f"{one.symbol} ({one.unit})"
+        self._mark_time()
+        self._describe()
+
+    def _mark_time(self) -> None:
+        mark = {"xAxis": float(f"{time_of(self.points)[self.k]:.6g}")}
+        self.plot.options["series"][-1]["markLine"] = {
+            "silent": True, "symbol": "none", "animation": False, "label": {"show": False},
+            "lineStyle": {"color": frame.BLUE, "type": "solid"}, "data": [mark],
+        }  # fmt: skip
+        self.plot.update()
+
+    def _describe(self) -> None:
+        assert self.chosen is not None
+        self.about.text = point_words(self.points, self.chosen, self.k, self.followed)
+
+    def _turn(self, event: events.MouseEventArguments) -> None:
+        place = (event.image_x, event.image_y)
+        if event.type == "mousedown":
+            self.grip = place
+        elif event.type in ("mouseup", "mouseleave"):
+            self.grip = None
+        elif self.grip is not None:
+            dx, dy = (TURN * (now - before) for now, before in zip(place, self.grip, strict=True))
+            self.grip = place
+            self._slide("azimuth", (self.view.azimuth - dx + 180.0) % 360.0 - 180.0)
+            self._slide("elevation", float(np.clip(self.view.elevation + dy, -STEEPEST, STEEPEST)))
+
+    def _slide(self, key: str, value: float) -> None:
+        angles = {"azimuth": self.view.azimuth, "elevation": self.view.elevation, key: value}
+        self.view = View(**angles)
+        slider = self.sliders[key]
+        if slider.value != value:
+            slider.value = value
+
+    async def _space(self) -> None:
+        """Draw the surface in space if something changed; one picture at a time, the last one wanted."""
+        name = self.field or self.followed
+        wanted = (self.points, name, self.k, self.view, self.chosen)
+        if self.busy or not self.can_render or wanted == self.drawn:
+            return
+        self.busy, self.drawn = True, wanted
+        try:
+            png = await frame.in_thread(
+                space_png,
+                self.points,
+                name,
+                self.k,
+                limits=limits_of(self.points.fields[name]),
+                view=self.view,
+                chosen=self.chosen,
+            )
+            self.space.set_source(data_uri(png))
+        except CannotRender as error:
+            self.can_render = False
+            self.space_note.text = str(error)
+        finally:
+            self.busy = False
+
+
+def time_of(points: MeasuredPoints) -> np.ndarray:
+    """Times for a plot: µs, or numbers of frames."""
+    return (1e6 if points.timed else 1.0) * points.surface.t
+
+
+def scale_html(low: float, high: float, unit: str) -> str:
+    """A scale of colours with its ends."""
+    stops = ", ".join(scale_colours())
+    digits = max(0, 2 - math.floor(math.log10(high - low)))
+    first, last = (f'<span class="soft">{v:.{digits}f} {unit}</span>' for v in (low, high))
+    look = f"flex:1;height:.7rem;max-width:16rem;background:linear-gradient(90deg,{stops})"
+    return (
+        f'<div style="display:flex;gap:.5rem;align-items:center">{first}<span style="{look}"></span>{last}'
+        "</div>"
+    )
+
+
+def outcome_legend(counts: dict[PointOutcome, int]) -> str:
+    """The colours of the outcomes of a frame, with the number of points of each."""
+    parts = [
+        f'<span class="soft" title="{one.cause}. {one.cure}">'
+        f'<span style="color:{OUTCOME_COLOURS[one]}" aria-hidden="true">●</span> '
+        f"{one.name.lower().replace('_', ' ')} {count}</span>"
+        for one, count in counts.items()
+    ]
+    return f'<div style="display:flex;flex-wrap:wrap;gap:.1rem .8rem">{"".join(parts)}</div>'
+
+
+def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: float) -> str:
+    """The path of a point in a camera's picture up to a frame, and its place there; hollow if it is lost."""
+    places = points.pixels[camera][: k + 1, number]
+    known = places[np.isfinite(places).all(axis=1)]
+    if not len(known):
+        return ""
+    line = " ".join(f"{x:.2f},{y:.2f}" for x, y in known)
+    x, y = known[-1]
+    fill = frame.ORANGE if points.surface.valid[k, number] else "none"
+    return (
+        f'<polyline points="{line}" fill="none" stroke="{frame.ORANGE}" stroke-width="{width:g}"/>'
+        f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{3.0 * width:g}" fill="{fill}" stroke="#fff" '
+        f'stroke-width="{0.8 * width:g}"/>'
+    )
+
+
+def point_words(points: MeasuredPoints, number: int, k: int, name: str) -> str:
+    """What is known of a point in a frame: its value, or why there is none."""
+    x, y = points.reference[number]
+    head = f"Point {number}, at ({x:.0f}, {y:.0f}) px of the reference: "
+    outcome = PointOutcome(int(points.surface.outcome[k, number]))
+    if not outcome.ok:
+        return f"{head}lost in frame {k}, {outcome.cause}; {outcome.cure}."
+    one = points.fields[name]
+    value = one.values[k, number]
+    if not np.isfinite(value):
+        assert points.strain is not None  # of a point that was found, only a strain can be missing
+        cause = StrainOutcome(int(points.strain.outcome[k, number]))
+        return f"{head}no strain in frame {k}, {cause.cause}; {cause.cure}."
+    spread = "" if one.sigma is None else f" ± {2.0 * one.sigma[k, number]:.2g}"
+    unit = f" {one.unit}" if one.unit else ""
+    places = "; ".join(
+        f"camera {i} at ({at[k, number, 0]:.2f}, {at[k, number, 1]:.2f}) px"
+        for i, at in enumerate(points.pixels)
+    )
+    k2 = "" if one.sigma is None else " (k = 2)"
+    return f"{head}{one.symbol} = {value:.4g}{spread}{unit}{k2} in frame {k}; {places}."
