@@ -53,7 +53,6 @@ ALLOWED: dict[tuple[str, str], str] = {
     ("explicit", "a name computed at run time"): "public names, loaded when first used",
     ("dic", "a name computed at run time"): "public names, loaded when first used",
     ("doe", "a name computed at run time"): "public names, loaded when first used",
-    ("kolsky.readers.meshes", "pyvista"): "a file format of VTK's, read by its own library",
 }
 """Exceptions: (importing module, imported module) -> the reason. Empty is the aim."""
 
