@@ -1,5 +1,6 @@
 """What every test can use: the `shared` folder, the `--slow` option, and `from order import ...`."""
 
+import gc
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,15 @@ if str(HELPERS) not in sys.path:
 if str(TESTS.parent) not in sys.path:
     # These folders are not installed. Last, so that the packages tested are the installed ones.
     sys.path.append(str(TESTS.parent))
+
+
+gc.disable()  # what is collected stays, and a search for garbage in it takes ever longer
+
+
+def pytest_collection_finish() -> None:
+    """Leave what has been collected, a million objects, out of every later search for garbage."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -88,7 +88,7 @@ class FieldsView:
     def _begin_space(self) -> None:
         """Make the picture in space and its sliders; VTK is loaded now and not before."""
         self.place.clear()
-        self.space_note.text = "Drag to turn. Net: the surface at its reference."
+        self.space_note.text = "The surface is drawn; the first time takes some seconds ..."
         with self.place:
             self.space = ui.interactive_image(
                 on_mouse=self._turn, events=["mousedown", "mousemove", "mouseup", "mouseleave"]
@@ -241,6 +241,7 @@ class FieldsView:
                 chosen=self.chosen,
             )
             self.space.set_source(data_uri(png))
+            self.space_note.text = "Drag to turn. Net: the surface at its reference."
         except CannotRender as error:
             self.can_render = False
             self.space_note.text = str(error)

@@ -21,10 +21,11 @@ from kolsky.pictures.calibration import has_calibration_pictures
 from kolsky.pictures.correlation import key_of
 from kolsky.pictures.dic_file import stored_key
 from kolsky.pictures.measurement import read_measurement
+from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.regions import Drawable, Session, png_of
 from kolsky.schema.pictures import find_measurement_file
 from kolsky.schema.shot_file import SHOT_FILE
-from kolsky.shot.dic import open_region_session
+from kolsky.shot.dic import open_region_session, regions_in_pictures
 from kolsky.shot.load import load_pictures
 from kolsky.shot.measured_points import MeasuredPoints, read_measured_points
 from kolsky.shot.optical_data import RESULT_FILE
@@ -57,6 +58,8 @@ class OpenPictures:
     """What `kolsky dic` measured; empty if it has not run."""
     remark: str = ""
     """Why there is none, or why it may be out of date."""
+    shot: PictureSet | None = None
+    """The pictures of a shot, whose regions can be found."""
 
 
 def open_all(folder: Path) -> OpenPictures:
@@ -76,7 +79,8 @@ def open_all(folder: Path) -> OpenPictures:
     surfaces, remark = measured_in(folder, loaded.series)
     if surfaces and stored_key(folder / "results" / RESULT_FILE) != key_of(loaded):
         remark = f"Pictures or shot.toml changed after {RESULT_FILE} was made: run dic again."
-    return OpenPictures(session, loaded.series, declared.frames.static, declared.dic.subset, surfaces, remark)
+    static, subset = declared.frames.static, declared.dic.subset
+    return OpenPictures(session, loaded.series, static, subset, surfaces, remark, loaded)
 
 
 def measured_in(folder: Path, series: Sequence[Pictures]) -> tuple[tuple[MeasuredPoints, ...], str]:
@@ -214,6 +218,8 @@ class PicturesView:
             )
             self.text.on("blur", self._typed)
             with ui.row().classes("gap-2"):
+                if self.opened.shot is not None and len(self.session.drawn) < len(self.session.wanted):
+                    ui.button("Find in the pictures", on_click=self._find).props("outline dense")
                 ui.button("Clear", on_click=self._clear).props("flat dense")
                 ui.button(
                     "Check", on_click=lambda: self._report(self.session.problems(self._content()))
@@ -222,6 +228,22 @@ class PicturesView:
                     "unelevated dense"
                 )
             self.problems = ui.label().props("role=status").mark("problems")
+
+    async def _find(self) -> None:
+        """Draw the regions that the file leaves to the pictures; nothing is saved."""
+        assert self.opened.shot is not None  # else there is no button
+        self.problems.text = "The pictures are searched for the regions ..."
+        try:
+            found, why = await frame.in_thread(regions_in_pictures, self.opened.shot)
+        except InputError as error:
+            self._report([str(error)])
+            return
+        for key, shapes in found.items():
+            self.corners[key] = [list(corner) for corner in shapes[0].corners]
+            self.frames[key] = shapes[0].frame
+        self._draw()
+        names = ", ".join(key.replace("_", " ") for key in found)
+        self._report([], success=f"Found: {names}{f'; {why}' if why else ''}. Look at each, then save.")
 
     def _want(self, key: str) -> None:
         self.wanted = next(one for one in self.session.wanted if one.key == key)

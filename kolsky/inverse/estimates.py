@@ -21,6 +21,7 @@ from kolsky.inverse.coarse_search import (
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.path_noise import rms_amplitude
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import (
     SIMPLEX,
@@ -233,7 +234,7 @@ def surrogate_quality(
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
     if fine.front.moved is not None:
-        found["front_moved"] = fine.front.moved.moved
+        found["front_moved"] = rms_amplitude(fine.front.moved.amplitudes)
     if np.isfinite(valley_margin):
         found["valley_margin"] = valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}

@@ -85,11 +85,6 @@ class MovedFront:
         return self.modes.moved(self.fitted, self.amplitudes)
 
     @property
-    def moved(self) -> float:
-        """Root mean square of the amplitudes [-]."""
-        return rms_amplitude(self.amplitudes)
-
-    @property
     def offset(self) -> FloatArray:
         """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
         return np.asarray(self.amplitudes @ self.modes.patterns)
@@ -140,18 +135,7 @@ def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
     ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
     deviations of the data, shape [k].
     """
-    return front_modes(change / np.sqrt(len(change)), noise)
-
-
-def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
-    """Independent patterns of the data with the sum of squares of some changes, shape [n_modes, k].
-
-    ``change``: of the data by independent standard deviations, shape [n, k]. ``noise``: standard deviations
-    of the data, shape [k].
-    """
-    _, size, patterns = np.linalg.svd(change / noise, full_matrices=False)
-    kept = size > SMALLEST_MODE
-    return np.asarray(size[kept, None] * patterns[kept] * noise)
+    return PathModes.of(change / np.sqrt(len(change)), noise, change).patterns
 
 
 def noise_of(observations: Observations) -> FloatArray:

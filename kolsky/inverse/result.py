@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf, isfinite, nan
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -433,13 +433,19 @@ class Verdict(StrEnum):
     CONTRADICTED = "force and outline contradict each other"
     SHOTS_CONTRADICT = "the shots contradict each other"
     AT_BOUND = "at a bound of the design"
-    BOUND_REACHED = "not told from a bound of the design"
-    OTHER_VALLEY = "not told from another valley of the misfit"
+    BOUND_REACHED = "not distinguished from a bound of the design"
+    OTHER_VALLEY = "not distinguished from another valley of the misfit"
     CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
     PLATEAU = "on a plateau of a rough misfit"
     DISAGREEING = "the check run disagrees with the surrogate"
     FAILED = "no simulation of the design completed"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Self | None:
+        """The words of files written before version 0.1.0."""
+        words = str(value).replace("not told from", "not distinguished from")
+        return next((one for one in cls if one.value == words), None)
 
     @property
     def confirmed(self) -> bool:

@@ -27,7 +27,7 @@ from kolsky.base.records import MaterialCurve
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.parameters import MOVED, PARAMETERS
-from kolsky.inverse.path_noise import data_change, front_modes, noise_of
+from kolsky.inverse.path_noise import PathModes, data_change, noise_of
 from kolsky.inverse.problem import InverseProblem, PreparedShot
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
@@ -151,7 +151,8 @@ def deviance_with_path_noise(
 
 def patterns_of(problem: InverseProblem, prediction: Prediction) -> FloatArray:
     """Patterns of the flyer's noise from runs under other motions, shape [q, n_bins + n_points]."""
-    return front_modes(data_change(prediction)[1:], noise_of(problem.observations))
+    change = data_change(prediction)[1:]
+    return PathModes.of(change, noise_of(problem.observations), change).patterns
 
 
 STRIDE = 0.5

@@ -143,8 +143,11 @@ class Places:
         }
 
 
-def _places_of(pictures: PictureSet) -> Places:
-    """The regions that the shot file declares, and those that it leaves to the pictures."""
+def places_of(pictures: PictureSet) -> Places:
+    """The regions that the shot file declares, and those that it leaves to the pictures.
+
+    Raises InputError if one is neither declared nor found.
+    """
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
     missing = tuple(
@@ -244,7 +247,7 @@ def correlate(
     section = declared.dic
     assert section is not None  # shots with pictures have it
     # others may be looking at the target meanwhile
-    places = _places_of(pictures)
+    places = places_of(pictures)
     static = np.arange(pictures.time.size) < declared.frames.static
     try:
         inspection = inspect_pictures(pictures.series, static)

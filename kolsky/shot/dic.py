@@ -4,7 +4,9 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder
+from kolsky.pictures.correlation import places_of
 from kolsky.pictures.measurement import read_measurement
+from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Drawn, Session, drawables_of_measurement
 from kolsky.schema.pictures import RegionSection, find_measurement_file
 from kolsky.schema.shot_file import shot_toml
@@ -84,6 +86,20 @@ def open_region_session(source: Path) -> Session:
         _shot_toml_of,
         _non_empty(drawn),
     )
+
+
+def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], str]:
+    """The regions that a shot file leaves to its pictures, as the correlation finds them, and how.
+
+    Raises InputError if one of them cannot be found.
+    """
+    places = places_of(pictures)
+    drawn = {
+        "specimen": Drawn(places.specimen.corners, places.specimen.frame),
+        "flyer": Drawn(places.flyer.corners, places.flyer.frame),
+        "transmission_edge": Drawn((places.edge,), 0),
+    }
+    return {key: [drawn[key]] for key in places.found}, places.why
 
 
 def _shot_toml_of(path: Path) -> None:

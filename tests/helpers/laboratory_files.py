@@ -91,7 +91,6 @@ def write_workbook(path: Path) -> None:
 
     book = Workbook()
     sheet = book.active
-    assert sheet is not None
     sheet.append(["Specimen", "gel A"])
     sheet.append(["Strain", "Stress"])
     sheet.append(["%", "MPa"])

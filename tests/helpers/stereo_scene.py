@@ -31,13 +31,7 @@ def rig(angle: float = 12.5) -> StereoRig:
         middle = (SHAPE[1] - 1) / 2.0
         cameras.append(
             Camera(
-                fx=FOCAL,
-                fy=FOCAL,
-                cx=middle,
-                cy=middle,
-                distortion=LENS,
-                rotation=R,
-                translation=-R @ centre,
+                fx=FOCAL, fy=FOCAL, cx=middle, cy=middle, distortion=LENS, rotation=R, translation=-R @ centre
             )
         )
     return StereoRig((cameras[0], cameras[1]))

@@ -43,11 +43,7 @@ def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
 
 
 def traction_force(
-    mesh: Mesh,
-    edges: BoundaryEdges,
-    lame: tuple[float, float],
-    u: FloatArray,
-    du: FloatArray,
+    mesh: Mesh, edges: BoundaryEdges, lame: tuple[float, float], u: FloatArray, du: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Force on the body's boundary for a thickness of 1 m, and its slopes by (mu, lambda)."""
     mu, lam = lame

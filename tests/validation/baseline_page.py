@@ -4,16 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from populations.baseline_specimens import (
-    CASES,
-    CHOSEN_ON,
-    FILE,
-    MATERIALS,
-    NOISE,
-    SCATTER,
-    SHOWN,
-    SPECIMENS,
-)
+from populations.baseline_specimens import CASES, CHOSEN_ON, FILE, MATERIALS, NOISE, SCATTER, SHOWN, SPECIMENS
 from populations.bonded_cylinders import FILE as CYLINDERS
 from populations.bonded_cylinders import NOISE as READING_NOISE
 from populations.bonded_cylinders import line, recorded

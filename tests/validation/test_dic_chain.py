@@ -261,7 +261,6 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
     rest = fit_test_frame(still, follow(still, [match_specimen(still, SPECIMEN)])[0], body)
     rim, seen = rim_in(inputs, body, rest.placement), translations_of(inputs, body, rest.placement)
     axial = displacement_of(inputs, body, rest.placement, rim, seen)
-    assert axial is not None
     off = axial.displacement - np.interp(axial.t, case.truth["t"], case.truth["d"])
     assert np.abs(off).max() < 5.0 * np.hypot(axial.rest_sigma, 1e-6)
 

@@ -82,8 +82,9 @@ def test_opencorr_s_points_are_its_formula_in_single_precision(challenge, openco
         (("x", "y"), ("r2_x", "r2_y"), "ref"),
         (("t1_x", "t1_y"), ("t2_x", "t2_y"), "tar"),
     ):
-        pixels = columns(opencorr, *first), columns(opencorr, *second)
-        theirs = columns(opencorr, *(f"{state}_{axis}" for axis in "xyz"))
+        every = slice(None, None, 4)  # of the points, for a quarter of the time
+        pixels = columns(opencorr, *first)[every], columns(opencorr, *second)[every]
+        theirs = columns(opencorr, *(f"{state}_{axis}" for axis in "xyz"))[every]
         double, single = (linear(rig, *pixels, kind) for kind in (np.float64, np.float32))
         best = 1e3 * triangulate(rig, *pixels, np.eye(2), np.eye(2)).position
         off, own = double - theirs, single - double

@@ -111,7 +111,6 @@ def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identificati
     # Force and outline lie further apart than k = 2.5 in one good shot of eighty; beyond k = 3 it would be no
     # chance.
     difference = found.route_difference
-    assert difference is not None
     assert abs(difference.values["stiffness_factor"]) < 3.0 * difference.sigma["stiffness_factor"]
 
 
@@ -148,7 +147,6 @@ def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
         return
     assert abs(first.value - LATE) < 1e-6
     lag = leading_lag(found.clocks)
-    assert lag is not None
     assert (lag.recording, lag.file, lag.key) == ("flyer", "flyer.csv", "flyer.frame")
     assert abs(lag.lag - LATE) < 2.0 * lag.sigma
     # On 32 x 44 elements the outline keeps a slow error of 2.8 um, which moves the lag by 1.0 us: as much as

@@ -49,7 +49,6 @@ def test_stiffness_and_damping_together():
     for j, name in enumerate(JOINT):
         report(f"{name} of both", expected.deviations[j], sigma[name])
         assert 0.5 < expected.deviations[j] / sigma[name] < 2.0  # as above
-    assert expected.correlation is not None
     print(f"expected correlation {expected.correlation[0, 1]:.2f}")
     # More damping is more stress at the same strain: they make up for each other.
     assert -0.7 < expected.correlation[0, 1] < 0.0

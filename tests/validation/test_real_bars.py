@@ -75,7 +75,6 @@ def reduced(signals: tuple[BarSignal, BarSignal], specimen: Specimen, *, dispers
 def plateau_of(test: Reduced) -> tuple[float, float]:
     """The plateau's span [s]."""
     span = test.summary.plateau.span
-    assert span is not None
     return span.first, span.last
 
 

@@ -88,13 +88,13 @@ def test_realisations_of_a_budget() -> None:
 
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
-COARSE = Numerics(mesh=(16, 22))
+COARSE = Numerics(mesh=(12, 16))
 
 
 @cache
 def held(**values: float) -> Identification:
     settings = Settings(
-        free={"stiffness_factor": None}, held=values, numerics=COARSE, refined_mesh=(24, 32), replicates=0
+        free={"stiffness_factor": None}, held=values, numerics=COARSE, refined_mesh=(16, 22), replicates=0
     )
     return identify(load_shot(SHOT), settings)
 

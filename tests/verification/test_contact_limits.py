@@ -101,7 +101,6 @@ def ledger(law: str) -> Ledger:
         Sampling(middle, twice, all_nodes=True),
         stepping=Stepping(largest_step=STEP),
     )
-    assert response.nodes is not None
     y = response.nodes[0, :, :, 1]
     mass = np.bincount(
         body.quads.ravel(), DENSITY * element_geometry(body).corner_volume.ravel(), minlength=body.n_nodes
@@ -153,7 +152,6 @@ def same_bits(sweep: Response, row: int, one: Response) -> bool:
 
 def depth(response: Response) -> FloatArray:
     """Deepest place of any node beyond a platen at the recorded times [m], shape [n]."""
-    assert response.nodes is not None
     y = response.nodes[..., 1]
     flyer = LENGTH - speed_after_rise(2.6, 50e-6, end=END)(TIMES)
     return np.asarray(np.maximum(-y.min(axis=(1, 2)), (y - flyer[:, None]).max(axis=(1, 2))))
@@ -531,10 +529,7 @@ def test_a_sticking_face_moves_by_shear_over_stiffness_and_does_not_creep() -> N
 
 
 def test_coulomb_leads_from_frictionless_to_rough_to_the_last_bit() -> None:
-    smooth, sweep = (
-        impact("coulomb", friction=(0.0,)),
-        impact("coulomb", friction=tuple(FRICTION)),
-    )
+    smooth, sweep = (impact("coulomb", friction=(0.0,)), impact("coulomb", friction=tuple(FRICTION)))
     assert same_bits(smooth, 0, impact("frictionless"))
     assert same_bits(sweep, -1, impact("rough"))
     # From the coefficient on at which every pressed node sticks, nothing is left to grow.

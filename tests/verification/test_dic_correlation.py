@@ -224,10 +224,7 @@ def case() -> Result:
     """All of it: 15 s on one core."""
     pattern, points = speckle_pattern((SIDE, SIDE)), grid(30, SIDE, 5.0)
     first, shifted = render(pattern, (SIDE, SIDE)), np.array([0.3, 0.0])
-    motions = {
-        "shift by 0.3 px": (np.eye(2), shifted),
-        "stretch by 2 %": (np.diag([1.02, 1.0]), np.zeros(2)),
-    }
+    motions = {"shift by 0.3 px": (np.eye(2), shifted), "stretch by 2 %": (np.diag([1.02, 1.0]), np.zeros(2))}
     true = {name: warps(points, F, shift, SIDE) for name, (F, shift) in motions.items()}
     second = {
         name: render(pattern, (SIDE, SIDE), material=inverse(F, shift, SIDE))

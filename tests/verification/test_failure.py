@@ -227,7 +227,6 @@ def witness(batch: Response, i: int) -> Witness:
     for time in (moment(i, int(batch.steps[i]) - back), float(batch.end_times[i])):
         pair = Sampling(TIMES[:1], np.array([time - JUST_BEFORE, time]), all_nodes=True)
         single = alone(i, pair)
-        assert single.nodes is not None
         F = state(elements, single.nodes[0, 1] - mesh.nodes)
         velocity = (single.nodes[0, 1] - single.nodes[0, 0]) / JUST_BEFORE
         if outcome is Outcome.INVERTED:

@@ -250,7 +250,7 @@ extrapolation of the data with s < 0.3 and stays where that line leaves it.
 {table(["points", "s > 0.4", "at rest"], rows)}
 
 Stress is the derivative of the energy: the central difference along random motions of 20 random states falls
-as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as it must if nothing but the
+as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as expected if only the
 difference is wrong.
 """
 

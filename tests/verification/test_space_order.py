@@ -206,10 +206,4 @@ def test_wave_speed_is_the_rods() -> None:
 @pytest.mark.parametrize("impact", list(IMPACTS))
 def test_impact_converges_in_space(impact: str, quantity: str) -> None:
     differences = case().impacts[impact][quantity]
-    assert_order(
-        SIZES[:-1],
-        differences,
-        IMPACTS[impact],
-        ALLOWED,
-        at_least=True,
-    )
+    assert_order(SIZES[:-1], differences, IMPACTS[impact], ALLOWED, at_least=True)

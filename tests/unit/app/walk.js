@@ -12,6 +12,14 @@ const [url, out, root] = process.argv.slice(2);
 const found = { problems: [], outside: [], baseline: "", log: "", film: [], hostile: {}, states: {} };
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
+// A tab that waits as long as a busy computer needs.
+async function tab(browser) {
+  const page = await browser.newPage();
+  page.setDefaultTimeout(180000);
+  page.setDefaultNavigationTimeout(180000);
+  return page;
+}
+
 async function see(page, words, seconds = 120) {
   const text = typeof words === "string" ? words : words.source;
   await page
@@ -41,7 +49,7 @@ async function film(page, words, seconds = 1.6) {
 }
 
 async function to(page, selector) {
-  const one = await page.waitForSelector(selector, { timeout: 60000 });
+  const one = await page.waitForSelector(selector);
   await one.evaluate((e) => e.scrollIntoView({ block: "center" }));
   await pause(900);
   return one;
@@ -62,7 +70,7 @@ const declared = (page, key) => page.$eval("textarea", (one, k) => one.value.mat
 async function hostile(browser, origin) {
   const server = http.createServer((_, answer) => { answer.setHeader("content-type", "text/html"); answer.end("<h1>prizes</h1>"); });
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-  const page = await browser.newPage();
+  const page = await tab(browser);
   await page.goto(`http://127.0.0.1:${server.address().port}/`);
   const reached = await page.evaluate(async (target) => {
     const got = {};
@@ -91,7 +99,7 @@ async function hostile(browser, origin) {
 
 // A second tab changes the shot; the first one's change is refused and nothing is lost.
 async function twoTabs(browser, page, address) {
-  const other = await browser.newPage();
+  const other = await tab(browser);
   await other.setViewport({ width: 1280, height: 900 });
   await other.goto(address, { waitUntil: "networkidle2" });
   await fill(other, "specimen.length", "6.6 mm");
@@ -139,7 +147,10 @@ async function press(page, words) {
 
 async function fill(page, key, value) {
   const selector = `[data-key="${key}"]`;
-  const field = await page.waitForSelector(selector, { timeout: 20000 });
+  const field = await page.waitForSelector(selector);
+  const closed = await field.evaluate((one) => one.getClientRects().length === 0); // its table is folded
+  if (closed) await field.evaluate((one) => one.closest(".q-expansion-item").querySelector(".q-item").click());
+  await pause(closed ? 900 : 0);
   await field.evaluate((one) => one.scrollIntoView({ block: "center" }));
   const select = await field.evaluate((one) => one.closest(".q-select") !== null || one.classList.contains("q-select"));
   await pause(150);
@@ -163,14 +174,14 @@ async function fill(page, key, value) {
     executablePath: process.env.CHROMIUM || "/usr/bin/chromium", headless: true,
     args: ["--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP evil.example 127.0.0.1"],
   });
-  const page = await browser.newPage();
+  const page = await tab(browser);
   const origin = new URL(url).origin;
   let gone = false; // the server was killed: the browser complains
   page.on("console", (m) => m.type() === "error" && !gone && found.problems.push("console: " + m.text().slice(0, 200)));
   page.on("pageerror", (e) => found.problems.push("script: " + String(e).slice(0, 200)));
   page.on("request", (r) => !r.url().startsWith(origin) && !/^(data|blob|about):/.test(r.url()) && found.outside.push(r.url()));
   await page.setViewport({ width: 1280, height: 900 });
-  await page.goto(url, { waitUntil: "networkidle2", timeout: 60000 });
+  await page.goto(url, { waitUntil: "networkidle2"});
   if (page.url().includes("token")) found.problems.push("the secret stays in the address");
   await see(page, "no shot.toml");
   await film(page, "A folder with the files of a test: scope, image correlation, workbook");
@@ -223,7 +234,7 @@ async function fill(page, key, value) {
   found.log = await page.$eval('[role="log"]', (one) => one.innerText);
   await film(page, "Finished: the answer with its uncertainty", 2.5);
   await page.goto(`${origin}/look?shot=shot5`, { waitUntil: "networkidle2" });
-  const time = await page.waitForSelector('.q-slider:has([aria-label="Time"])', { timeout: 60000 });
+  const time = await page.waitForSelector('.q-slider:has([aria-label="Time"])');
   await pause(1500);
   const row = await time.boundingBox();
   for (const share of [0.15, 0.3, 0.45, 0.6, 0.75, 0.9]) {
@@ -238,14 +249,14 @@ async function fill(page, key, value) {
   await page.mouse.click(place.x + 0.62 * place.width, place.y + 0.5 * place.height);
   await see(page, ", at the answer", 60);
   await press(page, "Draw the valley");
-  await page.waitForSelector('[aria-label^="Misfit over"]', { timeout: 90000 });
+  await page.waitForSelector('[aria-label^="Misfit over"]');
   await pause(1200);
   await film(page, "What if: another stiffness is simulated; the valley of the misfit", 2.5);
   await page.evaluate(() => scrollTo(0, 0));
   await pause(800);
   await film(page, "In blue: what the force would have been", 2.5);
   await looked(page, "look");
-  const report = await browser.newPage();
+  const report = await tab(browser);
   const whole = await report.goto(`${origin}/result?shot=shot5&name=report.html`);
   found.states.report = [whole.status(), await report.title()];
   await report.close();
@@ -257,7 +268,7 @@ async function fill(page, key, value) {
   await page.goto(`${origin}/run?shot=${encodeURIComponent("shot5, longer")}`, { waitUntil: "networkidle2" });
   await page.type('[aria-label="Options, as on the command line"]', process.env.COARSER);
   await press(page, "Start");
-  await see(page, "finished", 900);
+  await see(page, "finished", 1500);
   await page.goto(`${origin}/compare?shots=${encodeURIComponent("shot5|shot5, longer")}`, { waitUntil: "networkidle2" });
   await see(page, "longer: m =|There is no rate study", 90);
   await pause(800);
@@ -273,7 +284,7 @@ async function fill(page, key, value) {
   await press(page, "Cancel");
   await see(page, "kolsky sweep, .*: cancelled", 60);
   await page.goto(`${origin}/pictures?shot=plane`, { waitUntil: "networkidle2" });
-  await page.waitForSelector("img[alt='Picture of camera 0']", { timeout: 60000 });
+  await page.waitForSelector("img[alt='Picture of camera 0']");
   await looked(page, "pictures");
   await page.goto(`${origin}/run?shot=plane`, { waitUntil: "networkidle2" });
   await press(page, "Start");

@@ -40,7 +40,6 @@ def test_what_a_killed_process_left_is_removed_by_the_next(how: str, tmp_path: P
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", WRITING, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as run:
-        assert run.stdout is not None
         assert run.stdout.readline() == b"there\n"
         (tmp_path / "results.csv").write_text("old")
         with scratch(tmp_path):  # while it lives its folder stays
@@ -162,7 +161,6 @@ def test_of_two_commands_in_one_folder_the_second_waits(tmp_path: Path) -> None:
         return subprocess.Popen(words, stdout=subprocess.PIPE, env=environment)
 
     with filled("first", 0.7) as first:
-        assert first.stdout is not None
         assert first.stdout.readline() == b"put\n"
         with filled("second", 0.0) as second:
             assert second.wait(timeout=60) == 0

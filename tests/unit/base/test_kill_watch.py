@@ -44,7 +44,6 @@ time.sleep(60)
 
 def test_a_process_that_has_ended_counts_as_ended_though_nobody_took_its_exit_code() -> None:
     with subprocess.Popen([sys.executable, "-c", DEAD_CHILD], stdout=subprocess.PIPE, text=True) as run:
-        assert run.stdout is not None
         child = psutil.Process(int(run.stdout.readline()))
         assert psutil.pid_exists(child.pid)
         gone, alive = end_of_children([child])

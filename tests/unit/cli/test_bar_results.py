@@ -19,11 +19,7 @@ def reduce(folder: Path) -> dict:
 @pytest.fixture(scope="module", params=["compression", "tension"])
 def reduced(request, tmp_path_factory) -> tuple[Path, dict, str]:
     """Tension is the same record with the gauges' sign turned."""
-    folder = bar_shot(
-        tmp_path_factory.mktemp("bars") / "=shot",
-        more=MORE,
-        waves=f'load = "{request.param}"',
-    )
+    folder = bar_shot(tmp_path_factory.mktemp("bars") / "=shot", more=MORE, waves=f'load = "{request.param}"')
     if request.param == "tension":
         path = folder / "shot.toml"
         path.write_text(path.read_text().replace('compression = "positive"', 'compression = "negative"'))

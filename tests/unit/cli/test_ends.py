@@ -50,7 +50,6 @@ def test_a_command_that_is_told_to_end_leaves_nothing(tmp_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", WAITING, str(out)], stdout=subprocess.PIPE, env=ENVIRONMENT
     ) as run:
-        assert run.stdout is not None
         assert run.stdout.readline() == b"there\n"
         run.send_signal(signal.SIGTERM)
         assert run.wait(timeout=20) == 143
@@ -78,7 +77,6 @@ def test_a_command_in_a_compiled_loop_ends_within_seconds(tmp_path: Path) -> Non
     with subprocess.Popen(
         [sys.executable, "-c", DEAF, str(tmp_path)], stdout=subprocess.PIPE, env=ENVIRONMENT
     ) as run:
-        assert run.stdout is not None
         assert run.stdout.readline() == b"there\n"
         run.send_signal(signal.SIGTERM)
         assert run.wait(timeout=20) == 143
@@ -194,7 +192,6 @@ def test_workers_end_with_their_parent(how: str, tmp_path: Path) -> None:
     script = tmp_path / "workers.py"
     script.write_text(WORKERS)
     with subprocess.Popen([sys.executable, script, how], stdout=subprocess.PIPE, env=ENVIRONMENT) as run:
-        assert run.stdout is not None
         workers = [int(word) for word in run.stdout.readline().split()]
         assert workers
         if how == "kill":

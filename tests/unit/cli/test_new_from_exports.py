@@ -262,7 +262,6 @@ def test_scatter_of_a_curve_by_hand() -> None:
 
 def test_noise_of_points_from_the_frames_at_rest(tmp_path: Path) -> None:
     found = survey_surfaces(series(tmp_path / "a", "vic3d")).specimen
-    assert found is not None
     u = found.export.u.copy()
     u[:START] = 0.0
     u[1:START:2, :, 1] = 3e-6  # up, down, up: differences of 3 um

@@ -99,8 +99,6 @@ def test_a_german_folder_needs_its_facts_and_nothing_else(tmp_path: Path) -> Non
     (folder / "shot.toml").write_text(fill_in(text, {**FACTS, **READ}), encoding="utf-8")
     # It is the very shot of the English files.
     ours, theirs = load_shot(folder), load_shot(OPEN_01)
-    assert ours.centre_line is not None
-    assert theirs.centre_line is not None
     assert (ours.centre_line.Z == theirs.centre_line.Z).all()
     assert isinstance(ours.force, ForceChannel)
     assert isinstance(theirs.force, ForceChannel)

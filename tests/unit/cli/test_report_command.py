@@ -108,7 +108,6 @@ def test_a_hostile_name_is_escaped_and_confined(
     assert "<script>alert" not in html
     assert "\u202e" not in html
     heading = re.search(r"<h1>(.*?)</h1>", html)
-    assert heading is not None
     assert len(unescape(heading[1])) <= HEADING
     with h5py.File(folder / "results" / "identification.h5") as kept:
         assert kept["entry/shot"][()].decode() == name.replace("\\u202e", "\u202e")

@@ -433,7 +433,6 @@ def test_a_region_is_carried_with_what_it_shows():
     frames = [picture(k) for k in range(10)]
     health = np.zeros(10, dtype=np.int64)
     found = carry_region(series(frames), health, REGION, 4, direction=(0.0, -1.0))
-    assert found is not None
     assert found.frame == 4
     shift = np.asarray(found.corners) - np.asarray(REGION.corners)
     np.testing.assert_allclose(shift, np.tile([0.0, -5 * STEP], (4, 1)), atol=0.5)  # whole pixels

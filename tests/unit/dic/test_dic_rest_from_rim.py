@@ -105,7 +105,6 @@ def test_the_rim_of_a_body_that_passes_a_specimen_is_found():
     tracked = SimpleNamespace(points=points, mask=mask)
     geometry = RestGeometry(length=6e-3, length_sigma=0.0, radius=RADIUS)
     found = find_rim(series, tracked, RIG, FRAME, places, moves, geometry)
-    assert found is not None
     assert found.cameras == 1  # the other has no pictures
     assert 0.12 <= found.sigma * SCALE < 0.15  # the model's 0.12 px, and the fit of ten frames
     assert abs(found.y - LOW) * SCALE < 0.2  # the paint reaches to the rim: three times half of that

@@ -21,11 +21,7 @@ from kolsky.cli import identify
 
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-RENAMED = {
-    "matplotlib": "matplotlib-base",
-    "opencv-contrib-python-headless": "py-opencv",
-    "npTDMS": "nptdms",
-}
+RENAMED = {"matplotlib": "matplotlib-base", "opencv-contrib-python-headless": "py-opencv", "npTDMS": "nptdms"}
 NOT_ON_CONDA = {"RigolWFM"}  # conda-forge has 1.0, which does not read the makes of 1.6
 PACKAGES = ("kolsky", "dic", "explicit", "doe")
 

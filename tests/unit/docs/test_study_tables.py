@@ -45,13 +45,7 @@ def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
 
 def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     made = tables._results("paper_budget")
-    how = {
-        "mesh": [16, 22],
-        "refined_mesh": [32, 44],
-        "truth_mesh": [64, 86],
-        "draws": 24,
-        "together": 96,
-    }
+    how = {"mesh": [16, 22], "refined_mesh": [32, 44], "truth_mesh": [64, 86], "draws": 24, "together": 96}
     monkeypatch.setattr(tables, "_results", lambda _: {**made, "made_with": how})
     assert tables.budget("any").endswith(
         "Searched on 16 × 22 elements, answered on 32 × 44, truths on 64 × 86; 24 draws of the noise, 96 of "

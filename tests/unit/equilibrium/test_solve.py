@@ -105,10 +105,7 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
             ),
             "no separate volumetric",
         ),
-        (
-            lambda: Model(MESH, MOONEY, kinematics="plane_stress", regions=np.array([0, 1])),
-            "one number >= 0",
-        ),
+        (lambda: Model(MESH, MOONEY, kinematics="plane_stress", regions=np.array([0, 1])), "one number >= 0"),
         (lambda: Model(MESH, MOONEY, (Fixed("roof"),), kinematics="plane_stress"), "has no set 'roof'"),
         (lambda: clamped().parameters([1.0, 2.0]), "got 2 values"),
         (lambda: clamped().parameters([9e3, -1e5, 0.0, 2e5]), "shear modulus must be"),
@@ -125,14 +122,8 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
         (lambda: Newton(tolerance=1.0), "tolerance must be"),
         (lambda: Newton(iterations=0), "must be >= 1"),
-        (
-            lambda: solve(sliding(extra=(RigidPlane("right", (0.0, 0.0), (1.0, 0.0)),))),
-            "must not be zero",
-        ),
-        (
-            lambda: solve(sliding(extra=(RigidPlane("right", (1.0,), (1.0, 0.0)),))),
-            "must have 2 components",
-        ),
+        (lambda: solve(sliding(extra=(RigidPlane("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
+        (lambda: solve(sliding(extra=(RigidPlane("right", (1.0,), (1.0, 0.0)),))), "must have 2 components"),
         (lambda: solve(sliding(extra=(Pressure("corner", "p"),))), "has no set"),
     ],
 )

@@ -234,7 +234,6 @@ def test_newtons_law_of_the_whole_specimen() -> None:
     # Mass-proportional damping pulls with alpha M v; the platens with their forces.
     found, whole = pressed("one_point"), DENSITY * np.pi * RADIUS**2 * LENGTH
     mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
-    assert found.nodes is not None
     y = found.nodes[0, :, :, 1] @ nodal_mass(mesh, DENSITY) / whole
     momentum = whole * np.gradient(y, TIMES)
     given = found.impulse_transmission[0] - found.impulse_flyer[0] - 300.0 * whole * (y - 0.5 * LENGTH)

@@ -198,11 +198,33 @@ class Gpu:
     alias: str = "cuda:0"
 
 
+class Compiler:
+    """Compiles the modules of these numbers, 10 s each; the files of the others are empty."""
+
+    def __init__(self, *numbers: int) -> None:
+        self.numbers, self.asked = numbers, 0
+
+    def __call__(self, module: Any, *, arch: list[int], module_dir: Path, use_ptx: bool) -> None:
+        self.asked += 1
+        if self.asked - 1 in self.numbers:
+            COMPILE(module, arch=arch, module_dir=module_dir, use_ptx=use_ptx)
+            return
+        name = f"{module.get_module_identifier(module.options['block_dim'])}"
+        for end in (".meta", *(f".sm{one}.{'ptx' if use_ptx else 'cubin'}" for one in arch)):
+            module_dir.mkdir(parents=True, exist_ok=True)
+            (module_dir / f"{name}{end}").touch()
+
+
+COMPILE = wp.compile_aot_module
+
+
 @pytest.fixture(scope="module")
 def modules_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("modules")
     only = {"contacts": [("bonded", "bonded")], "precisions": ["fp32"], "elements": ["one_point"]}
-    paths = ahead_of_time(place, architectures=[90], **only)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wp, "compile_aot_module", Compiler())
+        paths = ahead_of_time(place, architectures=[90], **only)
     # state on one chip, for small and large batches, on those of 4 and 16 blocks, or off them on 1, 4, 16
     assert len(set(paths)) == 7
     assert all(path.is_file() for path in paths)
@@ -219,10 +241,17 @@ def files(modules_folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in modules_folder.rglob("*") if path.is_file()}
 
 
-def test_machine_code_of_the_architecture_is_written(modules_folder):
+def test_every_variant_has_a_file(modules_folder):
     assert sorted(Path(name).suffix for name in files(modules_folder)) == [".cubin"] * 7 + [".meta"] * 7
-    path = next(modules_folder.rglob("*.cubin"))
-    assert path.parent.name == f"warp-{wp.__version__}"
+    assert {path.parent.name for path in modules_folder.rglob("*.cubin")} == {f"warp-{wp.__version__}"}
+
+
+@pytest.mark.slow
+def test_machine_code_of_the_architecture_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(wp, "compile_aot_module", Compiler(3))  # on the chips of a cluster
+    only = {"contacts": [("bonded", "bonded")], "precisions": ["fp32"], "elements": ["one_point"]}
+    path = ahead_of_time(tmp_path, architectures=[90], **only)[3]
+    assert not list(path.parent.glob("*.cu"))
     header = path.read_bytes()[:64]
     assert header[:5] == b"\x7fELF\x02"
     assert struct.unpack_from("<H", header, 18)[0] == 190  # EM_CUDA of the ELF registry
@@ -294,11 +323,14 @@ def test_ptx_serves_later_architectures(tmp_path):
 
 
 @pytest.mark.slow
-def test_ptx_names_its_target(tmp_path):
+def test_ptx_names_its_target(tmp_path, monkeypatch):
+    monkeypatch.setattr(wp, "compile_aot_module", Compiler(0))
     only = {"contacts": [("bonded", "rough")], "precisions": ["fp32"], "elements": ["one_point"]}
     paths = ahead_of_time(tmp_path, architectures=[80, 90], ptx=True, **only)
     assert [path.suffix for path in paths] == [".ptx"] * 10  # four for the clusters of the later one
-    for path, arch in zip(paths, (80, 90) * 3 + (90,) * 4, strict=True):
+    written = [f"wp_.*sm{arch}.ptx" for arch in (80, 90) * 3 + (90,) * 4]
+    assert all(re.fullmatch(name, path.name) for name, path in zip(written, paths, strict=True))
+    for path, arch in zip(paths[:2], (80, 90), strict=True):
         assert f".target sm_{arch}" in path.read_text()
 
 

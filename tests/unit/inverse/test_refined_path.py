@@ -135,5 +135,4 @@ def test_a_moved_path_and_what_is_taken_off_for_it() -> None:
     shares = front.amplitudes @ modes.shares
     assert front.path.jerk == pytest.approx(np.arange(5.0) + shares @ deviations)
     assert front.offset == pytest.approx(shares @ change)  # modes are combinations of the replicates
-    assert front.moved == pytest.approx(np.sqrt(5.25 / 3.0))
     assert modes.amplitudes(shares) == pytest.approx(front.amplitudes)

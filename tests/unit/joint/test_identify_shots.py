@@ -62,7 +62,6 @@ def test_one_shot_counted_twice_has_no_scatter_and_the_same_answer(
 ) -> None:
     result, _ = found
     e = result.estimates["stiffness_factor"]
-    assert result.scatter is not None
     assert result.scatter.value == 0.0
     assert [part.factor for part in result.shots] == pytest.approx([e.on_mesh, e.on_mesh])
     assert result.shots[0].chi2_force == result.shots[1].chi2_force
@@ -73,7 +72,6 @@ def test_a_curve_without_bends_is_a_line_in_the_logarithm(shots: list[Shot]) -> 
     single = identify_shots(
         shots[:1], replace(SETTINGS, curve_nodes=4, curve_roughness=1e-4, free={"poisson": (0.4985, 0.4995)})
     )
-    assert single.curve is not None
     # So smooth that the factor's logarithm is a straight line over the strain: its bends are of the prior.
     np.testing.assert_allclose(np.diff(np.log(single.curve.factor), n=2), 0.0, atol=3e-4)
     assert not single.estimates.keys() - {"poisson"}

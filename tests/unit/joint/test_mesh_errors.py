@@ -55,7 +55,6 @@ FOUND: Any = SimpleNamespace(x=np.ones(1), vector=np.full(4, 4.0))
 def test_graded_runs_of_all_shots_tell_the_error() -> None:
     change = joint_mesh_change(problem({}), FOUND)
     assert change.lost == ()
-    assert change.graded is not None
     np.testing.assert_array_equal(change.graded.graded, np.ones(4))
     np.testing.assert_array_equal(change.graded.coarser, np.ones(4))
     assert change.graded.ratio == pytest.approx(1.6)

@@ -332,7 +332,6 @@ def asks(values: list[float], sigma: list[float], outline: list[float] | None = 
 def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     # The outline decides the answer of all data: there nothing is seen.
     found = shot_agreement(["a", "b", "c"], asks([0.02, -0.46, 0.0], [0.01, 0.03, 0.01]), scatter=True)
-    assert found is not None
     assert (found.shots, found.channel, found.freedom) == (("b",), "force", 2)
     w = np.array([1e4, 1.0 / 9e-4, 1e4])
     a = np.array([0.02, -0.46, 0.0])
@@ -341,7 +340,6 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     assert found.ratio == pytest.approx(1.02 / 0.54)
     assert "b contradicts the other shots by the force by itself" in found.sentence
     pair = shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
-    assert pair is not None
     assert pair.shots == ("a", "b")
     # Two estimates: the square of their difference over the sum of their variances.
     assert pair.chi2 == pytest.approx(0.48**2 / (0.01**2 + 0.03**2))
@@ -351,11 +349,9 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
 def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
     for scatter in (True, False):
         found = shot_agreement(["a", "b", "c"], asks([0.1, 0.0, -0.1], [0.01] * 3), scatter=scatter)
-        assert found is not None
         assert found.chi2 == pytest.approx(200.0)
         assert found.apart is not scatter
     agree = shot_agreement(["a", "b"], asks([0.1, -0.4], [0.2, 0.2]), scatter=False)
-    assert agree is not None
     assert not agree.apart  # chi2 3.1 of one degree of freedom, 0.08
     assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
 
@@ -364,11 +360,9 @@ def test_the_force_over_the_outline_does_not_scatter_between_specimens() -> None
     names, sigma = ["a", "b", "c"], [0.01] * 3
     # Specimens that scatter by a tenth: force and outline agree in each.
     alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
-    assert alike is not None
     assert not alike.apart
     # A sensitivity that is a tenth off moves the force of one alone.
     found = shot_agreement(names, asks([0.1, 0.1, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
-    assert found is not None
     assert (found.shots, found.channel) == (("b",), FORCE_OVER_OUTLINE)
     # Differences 0, 0.1, 0 of the variance 2 x 0.01^2: sum of squares 2/3 of 0.01.
     assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 2e-4)

@@ -92,7 +92,6 @@ def test_laws_from_files(tmp_path: Path) -> None:
     assert np.interp(x, found.compression, found.force) == pytest.approx(want, rel=0.03)
     (tmp_path / "law.csv").write_text("compression (mm),force (N)\n0,0\n0.5,100\n1,400\n")
     law = shaper_of(table(kind="table", file="law.csv"), tmp_path, **bars)
-    assert law is not None
     assert law.unloading == pytest.approx(300.0 / 0.5e-3)
     (tmp_path / "law.csv").write_text("compression (mm),force (N)\n0,0\n0.5,100\n1,50\n")
     with pytest.raises(InputError, match="ascend"):

@@ -94,8 +94,7 @@ def test_one_sign_is_decimal_where_the_file_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    "metadata",
-    [{"Rate": ["5 mm/min"]}, {"Rate": ["5"]}, {"Start": ["10:31:07"]}, {"Start": ["5 mm"]}, {}],
+    "metadata", [{"Rate": ["5 mm/min"]}, {"Rate": ["5"]}, {"Start": ["10:31:07"]}, {"Start": ["5 mm"]}, {}]
 )
 def test_words_of_other_things_are_no_clock(metadata: dict[str, list[str]]) -> None:
     clock = header_clock(FILE, metadata)

@@ -341,7 +341,7 @@ def test_damage_at_random_ends_in_one_line_or_a_recording(name, tmp_path):
     path = written(name, tmp_path)
     data = path.read_bytes()
     random = np.random.default_rng(3)
-    for trial in range(24):
+    for trial in range(6 if name == "mat" else 24):  # a MAT file is read in a process of its own
         damaged = bytearray(data)
         reach = min(600, len(data)) if trial % 2 else len(data)  # the header, or anywhere
         places = random.integers(0, reach, 1 + trial // 4)

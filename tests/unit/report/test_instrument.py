@@ -58,7 +58,6 @@ def test_a_number_that_is_none_is_no_number_of_the_page() -> None:
 
 def test_the_page_allows_its_own_script_and_style_and_nothing_else(page: str) -> None:
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)
-    assert policy is not None
     said = dict(part.strip().split(" ", 1) for part in unescape(policy[1]).split(";"))
     assert said["default-src"] == "'none'"
     assert said["img-src"] == "data:"

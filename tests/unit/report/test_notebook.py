@@ -94,6 +94,9 @@ def test_an_identification_says_its_answer() -> None:
     tags = Tags(text)
     assert not tags.open
     assert "script" not in tags.seen  # the shot's name holds one
+    first, _, rest = text.partition("<details>")
+    assert 3 <= first.count("<tr>") - len(found.warnings) <= 7  # a line of the answer, and these, as printed
+    assert rest.count("<tr>") > 20
     assert "&lt;script&gt;" in text
 
 

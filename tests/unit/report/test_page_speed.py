@@ -69,11 +69,7 @@ def test_groups_share_one_numbering_and_the_last_figure_is_begun_first(monkeypat
     first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
     second = rendering.FigureGroup([kinds["force"], kinds["energy"]], RESULTS["two"])
     drawn = rendering.draw_groups([first, second], first=4, mark="a")
-    assert begun == [
-        ("energy-a", RESULTS["two"]),
-        ("force-a", RESULTS["two"]),
-        ("misfit-a", RESULTS["one"]),
-    ]
+    assert begun == [("energy-a", RESULTS["two"]), ("force-a", RESULTS["two"]), ("misfit-a", RESULTS["one"])]
     assert [(figure["id"], figure["number"]) for figure in drawn] == [
         ("misfit-a", 4),
         ("force-a", 5),

@@ -84,7 +84,6 @@ def test_meshes_need_nodes() -> None:
 
 def test_renumbered_mesh_is_noticed() -> None:
     result = synthetic()
-    assert result.response.nodes is not None
     turned = replace(result.response, nodes=result.response.nodes[:, :, ::-1])
     with pytest.raises(ValueError, match="renumbered"):
         build(REGISTRY["meshes"], replace(result, response=turned))
@@ -390,7 +389,6 @@ def test_vtu_carries_the_fields_of_films(tmp_path: Path) -> None:
 
 def test_vtu_series_ends_with_the_simulation(meshed: tuple[Identification, Mesh], tmp_path: Path) -> None:
     result, mesh = meshed
-    assert result.response.nodes is not None
     nodes = result.response.nodes.copy()
     nodes[:, 2:] = np.nan
     assert len(write_vtu(tmp_path, replace(result.response, nodes=nodes), mesh, None)) == 3

@@ -1,6 +1,7 @@
 """Analysis of a sweep: interpolants refused when wrong, effects, indices, the page."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,9 @@ def table(n: int = 128, *, lost: tuple[int, ...] = (), rough: bool = False) -> D
     )  # fmt: skip
 
 
+@cache
 def analysed(**options: object) -> SweepAnalysis:
+    """Made once: no test changes it."""
     return analyse_sweep("shot", BOX, table(**options))  # type: ignore[arg-type]
 
 
@@ -66,7 +69,6 @@ def test_misfits_without_an_interpolant_are_drawn_as_runs() -> None:
 def test_indices_of_known_functions() -> None:
     # Phi_F is linear: variances (2 / sqrt 12)^2 and (1 / sqrt 12)^2, so 4/5 and 1/5. Phi_S has one cause.
     found = analysed().indices
-    assert found is not None
     first = dict(zip(found.outputs, found.first, strict=True))
     # Sampling error of 1024 points, and an interpolant within a few percent.
     np.testing.assert_allclose(first["Phi_F"], [0.8, 0.2, 0.0], atol=0.02)
@@ -94,7 +96,6 @@ def test_maps_are_cuts_through_the_best_run() -> None:
 def test_the_least_of_the_interpolant_is_that_of_the_function() -> None:
     # Phi = (1 + 2 f + m) / 1000 + 1000 ((m - 1)^2 + 0.1): least at f = 0 and 1 + 1e-3 / 2000 for m.
     found = analysed().optimum
-    assert found is not None
     assert found.output == "Phi"
     assert found.at["stiffness_factor"] == pytest.approx(1.0, abs=0.01)  # an interpolant of 128 runs
     assert found.value == pytest.approx(100.002, abs=1.0)
@@ -125,7 +126,6 @@ def test_a_rough_misfit_is_refused_with_the_runs_it_would_take() -> None:
     assert output.error > 0.2
     assert "about" in output.refused
     assert "runs would do if the misfit is smooth" in output.refused
-    assert found.indices is not None
     assert "Phi_F" not in found.indices.outputs
     with pytest.raises(ValueError, match="has no interpolant"):
         found.map("Phi_F", "friction", "damping")

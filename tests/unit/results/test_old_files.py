@@ -46,7 +46,6 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
-    assert result.posterior is not None
     assert result.posterior.samples.shape == (20, 4)
     assert result.methods[0].runs == 20
     assert result.response.nodes is not None
@@ -85,3 +84,10 @@ def test_a_stereo_result_of_an_earlier_release(tmp_path: Path) -> None:
     assert before.pop("/entry/motion/covariance")[2] == (9, 6, 9, 6)
     assert after.pop("/entry/motion/covariance")[2] == (0, 6, 0, 6)
     assert {name: found for name, found in after.items() if not name.endswith("from_rim")} == before
+
+
+def test_a_verdict_of_earlier_words_is_read() -> None:
+    assert Verdict("not told from a bound of the design") is Verdict.BOUND_REACHED
+    assert Verdict("not told from another valley of the misfit") is Verdict.OTHER_VALLEY
+    with pytest.raises(ValueError, match="not a valid Verdict"):
+        Verdict("not told from anything")

@@ -117,7 +117,6 @@ def test_the_summary_of_such_a_shot():
 
 def test_simulating_such_a_shot(tmp_path):
     run = simulate(classical_shot(0), {"stiffness_factor": FACTOR}, numerics=Numerics(mesh=(8, 8)))
-    assert run.terms is not None
     assert np.isnan(run.terms.phi_shape)
     assert [path.name for path in write_simulation(tmp_path, run)] == ["force.csv"]
     # Mean |F - F| at the samples: the mesh of 8 rings against that of 20 which made the record, 2 % of 230 N.

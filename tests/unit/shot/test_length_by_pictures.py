@@ -109,11 +109,9 @@ def test_the_rim_has_neither_the_lengths_sigma_nor_the_lower_ends() -> None:
     whole = float(np.sqrt(A**2 + B**2 + Z**2 + R**2))
     given = result(disagreement=(OFF, whole))
     plain = rim_at_rest(given, length=LENGTH, length_sigma=A)
-    assert plain is not None
     assert plain.disagreement == OFF
     assert plain.sigma == pytest.approx(np.hypot(Z, R))
     more = rim_at_rest(given, length=LENGTH, length_sigma=A, unseen=7e-6)
-    assert more is not None
     assert more.sigma == pytest.approx(np.sqrt(Z**2 + R**2 + 49e-12))
     assert rim_at_rest(result(disagreement=None), length=LENGTH, length_sigma=A) is None
 
@@ -128,7 +126,6 @@ def test_a_scale_of_the_calibration_is_in_the_length() -> None:
     given = result(disagreement=(OFF, 2.0 * A), cameras=replace(cameras, covariance=covariance))
     assert calibration_variance(given, LENGTH) == pytest.approx((1e-3 * LENGTH) ** 2, rel=1e-5)
     one = rim_at_rest(given, length=LENGTH, length_sigma=A)
-    assert one is not None
     assert one.sigma == pytest.approx(np.sqrt(3.0 * A**2 - B**2 + (1e-3 * LENGTH) ** 2), rel=1e-5)
 
 

@@ -59,7 +59,6 @@ def test_a_sound_rig_holds_its_specimen() -> None:
     corners = np.array([[10.0, 5.0], [117.0, 5.0], [117.0, 122.0], [10.0, 122.0]])
     shapes = ((128, 128), (128, 128))
     seen = visible_lengths(rig(), corners, "up", shapes)
-    assert seen is not None
     assert seen[0] < 6.5e-3 < seen[1] < 10e-3  # 117 px at 18 px/mm
     assert not length_contradicts(6.5e-3, seen)
     assert length_contradicts(65e-3, seen)

@@ -60,7 +60,6 @@ def test_a_bar_behind_the_specimen(written) -> None:
         r"^# (\[transmission\.bar\]|diameter|length|youngs|density|poisson)", r"\1", text, count=6, flags=re.M
     )
     bar = shot_toml(written(text)).declared.transmission.bar
-    assert bar is not None
     assert (bar.diameter, bar.length, bar.youngs_modulus, bar.density, bar.poisson) == (
         0.015,
         1.5,

@@ -194,7 +194,6 @@ def test_shares_of_a_straight_line_are_known_exactly() -> None:
     """m = 1 + 3 z1 - 4 z2: shares 9/25 and 16/25, nothing unexplained, whatever the draws."""
     z = np.random.default_rng(3).standard_normal((20, 2))
     found = joint_shares(z, 1.0 + z @ [3.0, -4.0])
-    assert found is not None
     assert found.slopes == pytest.approx([3.0, -4.0])
     assert found.shares == pytest.approx([0.36, 0.64])
     assert found.intervals == pytest.approx(np.array([[0.36, 0.36], [0.64, 0.64]]))
@@ -214,7 +213,6 @@ def test_bootstrap_of_a_line_has_the_spread_of_least_squares() -> None:
     noise -= noise.mean() + z[:, 0] * (noise @ z[:, 0]) / n
     noise *= 0.5 * np.sqrt((n - 2) / (noise @ noise))
     found = joint_shares(z, z[:, 0] + noise)
-    assert found is not None
     assert found.shares[0] == pytest.approx(0.8, rel=1e-12)
     assert found.unexplained == pytest.approx(0.2, rel=1e-12)
     per_b, per_s = 2 * 0.25 / 1.25**2, 1 / 1.25**2  # derivatives of b^2 / (b^2 + v) by b and by v = s^2

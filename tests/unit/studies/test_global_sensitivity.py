@@ -50,7 +50,6 @@ def test_solver_and_surrogate_agree(by_solver, by_surrogate):
     assert by_solver.runs == 32 * 4
     assert by_surrogate.runs == 76
     theirs = by_surrogate.scalars
-    assert theirs is not None
     assert "Phi_S" in theirs.outputs
     for i, name in enumerate(theirs.outputs):
         k = by_solver.scalars.outputs.index(name)
@@ -101,7 +100,6 @@ def test_part_of_a_surrogate_can_be_good_enough(shot):
     assert found.errors["Phi_S"] < LARGEST_ERROR < found.errors["force"]
     assert found.force is None
     assert "ask the solver" in found.refused["force"]
-    assert found.scalars is not None
     assert "Phi_S" in found.scalars.outputs
     (kind,) = SENSITIVITY.values()
     assert "on a surrogate" in kind.caption(found)

@@ -32,7 +32,6 @@ def shot(number: int, *, shift: float, roughness: float = 0.0) -> RatedShot:
 def test_the_mesh_does_not_average_whichever_way_each_was_corrected() -> None:
     shots = [shot(i, shift=0.005 * (-1.0) ** i) for i in range(4)]
     pooled = compare(shots).groups[0].pooled
-    assert pooled is not None
     assert pooled.sigma_common == pytest.approx(0.002, rel=1e-12)
     # Four alike, of 0.003 each: their scatter is zero, and the mean has half of it beside the mesh.
     assert pooled.sigma == pytest.approx(np.hypot(0.003 / 2.0, 0.002), rel=1e-9)
@@ -41,7 +40,6 @@ def test_the_mesh_does_not_average_whichever_way_each_was_corrected() -> None:
 def test_roughness_is_each_shots_own() -> None:
     assert shot(0, shift=-0.005, roughness=0.004).sigma_own == pytest.approx(0.005)  # 3, 4, 5
     pooled = compare([shot(i, shift=-0.005, roughness=0.004) for i in range(4)]).groups[0].pooled
-    assert pooled is not None
     assert pooled.sigma == pytest.approx(np.hypot(0.005 / 2.0, 0.002), rel=1e-9)
 
 
@@ -175,7 +173,6 @@ def test_the_verdict_in_words() -> None:
     spread, own = np.full(5, 0.05), np.full(5, 0.003)
     none = slope(RATES, spread, 1.12 + 0.003 * np.array([1.0, -1.0, 0.0, -1.0, 1.0]), own)
     assert none.verdict is SlopeVerdict.NONE_SEEN
-    assert none.fit is not None
     bound = max(abs(end) for end in none.fit.interval(1))
     assert none.sentence == (
         f"no rate sensitivity beyond ± {bound:.2g} per decade; a slope above "

@@ -48,7 +48,6 @@ def test_the_papers_five_shots_carry_no_slope():
     assert found.reasons[0].startswith("the shots' rates span 0.10 decade, 0.5 are needed")
     # Without the slow shot the line is another one.
     without = found.leave_one_out[0]
-    assert without is not None
     low, high = without.interval(1)
     assert low < -8.0
     assert high > 2.0
@@ -73,7 +72,6 @@ def test_a_known_slope_is_found():
     m = 1.1 + 0.15 * np.log10(RATES / 300.0) + DEVIATIONS
     found = slope(RATES, SPREAD, m, SIGMA)
     assert found.verdict is SlopeVerdict.SENSITIVE
-    assert found.fit is not None
     low, high = found.fit.interval(1)
     assert low < 0.15 < high
     assert high - low < 0.05  # six shots of 0.5 % over a decade
@@ -198,7 +196,6 @@ GOOD = [rated("a", 1.10, 300.0), rated("b", 1.12, 400.0)]
 def test_an_unexplained_shot_is_left_out_and_named(verdict: Verdict) -> None:
     bad = rated("c", 1.50, 500.0, verdict=verdict)
     (group,) = compare([*GOOD, bad]).groups
-    assert group.pooled is not None
     assert group.pooled.mean == pytest.approx(1.11, abs=1e-9)
     assert f"c is not counted: {verdict.value}" in group.remarks
     (kept,) = compare([*GOOD, replace(bad, keep_unexplained=True)]).groups

@@ -97,7 +97,6 @@ def test_one_shot_may_hold_nine_tenths_of_the_lever(lever: float, refused: int) 
     a = np.sqrt(0.5 * (1.0 / (lever - 1.0 / 6.0) - 1.2))
     places = np.array([-0.2 - a, -0.2 + a, -0.2, -0.2, -0.2, 1.0])
     found = line(300.0 * 10.0**places, 1.1 + DEVIATIONS)
-    assert found.fit is not None
     assert found.fit.leverage.max() == pytest.approx(lever, rel=1e-6)
     assert names(found) == ["largest leverage of one shot"] * refused
 
@@ -156,7 +155,6 @@ def test_the_long_lever_starts_at_one_by_definition() -> None:
     shots = [rated(f"s{i}", m, 100.0) for i, m in enumerate(Y)]
     (group,) = compare(shots).groups
     lever, pooled = group.long_lever, group.pooled
-    assert lever is not None
     assert pooled is not None
     # The curve of the helper is at 0.01 1/s: four decades below 100 1/s.
     assert lever.decades == pytest.approx(4.0)

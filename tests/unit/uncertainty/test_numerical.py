@@ -93,7 +93,6 @@ def test_an_error_that_graded_meshes_tell_is_corrected_whole() -> None:
     on_fine = TRUTH - GAIN @ (refined - data)
     np.testing.assert_allclose(found.error, e, rtol=1e-13)
     np.testing.assert_allclose(on_fine + found.correction(GAIN), TRUTH, rtol=1e-13)  # round-off
-    assert found.graded is not None
     np.testing.assert_allclose(found.graded.left, g, rtol=1e-13)
     # Where the refined mesh is the finer graded one, its error is what that one's is.
     np.testing.assert_allclose(GradedChange(coarser - graded, 1.6).error, g, rtol=1e-13)
@@ -157,7 +156,7 @@ def staged(
     """Simulations whose data vectors on the surrogate's mesh are known, and an answer."""
     vectors = {"one_point": np.array([7.0, np.nan]), "fbar": np.array([8.5, 2.0])}
     graded = {(30, 40): np.array([9.0, 2.5])}
-    shifts = {mesh: np.array(list(offset.values())) for mesh in [(24, 32), *graded] if offset}
+    shifts = {mesh: np.array(list(offset.values())) for mesh in [(20, 27), *graded] if offset}
     side = "coulomb" if lost == "smoothness" else "bonded"
     shot = SimpleNamespace(interface=SimpleNamespace(faces="bonded", side=side))
 
@@ -205,7 +204,7 @@ def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
     found = mesh_change(*staged(monkeypatch))
     np.testing.assert_array_equal(found.coarser, [1.0, 0.0])  # a point that is not reached adds nothing
     np.testing.assert_array_equal(found.element, [1.5, 0.0])
-    assert found.ratio == 2.0
+    assert found.ratio == 2.4
     np.testing.assert_array_equal(found.windows, [0, 11])
     assert found.lost == ()
     # A mesh that is run 0.2 higher, in step with the data: 0.2 of the slopes (3, 0.5) is taken back.
@@ -213,11 +212,10 @@ def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
         mesh_change(*staged(monkeypatch, m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15
     )
     graded = found.graded
-    assert graded is not None
     np.testing.assert_array_equal(graded.coarser, [3.0, 0.5])  # 9 where the refined mesh has 6
     assert graded.graded == 0.0
     assert graded.ratio == 1.6
-    with pytest.raises(ValueError, match="24 x 32 elements did not complete"):
+    with pytest.raises(ValueError, match="20 x 27 elements did not complete"):
         mesh_change(*staged(monkeypatch, lost="one_point"))
 
 

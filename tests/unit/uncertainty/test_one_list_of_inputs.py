@@ -80,7 +80,6 @@ def test_the_cause_that_puts_an_input_right_undoes_its_direction(key: str, found
     """What is found where an input is declared too large by u, through the model, is minus its direction."""
     one, run, record, u = objective(), response(), INPUTS[key], 1e-7
     assert record.seen is not None
-    assert record.cause is not None
     change = record.cause.changed(record.cause.coordinate(found(u)))
     undone = changed_vector(change, run, one.observations) - changed_vector(UNCHANGED, run, one.observations)
     direction = record.seen(ModelAtOptimum(one, one.observations, run), u)

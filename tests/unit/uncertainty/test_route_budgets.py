@@ -67,7 +67,6 @@ def test_the_difference_has_a_budget_of_its_own() -> None:
     n = 20_000
     force, shape = optimum("force", (1.5, 2.0)), optimum("shape", (1.0, 2.25))
     found = route_difference(NAMES, [optimum("joint", (1.2, 2.1)), force, shape], sources())
-    assert found is not None
     assert found.values == {"stiffness_factor": 0.5, "damping": -0.25}
     scatter = (drawn(n) @ (gain("force") - gain("shape")).T).std(axis=0)
     np.testing.assert_allclose(list(found.sigma.values()), scatter, rtol=4.0 / np.sqrt(2.0 * n))
@@ -86,7 +85,6 @@ def test_what_moves_both_alike_is_no_part_of_their_difference() -> None:
     )
     pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
     found = route_difference(NAMES, pair, alike)
-    assert found is not None
     assert found.values == pytest.approx({"stiffness_factor": 0.0, "damping": 0.0}, abs=1e-12)
     own = root_sum_squares({"residuals": np.sqrt(np.diag(pair[0].residual + pair[1].residual))})
     np.testing.assert_allclose(list(found.sigma.values()), own, rtol=1e-12)
@@ -105,7 +103,6 @@ def test_declared_inputs_are_counted_by_each_map() -> None:
     assert parts[0]["declared inputs"] == pytest.approx({"stiffness_factor": 1.0, "damping": 2.0})
     assert parts[1]["declared inputs"] == pytest.approx({"stiffness_factor": 0.0, "damping": 2.0}, abs=1e-12)
     found = route_difference(NAMES, pair, declared)
-    assert found is not None
     apart = {p.source: p.sigma for p in found.budget}["declared inputs"]
     assert apart == pytest.approx({"stiffness_factor": 1.0, "damping": 0.0}, abs=1e-12)
 
@@ -120,7 +117,6 @@ def test_a_rough_response_counts_as_each_map_makes_of_it() -> None:
     assert parts[0]["roughness"] == pytest.approx({"stiffness_factor": 0.5, "damping": 0.0}, abs=1e-12)
     assert parts[1]["roughness"] == pytest.approx({"stiffness_factor": 0.4, "damping": 0.0}, abs=1e-12)
     found = route_difference(NAMES, pair, given)
-    assert found is not None
     apart = {p.source: p.sigma for p in found.budget}["roughness"]
     assert apart == pytest.approx({"stiffness_factor": 0.3, "damping": 0.0}, abs=1e-12)
     assert sources().roughness(gain("joint")) is None

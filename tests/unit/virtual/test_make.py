@@ -213,10 +213,7 @@ def test_the_truth_is_read_by_nothing_else() -> None:
         for path in (ROOT / package).rglob("*.py")
         if named.search(path.read_text("utf-8"))
     }
-    assert readers <= {
-        "kolsky/virtual/make.py",
-        "kolsky/virtual/shot_file.py",
-    }
+    assert readers <= {"kolsky/virtual/make.py", "kolsky/virtual/shot_file.py"}
 
 
 def test_the_template_is_the_defaults() -> None:
