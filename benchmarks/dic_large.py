@@ -21,7 +21,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from dic.basics import FloatArray
-from dic.bodies.follow import follow_body
+from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
 from dic.camera import Camera, StereoRig
 from dic.chain.outliers import gate_residual
@@ -115,19 +115,20 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
     wp.launch = counted
     started, work = perf_counter(), process_time()
     try:
-        body = follow_body(
+        stereo = Correlation(subset=SUBSET, shape=Shape.AFFINE)
+        matched = match_body(
             series,
             rig,
             Region(corners, 0),
             step=step,
             margin=0.5 * SUBSET,
             tracking=Tracking(correlation=Correlation(subset=SUBSET)),
-            stereo=Correlation(subset=SUBSET, shape=Shape.AFFINE),
+            stereo=stereo,
             noise=(Noise(NOISE), Noise(NOISE)),
             health=(fine, fine),
             device=device,
         )
-        body = gate_residual(body)
+        body = gate_residual(follow_bodies([matched], rig, stereo)[0])
     finally:
         wp.launch = launch
     made = max(one.seconds for one in series)  # the cameras' pictures are made side by side

@@ -13,10 +13,9 @@ from time import perf_counter
 
 import numpy as np
 
-from kolsky.virtual.calibration_pictures import rig_of, write_calibration
-from kolsky.virtual.pictures import expose_series, scene_of
-from kolsky.virtual.records import SurfaceHistory
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of, write_calibration
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.truth import SurfaceHistory
 
 
 def surface(frames: int, q: Specification) -> SurfaceHistory:

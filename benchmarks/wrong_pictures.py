@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.made_pictures import surface
-from kolsky.virtual.calibration_pictures import rig_of
-from kolsky.virtual.pictures import expose_series, scene_of
-from kolsky.virtual.records import SurfaceHistory
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.truth import SurfaceHistory
 
 FRAMES, SHOWN = 16, [0, 11, 15]
 """Frames of the motion, and those that are made: the first and the last are shown."""

@@ -37,7 +37,7 @@ WRONG = 0.06
 
 
 def band_of(bar: Bar) -> float:
-    """Frequency up to which waves are carried [Hz], as `kolsky.bars.reduction.faces` does."""
+    """Frequency up to which waves are carried [Hz], as `kolsky.bars.reduction.separation` does."""
     return 0.6 * bar.wave_speed / bar.diameter
 
 

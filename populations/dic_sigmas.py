@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dic.basics import BoolArray, FloatArray
-from dic.bodies.follow import follow_body
+from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
 from dic.full_field.measure import FullFieldSettings, measure_plane, noise_at_rest
 from dic.images.series import PicturesInMemory
@@ -90,7 +90,7 @@ def _cylinder(scene: SigmaScene, device: str) -> Off:
     if first is None or second is None:
         raise ValueError("the frames at rest give no noise")
     corners = ((RIM, RIM), (111 - RIM, RIM), (111 - RIM, 111 - RIM), (RIM, 111 - RIM))
-    body = follow_body(
+    matched = match_body(
         (series[0], series[1]),
         scene.rig,
         Region(corners, 0),
@@ -102,6 +102,7 @@ def _cylinder(scene: SigmaScene, device: str) -> Off:
         health=(fine, fine),
         device=device,
     )
+    body = follow_bodies([matched], scene.rig, scene.stereo)[0]
     r = body.reconstruction
     cylinder = RenderedCylinder(RADIUS)
     X = cylinder.hit(scene.rig.cameras[0], body.points)

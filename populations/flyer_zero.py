@@ -37,12 +37,10 @@ from dic.result import Placement
 from dic.tracking import Tracking
 from kolsky.cli.texts import whole_numbers
 from kolsky.pictures.specimen_length import conditioned_length, rim_of
-from kolsky.virtual.calibration_pictures import rig_of
-from kolsky.virtual.pictures import expose_series, scene_of
-from kolsky.virtual.records import SurfaceHistory
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import Series, SpecificationFile, read_specification
-from kolsky.virtual.truth import simulate_truths
+from kolsky.virtual.truth import SurfaceHistory, simulate_truths
 from populations.driver import answers, command
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.basics import FloatArray
-from dic.bodies.follow import TrackedBody, follow_body
+from dic.bodies.follow import TrackedBody, follow_bodies, match_body
 from dic.bodies.region import Region
 from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise, Shape
@@ -195,16 +195,19 @@ def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
     """The specimen of a scene through both series, in the cameras' frame, which is the test frame."""
     pictures = scene.pictures()
     corners = ((8.0, 8.0), (103.0, 8.0), (103.0, 103.0), (8.0, 103.0))
+    cameras = rig(scene.angle)
     fine = np.full(scene.n_frames, int(FrameOutcome.VALID), dtype=np.int64)
-    return follow_body(
+    stereo = Correlation(subset=21, shape=Shape.QUADRATIC)
+    matched = match_body(
         (Frames(pictures[0]), Frames(pictures[1])),
-        rig(scene.angle),
+        cameras,
         Region(corners, 0),
         step=4,
         margin=2.0,
         tracking=Tracking(correlation=Correlation(subset=21)),
-        stereo=Correlation(subset=21, shape=Shape.QUADRATIC),
+        stereo=stereo,
         noise=(Noise(scene.noise), Noise(scene.noise)),
         health=(fine, fine),
         device=device,
     )
+    return follow_bodies([matched], cameras, stereo)[0]

@@ -12,7 +12,7 @@ import numpy as np
 from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, MaterialCurve
-from kolsky.shot.curve_changes import changed_curve
+from kolsky.shot.corrections import changed_curve
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
@@ -144,7 +144,7 @@ def _zero(shot: Shot) -> Shot:
 
 
 def _form(name: str, amount: float) -> Wrong:
-    """The curve with what `kolsky.shot.curve_changes` calls so undone: the column that a laboratory had."""
+    """The curve with what `kolsky.shot.corrections` calls so undone: the column that a laboratory had."""
     return _changed(lambda s: replace(s, curve=wrong_curve(s.curve, name, amount)))
 
 

@@ -191,8 +191,7 @@ def rim_of(
     pictures: tuple[Pictures, Pictures],
     geometry: RestGeometry,
 ) -> Rim | None:
-    """The rim of the body's face, which nothing of `translations` is needed for; arguments as of
-    `dic.bodies.axial_displacement.axial_displacement`."""
+    """The rim of the body's face; ``geometry``: the specimen at rest, the rest as of `translations`."""
     if not (body.reconstruction.outcome == PointOutcome.VALID).any():
         return None
     return find_rim(pictures, body, rig, frame, *stereo_translations(body, frame), geometry)
@@ -215,8 +214,17 @@ def translations(
     subset: int,
     pictures: tuple[Pictures, Pictures] | None = None,
 ) -> Translations | None:
-    """Translations of a body along the axis; arguments as of
-    `dic.bodies.axial_displacement.axial_displacement`, None if no point was ever seen by both cameras."""
+    """Translations of a body along the axis, None if no point was ever seen by both cameras.
+
+    The places of the points on the body come from the frames in which both cameras see them. In every frame
+    the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
+    camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
+
+    ``t``: frame times [s], and ``static``: frames in which the flyer rests, both of shape [n_frames].
+    ``subset``: side of the subsets [px]: those that overlap share their noise. ``pictures``: both series, to
+    look for the edge strip of the body (`dic.bodies.edge_registration`) in the frames before its first point
+    came into view, where that is after the static ones; None: do not.
+    """
     valid = body.reconstruction.outcome == PointOutcome.VALID
     if not valid.any():
         return None
@@ -338,37 +346,6 @@ class AxialDisplacement:
     standard deviation of that [m]; None where the body is not seen at rest, or its rim is not."""
 
 
-def axial_displacement(
-    body: TrackedBody,
-    rig: StereoRig,
-    frame: SpecimenFrame,
-    t: FloatArray,
-    static: BoolArray,
-    *,
-    subset: int,
-    pictures: tuple[Pictures, Pictures] | None = None,
-    geometry: RestGeometry | None = None,
-) -> AxialDisplacement | None:
-    """Axial displacement of a rigid body, toward the specimen.
-
-    The places of the points on the body come from the frames in which both cameras see them. In every frame
-    the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
-    camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
-
-    ``body``: the flyer, followed. ``rig``: the cameras. ``frame``: the test frame. ``t``: frame times [s],
-    shape [n_frames]. ``static``: frames in which the flyer rests, shape [n_frames]. ``subset``: side of the
-    subsets [px]: those that overlap share their noise. ``pictures``: both series, to look for the edge strip
-    of the body (`dic.bodies.edge_registration`) in the frames before its first point came into view, where
-    that is after the static ones; None: do not. ``geometry``: the specimen at rest: where the body is in view
-    in no static frame, its rim then gives the place at rest (`dic.bodies.rest_from_rim`); None: it is not
-    known. Returns: None if no point was ever seen by both cameras, or the place at rest, which displacements
-    count from, is not known: the body is seen in no static frame, and its rim in too few.
-    """
-    motion = translations(body, rig, frame, t, static, subset=subset, pictures=pictures)
-    rim = None if pictures is None or geometry is None else rim_of(body, rig, frame, pictures, geometry)
-    return from_rest(motion, rim, rig, frame, t, static, geometry)
-
-
 def from_rest(
     motion: Translations | None,
     rim: Rim | None,
@@ -378,8 +355,13 @@ def from_rest(
     static: BoolArray,
     geometry: RestGeometry | None,
 ) -> AxialDisplacement | None:
-    """Displacement from the place at rest, of what `translations` and `rim_of` gave; the other arguments and
-    the result as of `axial_displacement`."""
+    """Displacement from the place at rest, of what `translations` and `rim_of` gave.
+
+    ``geometry``: where the body is in view in no static frame, its rim gives the place at rest
+    (`dic.bodies.rest_from_rim`); None: it is not known. Returns None if no point was ever seen by both
+    cameras, or the place at rest, which displacements count from, is not known: the body is seen in no static
+    frame, and its rim in too few.
+    """
     if motion is None:
         return None
     index, y, sigma, counts = motion.frame, motion.y, motion.sigma, motion.n_points

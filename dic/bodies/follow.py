@@ -84,7 +84,16 @@ def match_body(
     device: str = "cpu",
     name: str = "specimen",
 ) -> MatchedBody:
-    """Choose the points of a region and match them between the cameras: `dic.bodies.follow.follow_body`."""
+    """Choose the points of a region and match them between the cameras.
+
+    ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
+    usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
+    ``margin``: least distance from a point to the region's rim [px]. ``health``: `FrameOutcome` of the
+    pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture,
+    shape [rows, columns]; None: those within its corners. ``rigid``: True for a body that only translates.
+    ``name``: what the stages are called to `follow_bodies`. Raises ValueError: a region outside the picture,
+    or no frame that both cameras saw.
+    """
     material = material_frame(health, region.frame)
     if mask is None:
         mask = polygon_mask(region.corners, pictures[0].shape)
@@ -209,40 +218,6 @@ class TrackedBody:
     """Places in the rig's frame."""
     common: FloatArray | None
     """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
-
-
-def follow_body(
-    pictures: tuple[Pictures, Pictures],
-    rig: StereoRig,
-    region: Region,
-    *,
-    step: int,
-    margin: float,
-    tracking: Tracking,
-    stereo: Correlation,
-    noise: tuple[Noise, Noise],
-    health: tuple[IntArray, IntArray],
-    mask: BoolArray | None = None,
-    rigid: bool = False,
-    device: str = "cpu",
-    name: str = "specimen",
-    progress: Progress | None = None,
-) -> TrackedBody:
-    """Follow the points of a region through both series.
-
-    ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
-    usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
-    ``margin``: least distance from a point to the region's rim [px]. ``health``: `FrameOutcome` of the
-    pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture,
-    shape [rows, columns]; None: those within its corners. ``rigid``: True for a body that only translates.
-    ``name``: what the stages are called to `progress`. Raises ValueError: a region outside the picture, or no
-    frame that both cameras saw.
-    """
-    matched = match_body(
-        pictures, rig, region, step=step, margin=margin, tracking=tracking, stereo=stereo, noise=noise,
-        health=health, mask=mask, rigid=rigid, device=device, name=name,
-    )  # fmt: skip
-    return follow_bodies([matched], rig, stereo, progress=progress)[0]
 
 
 def follow_bodies(

@@ -183,12 +183,12 @@ def _middle(places: FloatArray, length: float | None) -> FloatArray:
 
 
 def match_specimen(inputs: Inputs, region: Region) -> MatchedBody:
-    """The specimen's points matched between the cameras; errors as `dic.bodies.follow.follow_body`."""
+    """The specimen's points matched between the cameras; errors as `dic.bodies.follow.match_body`."""
     return _matched(inputs, region, "specimen", inputs.settings.tracking)
 
 
 def match_flyer(inputs: Inputs, region: Region, mask: BoolArray | None = None) -> MatchedBody:
-    """The flyer's points matched between the cameras; errors as `dic.bodies.follow.follow_body`. With `mask`
+    """The flyer's points matched between the cameras; errors as `dic.bodies.follow.match_body`. With `mask`
     those of some pixels of the region, in the picture that its points are chosen in."""
     return _matched(inputs, region, "flyer", inputs.settings.rigid, rigid=True, mask=mask)
 

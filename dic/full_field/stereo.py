@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dic.basics import BoolArray, FloatArray, IntArray
-from dic.bodies.follow import TrackedBody, follow_body
+from dic.bodies.follow import TrackedBody, follow_bodies, match_body
 from dic.bodies.region import Region, grid_points
 from dic.camera import Camera, StereoRig
 from dic.chain.outliers import GATE_SIGMAS, LEAST_GATE, OWN_SIGMAS
@@ -336,7 +336,7 @@ def _measured(
     time, timed = times_of(series[0], t)
     region = full_mask(mask, series[0])
     noise, sigma, measured = _noise(series, rig, health, region, settings)
-    body = follow_body(
+    matched = match_body(
         series,
         rig,
         Region(corners=(), frame=settings.reference),
@@ -349,8 +349,8 @@ def _measured(
         health=health,
         device=settings.device,
         name=kind,
-        progress=progress,
     )
+    body = follow_bodies([matched], rig, settings.stereo, progress=progress)[0]
     at_rest = settings.reference < settings.static
     rest_frames = list(range(settings.static)) if at_rest else [settings.reference]
     body = _apply_epipolar_gate(rig, body, rest_frames)

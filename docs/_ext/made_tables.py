@@ -155,7 +155,7 @@ def budget(name: str) -> str:
     made = _results(name)
     if made is None:
         return _not_yet(name)
-    from kolsky.studies.budget.factors import Factor
+    from kolsky.studies.budget.realisation import Factor
 
     one = made["budgets"][0]
     other = made.get("against")

@@ -16,7 +16,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.process import single_threaded_libraries
 from kolsky.pictures.calibration import calibration_of, calibration_pictures, read_calibration_toml
 from kolsky.pictures.regions import png_of
-from kolsky.report.pages.calibration import summary, warnings
+from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
 
 ARROW = 0.02
 """Length of an arrow of the rms residual over the width of a picture."""
@@ -78,7 +78,7 @@ class CalibrationView:
     def _show(self, opened: OpenCalibration) -> None:
         self.opened, self.k = opened, 0
         found = opened.found
-        for words in warnings(found):
+        for words in calibration_warnings(found):
             frame.note(words, "caution")
         with ui.row().classes("w-full items-center no-wrap gap-3"):
             ui.label("Pair").classes("soft whitespace-nowrap")
@@ -97,7 +97,7 @@ class CalibrationView:
             self._pairs()
             with ui.column().classes("w-full gap-1"):
                 frame.heading("Cameras")
-                rows = [{"name": name, "value": value} for name, value in summary(found).items()]
+                rows = [{"name": name, "value": value} for name, value in calibration_summary(found).items()]
                 columns = [
                     {"name": key, "label": words, "field": key, "align": "left"}
                     for key, words in (("name", "Quantity"), ("value", "Value"))

@@ -23,12 +23,11 @@ from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Estimate, Identi
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.regions import png_of
 from kolsky.report.result_folder import RESULT_FILE
-from kolsky.report.scene.cut import cut_svg
+from kolsky.report.scene.drawing import cut_svg
 from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
 from kolsky.results.hdf5 import read_identification
-from kolsky.results.identification_rows import fit_line
 from kolsky.results.nomenclature import factor_of
-from kolsky.results.printed import answer, plain_symbol
+from kolsky.results.printed import answer, fit_line, plain_symbol
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured

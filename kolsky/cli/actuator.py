@@ -51,7 +51,7 @@ def actuator_simulate(
     from kolsky.bodies.actuator_reading import read_actuator
     from kolsky.report.body_views import ActuatorView
     from kolsky.report.films import write_actuator_film
-    from kolsky.report.specimen_folder import write_solution_vtu
+    from kolsky.report.result_folder import write_solution_vtu
 
     read = read_actuator(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
@@ -178,11 +178,13 @@ def _write_result(
     from kolsky.base.files import filling, write_json
     from kolsky.cli.terminal import print_result
     from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.actuator import printed, write_page
+    from kolsky.report.pages.bodies import actuator_rows, write_actuator
 
     with filling(folder) as partial:
         write_more(partial)
         write_json(partial / "actuator.json", content)
-        write_page(partial / "actuator.html", view, inputs)
+        write_actuator(partial / "actuator.html", view, inputs)
         save_figures_alone(partial, view, figures)
-    print_result(printed(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings)
+    print_result(
+        actuator_rows(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings
+    )

@@ -20,25 +20,19 @@ from kolsky.base.errors import InputError
 from kolsky.base.process import last_work, set_blas_threads
 from kolsky.cli.actuator import actuator_control, actuator_invert, actuator_simulate
 from kolsky.cli.bars import repeats, waves, wavespeed
-from kolsky.cli.budget import budget
-from kolsky.cli.check import channels, check
 from kolsky.cli.dic import calibrate, dic
 from kolsky.cli.doctor import doctor
 from kolsky.cli.identify import demo, identify
 from kolsky.cli.material_curves import material_relaxation, reference_curve
-from kolsky.cli.material_fit import material_fit
-from kolsky.cli.material_healing import material_healing
-from kolsky.cli.new import new
-from kolsky.cli.open import open_pages
+from kolsky.cli.material_fit import material_fit, material_healing
+from kolsky.cli.new import channels, check, new, open_pages
 from kolsky.cli.options import with_settings
-from kolsky.cli.plan import plan
-from kolsky.cli.predict import predict
+from kolsky.cli.plan import plan, predict, virtual_make, virtual_new
 from kolsky.cli.rate import rate
 from kolsky.cli.report import film, report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
-from kolsky.cli.sweep import sweep
-from kolsky.cli.virtual import virtual_make, virtual_new
+from kolsky.cli.sweep import budget, sweep
 
 Command = Callable[..., None]
 

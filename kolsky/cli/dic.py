@@ -113,7 +113,7 @@ def _measure_pictures(
     folder = usable_folder(out or path.parent / "results")
     with progress_bars() as progress, allow_forks():
         result = measure_file(measurement, device=device, progress=progress)
-    from kolsky.report.pages.full_field import printed, summary, warnings
+    from kolsky.report.pages.surfaces import printed, summary, warnings
     from kolsky.report.result_folder import write_full_field_results
 
     remarks = warnings(result)
@@ -182,14 +182,14 @@ def calibrate(
         read_calibration_toml,
         write_calibration_points,
     )
-    from kolsky.report.pages.calibration import summary, warnings
+    from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
         calibration = calibration_of(toml, section, progress)
     from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.calibration import write_page
+    from kolsky.report.pages.surfaces import write_calibration
 
     with filling(folder) as partial:
         cure = "is it the folder of a calibration series of this target? look at the pictures named"
@@ -198,17 +198,17 @@ def calibrate(
             for name in exports:
                 write_rig(partial / f"rig-{name}{formats[name].suffix}", calibration.rig, name)
         write_calibration_points(partial / "calibration.csv", calibration)
-        write_page(partial / "calibration.html", toml.path.parent.resolve().name, calibration)
+        write_calibration(partial / "calibration.html", toml.path.parent.resolve().name, calibration)
         save_figures_alone(partial, calibration, figures)
     print_result(
-        summary(calibration),
-        {**calibration_json(calibration), "warnings": warnings(calibration)},
+        calibration_summary(calibration),
+        {**calibration_json(calibration), "warnings": calibration_warnings(calibration)},
         lines=_calibration_pairs(calibration),
         files={
             "cameras": folder / _RIG_FILE,
             "page": folder / "calibration.html",
         },
-        warnings=warnings(calibration),
+        warnings=calibration_warnings(calibration),
     )
 
 

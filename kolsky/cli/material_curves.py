@@ -322,7 +322,7 @@ def material_relaxation(
     from kolsky.cli.terminal import print_result
     from kolsky.inverse.slow_tests import read_slow_list
     from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.relaxation import write_page
+    from kolsky.report.pages.material import write_relaxation
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
     from kolsky.studies.rate_models import comparison_summary, comparison_table
     from kolsky.studies.rates.rate import collected_shot
@@ -344,7 +344,7 @@ def material_relaxation(
         for name, table in written.items():
             write_table(partial / f"{name}.csv", table)
         write_json(partial / "relaxation.json", content)
-        write_page(partial / "relaxation.html", result, dict(slow.files))
+        write_relaxation(partial / "relaxation.html", result, dict(slow.files))
         save_figures_alone(partial, result, figures)
     print_result(
         rows,

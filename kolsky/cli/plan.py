@@ -1,12 +1,18 @@
-"""`kolsky plan`: where and when to measure, and the uncertainty of the parameters to expect."""
+"""`kolsky plan`, `predict` and `virtual`: before a test, its worth, its course, shots with a known answer."""
 
 from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
 from typing import Annotated, Any, Literal
+
+import typer
 
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import Out, ShotPath, Values
-from kolsky.inverse.settings import Numerics
+from kolsky.cli.new import write_specification
+from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values
+from kolsky.cli.terminal import as_json
+from kolsky.inverse.settings import Device, Numerics, Threads
 
 
 def _frame_interval(option: str, text: str) -> float:
@@ -134,7 +140,7 @@ def plan(
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
-    from kolsky.studies.planning import output
+    from kolsky.studies.planning import plan as output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.information import instruments_of
 
@@ -159,3 +165,147 @@ def plan(
         files={"folder": folder},
         warnings=[f"{part}: {e.unseen}" for part, e in result.expected.items() if e.unseen],
     )
+
+
+def predict(
+    test: Annotated[Path, typer.Argument(metavar="TEST.toml", help="The test, from striker to specimen.")],
+    out: OutFolder,
+    vary: Annotated[
+        tuple[str, ...],
+        Option(
+            'Scan a key of the file, e.g. "striker.speed=4 m/s:7 m/s:5"; repeat for more.',
+            metavar="KEY=LOW:HIGH[:LEVELS]",
+        ),
+    ] = (),
+    want: Annotated[
+        tuple[str, ...],
+        Option(
+            "Find and predict the point within the ranges that has this number (SI), e.g. flyer_speed=2.7 "
+            "or mean_rate=400.",
+            metavar="NUMBER=VALUE",
+        ),
+    ] = (),
+    quick: Annotated[bool, Option("Use the specimen's static curve instead of its elements.")] = False,
+    film: Film = "",
+    figures: Figures = (),
+) -> None:
+    """Predict a flyer test from the contact of the striker to the second impact.
+
+    Writes prediction.html, prediction.json, CSV tables of signals, events and the specimen's outline, and
+    virtual.toml for `kolsky virtual make`.
+    --vary scans the test; --want designs it.
+    """
+    if film:
+        if quick:
+            raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
+        from kolsky.report.scene.drawing import writer_for
+
+        cure = "choose another format, or install what it needs"
+        with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
+            writer_for(film)
+    if want and not vary:
+        raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.terminal import print_result, progress_bars
+    from kolsky.prediction import design
+    from kolsky.prediction import predict as prediction
+    from kolsky.prediction.design import to_json
+    from kolsky.report.result_folder import write_prediction_results
+
+    cure = "name a number of the test file with its range, e.g. striker.velocity=2:6"
+    with texts.refused("--vary: ", cure=cure):
+        ranges = [design.Varied.of(text) for text in vary]
+    targets = dict(_wanted(text) for text in want)
+    folder, test_plan = usable_folder(out), prediction.read_test(test)
+    with progress_bars() as progress:
+        scan = aim = None
+        if ranges:
+            scan = design.scan(test_plan, ranges, progress=lambda n, m: progress("design", n, m))
+        if scan is not None and targets:
+            with texts.refused("--want: ", cure="write it as `kolsky predict --help` shows"):
+                aim = design.aim(test_plan, scan, targets)
+            values = {one.key: one.written(aim.at[one.key]) for one in ranges}
+            test_plan = design.varied_test(test_plan, values)
+        progress("simulation", 0, 1)
+        result = prediction.predict(test_plan, quick=quick)
+        progress("simulation", 1, 1)
+    write_prediction_results(folder, result, scan, aim, film=film, formats=figures)
+    warnings = prediction.doubts(result)
+    if aim is not None and not aim.reached:
+        bound = f", at a bound of {' and '.join(aim.at_bound)}" if aim.at_bound else ""
+        warnings.append(
+            "the wanted numbers are not reached within the ranges: the nearest point is off by "
+            f"{aim.distance:.1%}{bound}"
+        )
+    rows = {
+        "test": test_plan.declared.name,
+        **({} if aim is None else {f"found, {key}": value for key, value in aim.at.items()}),
+        **{f"{name}, s": value for name, value in vars(result.events).items()},
+        **vars(result.numbers),
+        "page": str(folder / "prediction.html"),
+    }
+    print_result(rows, to_json(result, scan, aim), warnings=warnings)
+
+
+def _wanted(text: str) -> tuple[str, float]:
+    """A number and its value, SI."""
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        cure = "write a number in SI units, e.g. flyer_speed=2.7"
+        raise texts.refusal(f"--want {text!r} is not NUMBER=VALUE", cure=cure) from None
+
+
+def virtual_new(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
+) -> None:
+    """Write an annotated SPEC.toml of a virtual shot; an existing one is left unchanged."""
+    path = write_specification(folder, template())
+    if not as_json():
+        typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
+
+
+def template() -> str:
+    """The annotated specification, with every key at its default."""
+    return files("kolsky").joinpath("cli", "templates", "virtual.toml").read_text(encoding="utf-8")
+
+
+def virtual_make(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC.toml", help="The specification, or its folder.")
+    ],
+    out: OutFolder,
+    only: Annotated[
+        list[int] | None,
+        Option(
+            "Shots of a population, e.g. 3 or 1-8,12.",
+            metavar="NUMBERS",
+            show_default="all",
+            read=texts.whole_numbers,
+        ),
+    ] = None,
+    device: Device = "cpu",
+    threads: Threads = None,
+    workers: Annotated[int, Option("Number of parallel processes.", min=1)] = 1,
+) -> None:
+    """Make the shot folders of a specification; existing shots are left unchanged."""
+    from kolsky.cli.terminal import print_result
+    from kolsky.virtual.make import Made, make
+    from kolsky.virtual.specification import read_specification
+
+    series = read_specification(specification)
+
+    def print_folder(made: Made) -> None:
+        if not as_json():
+            typer.echo(f"{made.folder}{'' if made.fresh else ' existed already'}")
+
+    with texts.refused(
+        cure="correct the specification; `kolsky virtual new` writes one", place=specification
+    ):
+        made = make(
+            series, out, numbers=only, device=device, threads=threads, workers=workers, progress=print_folder
+        )
+    fresh = sum(shot.fresh for shot in made)
+    summary = {"shots": len(made), "made": fresh, "folder": str(out)}
+    print_result(summary, {**summary, "folders": [str(shot.folder) for shot in made]})

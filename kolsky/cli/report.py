@@ -39,7 +39,7 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
     """The page of several shots identified together, from their result file."""
     from kolsky.base.files import usable_folder
-    from kolsky.cli.identify_shots import answer_lines
+    from kolsky.cli.identify import answer_lines
     from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import write_results
     from kolsky.results.joint import read_joint_hdf5
@@ -75,8 +75,7 @@ def film(
 
     Needs the results of `kolsky identify`; writes into their folder film.
     """
-    from kolsky.report.scene.drawing import CannotRender, require_pyvista
-    from kolsky.report.scene.film import FILMS, writer_for
+    from kolsky.report.scene.drawing import FILMS, CannotRender, require_pyvista, writer_for
     from kolsky.report.scene.scene_data import FIELDS
 
     texts.one_of("--field", field, tuple(FIELDS))
@@ -96,7 +95,7 @@ def film(
     from kolsky.base.files import filling
     from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
-    from kolsky.report.scene.film import write_film, write_stills
+    from kolsky.report.scene.drawing import write_film, write_stills
     from kolsky.report.scene.scene_data import mesh_of, scene_of, solid_of
     from kolsky.results.hdf5 import read_identification
 

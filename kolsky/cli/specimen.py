@@ -88,8 +88,8 @@ def specimen_fit(
     from kolsky.bodies import specimen_output
     from kolsky.bodies.specimen_fit import fit
     from kolsky.report.body_views import view_of
-    from kolsky.report.pages.specimen import constant_rows, printed
-    from kolsky.report.specimen_folder import write_specimen_results
+    from kolsky.report.pages.bodies import constant_rows, specimen_rows
+    from kolsky.report.result_folder import write_specimen_results
 
     groups = read.declared.fit.together or {name: [name] for name in read.samples}
     if not read.samples:
@@ -118,7 +118,7 @@ def specimen_fit(
         for row in constant_rows(view)
     }
     print_result(
-        rows | printed(view),
+        rows | specimen_rows(view),
         specimen_output.fits_json(fits, read.inputs),
         files={"page": folder / "specimen.html"},
         warnings=view.warnings,
@@ -170,8 +170,8 @@ def _fit_sheet(
     from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.body_views import sheet_view_of
-    from kolsky.report.pages.specimen import printed, sheet_rows
-    from kolsky.report.specimen_folder import write_sheet_results
+    from kolsky.report.pages.bodies import sheet_rows, specimen_rows
+    from kolsky.report.result_folder import write_sheet_results
 
     measured = read_field(read)
     section = read.declared.field
@@ -190,7 +190,7 @@ def _fit_sheet(
     write_sheet_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
-        rows | printed(view),
+        rows | specimen_rows(view),
         specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs},
         files={"page": folder / "specimen.html"},
         warnings=view.warnings,
@@ -216,7 +216,7 @@ def specimen_simulate(
     from kolsky.bodies.specimen_reading import read_specification, simulate_tests
     from kolsky.cli.terminal import print_result
     from kolsky.report.body_views import BINS, strain_share
-    from kolsky.report.specimen_folder import write_solution_vtu
+    from kolsky.report.result_folder import write_solution_vtu
 
     read = read_specification(spec, device=device)
     folder = usable_folder(out or Path(read.toml.path.with_suffix("")) / "simulated")

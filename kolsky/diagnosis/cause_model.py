@@ -18,7 +18,7 @@ from kolsky.inverse.path_noise import PATTERNS
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
-from kolsky.shot.curve_changes import changed_curve
+from kolsky.shot.corrections import changed_curve
 from kolsky.shot.input_records import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800

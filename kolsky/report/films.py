@@ -23,10 +23,9 @@ from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solution import Solution
 from kolsky.prediction.predict import Prediction
 from kolsky.report.canvas import STYLE
-from kolsky.report.figures.actuator import draw_shape
 from kolsky.report.figures.base import BAND, BAR, GREY, MM, MS, SHAPE
-from kolsky.report.scene.drawing import offscreen_pyvista
-from kolsky.report.scene.film import write_frames
+from kolsky.report.figures.bodies import draw_shape
+from kolsky.report.scene.drawing import offscreen_pyvista, write_frames
 
 _SIZE, _DPI = (6.4, 4.8), 100
 """Size of a film's picture [inch] and its dots an inch."""

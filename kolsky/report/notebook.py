@@ -19,8 +19,7 @@ from dic.result import FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.result_folder import has_tables, tables_of
-from kolsky.results.identification_rows import fit_line
-from kolsky.results.printed import answer, details, summary
+from kolsky.results.printed import answer, details, fit_line, summary
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 

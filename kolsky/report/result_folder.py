@@ -12,11 +12,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dic.processes import background, cores
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_json, write_table, write_tables
+from kolsky.bodies import specimen_output
+from kolsky.bodies.specimen_studies import StudyRow
+from kolsky.equilibrium.solution import Solution
 from kolsky.inverse.result import Identification
+from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures_alone import save_figures_alone
+from kolsky.report.paraview import write_grid
 from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
@@ -32,6 +40,7 @@ if TYPE_CHECKING:
     from kolsky.studies.rates.records import RateReport
     from kolsky.studies.sweep import Sweep
     from kolsky.studies.sweep_analysis import SweepAnalysis
+
 
 Tables = Mapping[str, Mapping[str, Any]]
 """Name of a table, that of its file without ".csv" -> heading, with the unit -> cells."""
@@ -78,7 +87,7 @@ RESULTS = {
         files={
             "joint.h5": "kolsky.results.joint.write_joint_hdf5",
             "joint.json": "kolsky.results.joint.to_json",
-            "joint.html": "kolsky.report.pages.joint.write_page",
+            "joint.html": "kolsky.report.pages.identification.write_joint",
         },
     ),
     "kolsky.inverse.result.Identification": ResultFiles("kolsky.results.tables.all_tables"),
@@ -87,19 +96,19 @@ RESULTS = {
         "kolsky.material.reference_curve.curve_columns", "curve"
     ),
     "kolsky.prediction.predict.Prediction": ResultFiles(
-        "kolsky.prediction.output.tables",
+        "kolsky.prediction.design.tables",
         files={
-            "prediction.json": "kolsky.prediction.output.to_json",
-            "prediction.html": "kolsky.report.pages.prediction.write_page",
+            "prediction.json": "kolsky.prediction.design.to_json",
+            "prediction.html": "kolsky.report.pages.studies.write_prediction",
         },
     ),
     "kolsky.studies.budget.records.Budget": ResultFiles("kolsky.studies.budget.records.columns", "budget"),
     "kolsky.studies.planning.plan.Plan": ResultFiles(
-        "kolsky.studies.planning.output.tables",
+        "kolsky.studies.planning.plan.tables",
         files={
-            "plan.h5": "kolsky.studies.planning.output.write_hdf5",
-            "plan.json": "kolsky.studies.planning.output.to_json",
-            "plan.html": "kolsky.report.pages.plan.write_page",
+            "plan.h5": "kolsky.studies.planning.plan.write_hdf5",
+            "plan.json": "kolsky.studies.planning.plan.to_json",
+            "plan.html": "kolsky.report.pages.studies.write_plan",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -335,9 +344,9 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.pages.surfaces import write_surfaces
     from kolsky.report.picture_views import read_surface_view
-    from kolsky.shot.dic_output import write_tables
+    from kolsky.shot.optical_data import write_tables
 
     result = found.result
     shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
@@ -354,7 +363,7 @@ def write_dic_results(
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
-        write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
+        write_surfaces(partial / "dic.html", shown, shot.inputs, processes=processes)
 
 
 def write_full_field_results(
@@ -373,7 +382,7 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.pages.full_field import write_page
+    from kolsky.report.pages.surfaces import write_field
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
 
@@ -381,7 +390,7 @@ def write_full_field_results(
     with filling(folder) as partial:
         write_full_field(partial / "dic.h5", result)
         write_full_field_history(partial / "history.csv", result)
-        write_page(partial / "dic.html", shown, measurement.inputs)
+        write_field(partial / "dic.html", shown, measurement.inputs)
         save_figures_alone(partial, shown, formats)
         if csv:
             write_full_field_frames(partial / "csv", result)
@@ -398,11 +407,11 @@ def write_budget_results(
     budget and the parameter. ``campaign``: a planned campaign, if one was asked for.
     """
     from kolsky.report.figures import BUDGETS
-    from kolsky.report.pages.budget import write_page
+    from kolsky.report.pages.studies import write_budget
     from kolsky.studies.budget.records import columns
 
     with filling(folder) as partial:
-        write_page(partial / "budget.html", results, campaign)
+        write_budget(partial / "budget.html", results, campaign)
         for number, result in enumerate(results):
             end = f"-{result.parameter}" if number else ""
             write_table(partial / f"budget{end}.csv", columns(result))
@@ -439,12 +448,12 @@ def write_sweep_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.pages.sweep import write_page
+    from kolsky.report.pages.studies import write_sweep
     from kolsky.studies.sweep import columns
 
     with filling(folder) as partial:
         write_table(partial / f"{name}.csv", columns(result))
-        write_page(partial / f"{name}.html", analysis, warnings=warnings)
+        write_sweep(partial / f"{name}.html", analysis, warnings=warnings)
         save_figures_alone(partial, analysis, formats)
 
 
@@ -464,7 +473,7 @@ def write_prediction_results(
     """
     from math import isfinite
 
-    from kolsky.prediction.output import write_specification
+    from kolsky.prediction.design import write_specification
 
     with filling(folder) as partial:
         _write(partial, found, scan, aim, formats=formats)
@@ -491,3 +500,98 @@ def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
             f"was made from other files than those of the shot: {differing[0]}{more}",
             cure="run `kolsky identify` again, or put the files back",
         )
+
+
+def write_specimen_results(
+    folder: Path,
+    view: SpecimenView,
+    inputs: Mapping[str, str],
+    *,
+    formats: Sequence[str] = (),
+    vtu: bool = False,
+    stills: bool = False,
+    studies: Mapping[str, Sequence[StudyRow]] | None = None,
+) -> None:
+    """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
+
+    ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
+    ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
+    """
+    from kolsky.report.pages.bodies import write_specimen
+
+    with filling(folder) as partial:
+        specimen_output.write_fits(partial, view.fits)
+        write_json(partial / "specimen.json", specimen_output.fits_json(view.fits, inputs))
+        write_specimen(partial / "specimen.html", view, inputs)
+        for name, rows in (studies or {}).items():
+            specimen_output.write_study(partial / f"{name}.csv", rows)
+        if vtu:
+            for name, solution in view.solutions.items():
+                write_solution_vtu(partial / f"{name}.vtu", solution)
+        if stills:
+            _write_stills(partial, view.solutions)
+        save_figures_alone(partial, view, formats)
+
+
+def write_sheet_results(
+    folder: Path,
+    view: SheetView,
+    inputs: Mapping[str, str],
+    *,
+    formats: Sequence[str] = (),
+    vtu: bool = False,
+    stills: bool = False,
+) -> None:
+    """Write the results of a sheet, as `write_specimen_results` those of force curves."""
+    from kolsky.report.pages.bodies import write_specimen
+
+    with filling(folder) as partial:
+        specimen_output.write_field(partial, view.fit, view.steps)
+        write_json(
+            partial / "specimen.json",
+            specimen_output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)},
+        )
+        if view.stiffness is not None:
+            specimen_output.write_map(partial / "map.csv", view.stiffness, view.mesh)
+        write_specimen(partial / "specimen.html", view, inputs)
+        if vtu:
+            fields = {
+                f"sensitivity of {name} (1/m3)": field
+                for name, field in zip(view.fit.constants.free, view.sensitivity, strict=True)
+            }
+            n = len(view.mesh.points)
+            for k, field in enumerate(view.before.field):
+                fields[f"before test {k + 1} (1/m3)"] = field.reshape(2, n).T
+            write_solution_vtu(partial / "sheet.vtu", view.fit.cost.state.solution, fields)
+        if stills:
+            _write_stills(partial, {"sheet": view.fit.cost.state.solution})
+        save_figures_alone(partial, view, formats)
+
+
+def _write_stills(folder: Path, solutions: Mapping[str, Solution]) -> None:
+    from kolsky.report.films import write_specimen_still
+
+    (folder / "stills").mkdir()
+    for name, solution in solutions.items():
+        write_specimen_still(folder / "stills" / f"{name}.png", solution)
+
+
+def write_solution_vtu(
+    path: Path, solution: Solution, fields: Mapping[str, FloatArray] | None = None
+) -> None:
+    """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
+    fields."""
+    mesh, last = solution.model.mesh, solution.reached - 1
+    named = {
+        "displacement (m)": solution.displacements[last],
+        "internal force (N)": solution.forces[last],
+        **(fields or {}),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    wide = {name: _wide(values) for name, values in named.items()}
+    write_grid(path, _wide(mesh.points), mesh.cells, mesh.element.vtk, wide)
+
+
+def _wide(values: FloatArray) -> FloatArray:
+    """Vectors with three components, shape [n, 3]."""
+    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))

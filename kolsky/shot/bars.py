@@ -12,11 +12,19 @@ import numpy as np
 from kolsky.bars.audit import CORRECTIONS, Switches
 from kolsky.bars.guides.waveguide import PronyModulus
 from kolsky.bars.records import BarSignal, Windows
-from kolsky.bars.reduction.faces import on_one_clock
-from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
-from kolsky.bars.reduction.separation import overlapping_windows
+from kolsky.bars.reduction.separation import on_one_clock, overlapping_windows
 from kolsky.bars.reduction.varied_test import station_of
-from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import (
+    FAR,
+    NO_PART,
+    SIDES,
+    PulseCheck,
+    StationInput,
+    WavesInput,
+    check_windows,
+    find_windows,
+    incident_arrival,
+)
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen

@@ -1,11 +1,17 @@
-"""The shot with an input at the value that was found of it: a factor, a lag, an offset."""
+"""The shot with an input at the value found for it, and the curve with another definition or shape.
 
-from collections.abc import Callable
+Each change of the curve is one entry of `FORMS`: a function of the curve and an amount, 0 for the curve as it
+is declared.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from kolsky.base.records import FlyerMotion
+from explicit.materials import marlow_from_curve
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion, MaterialCurve
 from kolsky.shot.records import ForceChannel, Shot
 
 
@@ -93,3 +99,99 @@ def with_leak(shot: Shot, rate: float) -> Shot:
     assert isinstance(force, ForceChannel)  # it is not tried on another
     constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
     return replace(shot, force=replace(force, transducer=replace(force.transducer, time_constant=constant)))
+
+
+PAST_END = 2.0
+"""Last s = sqrt(I1 - 3) of a curve that goes on past its last point, over that of the point: specimens are
+strained past the curve by less."""
+MORE_POINTS = 40
+"""Points past the last one."""
+SOFTEST = 0.02
+"""Least quotient past the last point over that there: a curve that falls to nothing has no law."""
+FINEST = 4096
+"""Stretches between which a stretch of given s is interpolated."""
+
+
+def changed_curve(curve: MaterialCurve, amounts: Mapping[str, float]) -> MaterialCurve:
+    """The curve with changes by their names in `FORMS`.
+
+    Raises ValueError if an amount leaves no curve of one branch.
+    """
+    changed = replace(curve, law=None)
+    for name, amount in amounts.items():
+        changed = FORMS[name](changed, amount)
+    return changed
+
+
+def _with_stress(curve: MaterialCurve, factor: FloatArray | float) -> MaterialCurve:
+    """The curve with every stress and its uncertainty multiplied."""
+    modes = None if curve.modes is None else factor * curve.modes
+    return replace(curve, stress=factor * curve.stress, sigma=np.abs(factor * curve.sigma), modes=modes)
+
+
+def _scale(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """Every stress times 1 + amount."""
+    return _with_stress(curve, 1.0 + amount)
+
+
+def _true_stress(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """Nominal stress of a column that holds true stress (1), of an incompressible specimen: T = sigma / λ."""
+    return _with_stress(curve, curve.stretch**-amount)
+
+
+def _true_strain(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """Stretch of a column that holds logarithmic strain (1): λ = exp(strain)."""
+    nominal = curve.stretch - 1.0
+    return replace(curve, stretch=1.0 + nominal + amount * (np.expm1(nominal) - nominal))
+
+
+def _tilt(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """Secants that grow along the curve, by the amount from its beginning to its end."""
+    strain = np.abs(curve.stretch - 1.0)
+    return _with_stress(curve, 1.0 + amount * (strain / strain.max() - 0.5))
+
+
+def _past_end(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """A quotient T / (λ - 1/λ²) that bends off its end tangent, by the amount at `PAST_END`."""
+    law = marlow_from_curve(curve.stretch, curve.stress)
+    s = law.last * np.linspace(1.0, PAST_END, MORE_POINTS + 1)[1:]
+    quotient = law.two_u_prime(s) + amount * law.quotient[-1] * (s / law.last - 1.0) ** 2
+    quotient = np.maximum(quotient, SOFTEST * law.quotient[-1])
+    end = curve.stretch[np.argmax(np.abs(curve.stretch - 1.0))]
+    stretch = _stretch_of(s, compression=bool(end < 1.0))
+    stress = quotient * (stretch - stretch**-2)
+    share = stress / curve.stress[np.argmax(np.abs(curve.stretch - 1.0))]
+    more = share * curve.sigma[np.argmax(np.abs(curve.stretch - 1.0))]
+    return MaterialCurve(
+        stretch=np.append(curve.stretch, stretch),
+        stress=np.append(curve.stress, stress),
+        sigma=np.append(curve.sigma, more),
+    )
+
+
+def _stretch_of(s: FloatArray, *, compression: bool) -> FloatArray:
+    """Stretch of one branch with a given s = sqrt(I1 - 3)."""
+    largest = float(s.max())
+    ends = (1.0 / (1.0 + largest) ** 2, 1.0) if compression else (1.0, 1.0 + largest)
+    stretch = np.geomspace(*ends, FINEST)
+    known = np.abs(stretch - 1.0) * np.sqrt((stretch + 2.0) / stretch)
+    order = np.argsort(known)
+    return np.asarray(np.interp(s, known[order], stretch[order]))
+
+
+def _branch(curve: MaterialCurve, amount: float) -> MaterialCurve:
+    """The other branch (1): tension that was declared as compression, or compression as tension."""
+    if amount < 0.5:
+        return curve
+    return replace(curve, stretch=2.0 - curve.stretch, stress=-curve.stress)
+
+
+FORMS: dict[str, Callable[[MaterialCurve, float], MaterialCurve]] = {
+    "scale": _scale,
+    "true stress": _true_stress,
+    "true strain": _true_strain,
+    "tilt": _tilt,
+    "past end": _past_end,
+    "branch": _branch,
+}
+"""Changes of the curve by name."""

@@ -92,7 +92,7 @@ class Change:
     flyer_share: float = 0.0
     """Share of the force at the flyer's face in the transmitted force's channel [-]."""
     curve: Mapping[str, float] = field(default_factory=dict)
-    """Changes of the quasi-static curve, see `kolsky.shot.curve_changes`."""
+    """Changes of the quasi-static curve, see `kolsky.shot.corrections`."""
 
     def then(self, other: Change) -> Change:
         """Both at once: of a parameter the other's value holds, factors multiply, lags and offsets add,

@@ -14,6 +14,7 @@ from math import exp, expm1, inf, log, log1p, nan
 from typing import Any
 
 from kolsky.shot.corrections import (
+    changed_curve,
     with_film,
     with_flyer_clock,
     with_force_clock,
@@ -25,7 +26,6 @@ from kolsky.shot.corrections import (
     with_pictures,
     with_zero,
 )
-from kolsky.shot.curve_changes import changed_curve
 from kolsky.shot.input_records import CLOCK, OFFSET, RELATIVE, Cause, Change, Input, Laboratory
 from kolsky.shot.records import Shot
 
@@ -90,7 +90,7 @@ def _of_specimen(name: str, laboratory: Laboratory, *, shared: str = "", **tried
 
 
 def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried: Any) -> Input:
-    """A change of the reference curve, see `kolsky.shot.curve_changes`; u is its amount."""
+    """A change of the reference curve, see `kolsky.shot.corrections`; u is its amount."""
     return Input(
         key=name,
         words=words,

@@ -1,13 +1,17 @@
-"""Measurements of a shot's cameras: correlated once, kept in the results folder, read back
-after."""
+"""Measurements of a shot's cameras: correlated once, kept in the results folder, read back; their tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from dic import output
+from dic.output import MM, write_history
 from dic.processes import background
 from dic.result import StereoResult
+from kolsky.bars.flyer import flight
 from kolsky.bars.flyer.flight import FlightOfSpecimen, add_to, flight_of
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
@@ -171,3 +175,39 @@ def measured(
             unseen=length_in_pictures_of(pictures.toml),
         ),
     )
+
+
+def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
+    """Write outline and flyer as the exports that a shot can declare, the flight and the reporting table.
+
+    ``folder``: where to; it exists. ``found``: what the pictures gave. ``number``: number of each frame as
+    the shot counts them, shape [n_frames].
+    """
+    result = found.result
+    line = result.centre
+    write_history(
+        folder / "centreline.csv",
+        {
+            "frame": number[line.frame],
+            "time (s)": line.t,
+            "y (mm)": MM * line.y,
+            "Z (mm)": MM * line.Z,
+            "sigma_Z (mm)": MM * line.sigma,
+        },
+    )
+    if result.axial_displacement is not None:
+        travel = result.axial_displacement
+        write_history(
+            folder / "flyer.csv",
+            {
+                "frame": number[travel.frame],
+                "time (s)": travel.t,
+                "flyer displacement toward the specimen (mm)": MM * travel.displacement,
+                "sigma (mm)": MM * travel.sigma,
+            },
+        )
+    table = output.reporting_table(result)
+    (folder / "dic_reporting.csv").write_text(output.as_csv(table), encoding="utf-8")
+    (folder / "dic_reporting.md").write_text(output.as_markdown(table), encoding="utf-8")
+    if not isinstance(found.flight, str):
+        write_history(folder / "flight.csv", flight.columns(found.flight))

@@ -1,11 +1,20 @@
-"""The shot file that a new shot begins with: a blank one, with what the files of its folder show."""
+"""What the numbers in a folder's files show of a shot: signs, rest, noise, ranges, each with a remark.
+
+`kolsky new` writes what is clear and states why; what is not clear stays blank, and the remark gives the
+reason.
+"""
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 from pathlib import Path
 
-from kolsky.survey.evidence import evidence
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.units import unit_factor
+from kolsky.readers.recordings import read_contents
 from kolsky.survey.new_file import (
     fill_in,
     next_of_series,
@@ -15,8 +24,232 @@ from kolsky.survey.new_file import (
     with_recordings,
 )
 from kolsky.survey.pictures import PictureSurvey, first_change, picture_notes, picture_values
-from kolsky.survey.surface import SurfaceSurvey
-from kolsky.survey.tables import Survey
+from kolsky.survey.signals import (
+    QuietStretch,
+    common_sign,
+    first_push,
+    quiet_stretch,
+    range_above,
+    relative_scatter,
+    two_figures,
+)
+from kolsky.survey.surface import SurfaceSurvey, first_motion, surface_values
+from kolsky.survey.tables import (
+    SHIFT,
+    Survey,
+    TableEntry,
+    clock_text,
+    displacement_of,
+    microseconds,
+    strain_of,
+    stress_of,
+    voltage_of,
+)
+
+FEWEST_SAMPLES = 20
+"""Fewest samples of a baseline: its mean is then known to a quarter of the noise."""
+SPARE = 0.9
+"""Share of a quiet stretch that is used: motion and force may begin below the noise."""
+FEWEST_STATIC = 3
+"""Fewest frames at rest that a shot takes."""
+_COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
+_TENSION = re.compile(r"tens(ile|ion)|zugv|zugs|traction|dehn?versuch", re.IGNORECASE)
+
+
+class Findings:
+    """Values of a shot file and remarks above their lines, by dotted key."""
+
+    def __init__(self) -> None:
+        """Nothing yet."""
+        self.values: dict[str, str | None] = {}
+        self.notes: dict[str, str] = {}
+
+    def add(self, key: str, value: str, note: str) -> None:
+        """A value with the reason for it."""
+        self.values[key], self.notes[key] = value, note
+
+
+def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings:
+    """Everything that the numbers of a folder's files show.
+
+    ``survey``: the files. ``picture``: index of the first picture that shows motion, and its series; of a
+    shot with pictures.
+    """
+    shown = Findings()
+    values, notes = surface_values(survey.surface)
+    shown.values |= values
+    shown.notes |= notes
+    last_static = _frames(survey, picture, shown)
+    if "force" in survey.parts:
+        _force(survey.parts["force"], last_static, shown)
+    if "flyer" in survey.parts:
+        _flyer(survey.parts["flyer"], shown)
+    if "curve" in survey.parts:
+        _curve(survey.parts["curve"], shown)
+    return shown
+
+
+def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
+    """The frames at rest; returns the time of the last of them on the frames' clock [s], if it is known."""
+    frames = survey.parts.get("frames", survey.parts.get("flyer"))
+    if frames is None or frames.frame is None:
+        return None
+    numbers = frames.frame.values
+    series = survey.surface.specimen
+    if series is not None and (stray := np.setdiff1d(series.export.frame, numbers)).size:
+        shown.notes["frames.file"] = (
+            f"frame {stray[0]} of {series.pattern} is not in {frames.path.name}: number both alike"
+        )
+        return None
+    by_flyer = _flyer_motion(survey.parts["flyer"]) if "flyer" in survey.parts else None
+    motion = min(filter(None, (first_motion(survey.surface), by_flyer)), default=None)
+    if picture is not None and picture[0] < numbers.size:
+        motion = int(numbers[picture[0]]), picture[1]
+    if motion is None:
+        return None
+    first, source = motion
+    static = int(SPARE * (numbers < first).sum())
+    if static < FEWEST_STATIC:
+        return None
+    shown.add(
+        "frames.static",
+        str(static),
+        f"{source}: the first clear motion is in frame {first}; a tenth of the frames before it is spare",
+    )
+    if frames.time is None or not frames.time.unit:
+        return None
+    return float(frames.time.values[static - 1]) * unit_factor(frames.time.unit, "s")
+
+
+def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
+    """Number of the first frame in which the flyer moves, and its file: the specimen rests until then."""
+    quiet = _flyer_quiet(table)
+    if quiet is None or table.frame is None:
+        return None
+    return int(table.frame.values[quiet.count]), table.path.name
+
+
+def _flyer_quiet(table: TableEntry) -> QuietStretch | None:
+    column = displacement_of(table)
+    return None if column is None else quiet_stretch(column.values, fewest=FEWEST_STATIC)
+
+
+def _flyer(table: TableEntry, shown: Findings) -> None:
+    """The sign of the flyer's motion and its noise."""
+    column, quiet = displacement_of(table), _flyer_quiet(table)
+    if column is None or quiet is None:
+        return
+    sign = first_push(column.values, quiet)
+    if sign is not None:
+        way = "toward" if sign > 0 else "away from"
+        word = "grows" if sign > 0 else "falls"
+        shown.add(
+            "flyer.positive", f'"{way} specimen"', f"the flyer hits the specimen, and its column {word}"
+        )
+    sigma = 1e6 * two_figures(quiet.scatter * unit_factor(column.unit, "m"))
+    shown.add("flyer.sigma", f'"{sigma:.4g} um"', f"scatter of the {quiet.count} frames at rest")
+
+
+def _volts(table: TableEntry) -> FloatArray | None:
+    """Samples of the transmitted force [V], or None if its column is not clear."""
+    column = voltage_of(table)
+    if column is None or column.dimension != "V":
+        return None
+    values = column.values
+    if not values.size:  # a recorder's own format, whose samples were not read yet
+        channel = next(c for c in read_contents(table.path).channels if c.name == column.name)
+        values = channel.values()
+    return np.asarray(values * unit_factor(column.unit, "V"))
+
+
+def _times(table: TableEntry, count: int) -> FloatArray | None:
+    """Times of the samples on the file's clock [s]."""
+    if table.clock is not None:
+        return np.linspace(table.clock[0], table.clock[1], table.clock[2])
+    time = table.time
+    if time is None or not time.unit or time.values.size != count:
+        return None
+    return np.asarray(time.values * unit_factor(time.unit, "s"))
+
+
+def _force(table: TableEntry, last_static: float | None, shown: Findings) -> None:
+    """Clock, baseline, sign and range of the transmitted force."""
+    span = clock_text(table)
+    shown.add(
+        "force.clock_offset", '"0 us"', f"{table.path.name}: {span or SHIFT}; the shot's clock is this clock"
+    )
+    volts = _volts(table)
+    if volts is None:
+        return
+    if (largest := range_above(volts)) is None:
+        shown.notes["force.full_scale"] = (
+            f"{np.abs(volts).max():.4g} V is there many times in a row: was the recorder's range exceeded?"
+        )
+    else:
+        shown.add(
+            "force.full_scale",
+            f'"{largest:g} V"',
+            f"largest sample {np.abs(volts).max():.4g} V, not clipped; write the recorder's range if known",
+        )
+    times, quiet = _times(table, volts.size), quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    if times is not None and quiet is None:
+        example = f'["{_time(times[0], later=True)}", "{_time(times[times.size // 10])}"]'
+        shown.notes["force.baseline"] = f"no clear quiet stretch at the beginning; write it, e.g. {example}"
+    if quiet is None:
+        return
+    if (sign := first_push(volts, quiet)) is not None:
+        word = "positive" if sign > 0 else "negative"
+        rises = "rises" if sign > 0 else "falls"
+        note = f"the test begins with compression, and the record {rises} first and most"
+        shown.add("force.compression", f'"{word}"', note)
+    if times is None:
+        return
+    end = float(times[int(SPARE * quiet.count)])
+    note = f"the record is quiet until {microseconds(float(times[quiet.count]))}"
+    if last_static is not None and times[FEWEST_SAMPLES] < last_static < end:
+        end = last_static
+        note += '; the baseline ends with the last frame at rest, for frames.clock_offset = "0 us"'
+    shown.add("force.baseline", f'["{_time(float(times[0]), later=True)}", "{_time(end)}"]', note)
+
+
+def _time(seconds: float, *, later: bool = False) -> str:
+    """A time to a nanosecond, never outside the stretch that it ends, or begins where it is the later one."""
+    nanoseconds = 1e9 * seconds
+    whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
+    return f"{whole / 1e3:.14g} us"
+
+
+def _curve(table: TableEntry, shown: Findings) -> None:
+    """Convention, branch and scatter of the quasi-static curve."""
+    strain, stress = strain_of(table), stress_of(table)
+    if strain is None or stress is None:
+        return
+    signs = common_sign(strain.values), common_sign(stress.values)
+    words = " ".join((table.path.stem, strain.name, stress.name))
+    named = {"compression": bool(_COMPRESSION.search(words)), "tension": bool(_TENSION.search(words))}
+    if signs == (-1, -1):
+        note = "strain and stress are negative: compression, with tension positive"
+        shown.add("curve.convention", '"tension positive"', note)
+        shown.add("curve.branch", '"compression"', "strain and stress are negative")
+    elif signs == (1, 1) and sum(named.values()) == 1:
+        branch = "compression" if named["compression"] else "tension"
+        note = f"strain and stress are positive, and the names of file or columns mean {branch}"
+        shown.add("curve.convention", f'"{branch} positive"', note)
+        shown.add("curve.branch", f'"{branch}"', note)
+    else:
+        note = (
+            "strain and stress are positive: a tension test, or a compression test with compression positive"
+            if signs == (1, 1)
+            else "strain and stress do not have one common sign"
+        )
+        shown.notes |= {"curve.convention": note, "curve.branch": note}
+    scatter = relative_scatter(strain.values, stress.values)
+    if scatter is not None and scatter >= 1e-5:  # less is the rounding of the printed digits
+        shown.add(
+            "curve.relative_sigma",
+            f'"{100.0 * two_figures(scatter):.4g} %"',
+            "scatter of neighbouring points; an error of all points together belongs to [uncertainty]",
+        )
 
 
 def new_text(

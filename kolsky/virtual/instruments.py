@@ -16,9 +16,9 @@ from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.virtual.material import law_of, uniaxial_stress
-from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import ChannelTable, Specification
 from kolsky.virtual.specification import stream
+from kolsky.virtual.truth import SurfaceHistory, Truth
 
 
 def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:

@@ -17,10 +17,9 @@ from explicit.device import gpus
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, read_bytes, write_table
 from kolsky.virtual.instruments import FORMATS, measure_curve, measure_flyer, measure_outline, record_forces
-from kolsky.virtual.records import Truth, TruthError
 from kolsky.virtual.shot_file import shot_tables, toml_text
 from kolsky.virtual.specification import Series, ShotSpecification
-from kolsky.virtual.truth import Job, try_truths
+from kolsky.virtual.truth import Job, Truth, TruthError, try_truths
 
 TRUTH = "truth.json"
 """The answer of a made shot; nothing but this room and studies of the package itself read it."""

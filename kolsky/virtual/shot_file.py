@@ -19,8 +19,8 @@ from kolsky.schema.material import RelaxationSection
 from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import ForceChannel, Shot
 from kolsky.virtual.instruments import FORMATS
-from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import ChannelTable, Specification
+from kolsky.virtual.truth import SurfaceHistory
 
 HEAD = "# Made by kolsky virtual make; its answer is in truth.json, which no other command reads.\n"
 QUIET = 5e-6

@@ -1,7 +1,4 @@
-"""The truth of made shots: runs of the solver, many at a time, and a flyer that tilts.
-
-Two elements approach the limit of fine meshes from opposite sides; the truth may lie between them.
-"""
+"""What a made shot truly did, before any instrument looks."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -15,8 +12,47 @@ from kolsky.base.apparatus import SLIDING_LAW, Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of
 from kolsky.virtual.motion import Path1D, path_of
-from kolsky.virtual.records import SurfaceHistory, Truth, TruthError
 from kolsky.virtual.schema import Specification
+
+
+@dataclass(frozen=True)
+class SurfaceHistory:
+    """Specimen and flyer at the true times of the frames, static ones included."""
+
+    time: FloatArray
+    """Times on the shot's clock [s], shape [n_frames]."""
+    r: FloatArray
+    """Radius of the side surface's nodes, transmission platen first [m], shape [n_frames, n_nodes]."""
+    y: FloatArray
+    """Their height above the transmission platen's initial plane [m], shape [n_frames, n_nodes]."""
+    displacement: FloatArray
+    """Of the flyer's centre toward the specimen [m], shape [n_frames]."""
+    tilt: FloatArray
+    """Pitch of the flyer in the cameras' plane, camera side ahead [rad], shape [n_frames]."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A made shot as it was."""
+
+    surface: SurfaceHistory
+    force_time: FloatArray
+    """Times on the shot's clock, uniform [s], shape [n]."""
+    transmitted: FloatArray
+    """Force of the specimen on the transmission platen, compression-positive [N], shape [n]."""
+    incident: FloatArray
+    """Force of the flyer's platen on the specimen [N], shape [n]."""
+    flyer_acceleration: FloatArray
+    """Of the flyer toward the specimen [m/s^2], shape [n]."""
+    support_acceleration: FloatArray
+    """Of the transmission platen away from the specimen [m/s^2], shape [n]."""
+    flyer_radius: float
+    """Radius of the flyer's side that the cameras see [m]."""
+
+
+class TruthError(Exception):
+    """A simulation of a truth that did not reach its end; the message says why."""
+
 
 MARGIN = 15e-6
 """Time that is simulated beyond the record, and of the record beyond the last frame [s]."""

@@ -10,12 +10,12 @@ import explicit
 from explicit.materials import marlow_from_curve
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.records import FaceWaves, History, Reduction
-from kolsky.bars.reduction.inputs import StationInput, WavesInput
+from kolsky.bars.reduction.windows import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Interface, Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import ForceHistory, MaterialCurve, Recording
-from kolsky.shot.bar_driven import bar_force, driven_by_waves
+from kolsky.shot.load import bar_force, driven_by_waves
 from kolsky.shot.records import ModelSettings, Shot, ShotBase
 
 BAR = Bar(diameter=12.7e-3, length=1.5, youngs_modulus=70e9, density=2700.0)

@@ -6,7 +6,7 @@ from itertools import pairwise
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
-from kolsky.report.free_labels import _covers, _on_data, _shared, _shown
+from kolsky.report.canvas import _covers, _on_data, _shared, _shown
 
 
 def overlaps(figure: Figure) -> list[str]:

@@ -45,8 +45,8 @@ def by_commands(folder: Path) -> None:
 
 
 def _budget() -> str:
-    from kolsky.report.pages.budget import write_page
-    from kolsky.studies.budget.factors import Factor
+    from kolsky.report.pages.studies import write_budget
+    from kolsky.studies.budget.realisation import Factor
     from kolsky.studies.budget.records import Budget, Source, plan_campaign
 
     sources = (
@@ -58,7 +58,7 @@ def _budget() -> str:
     made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
     with tempfile.TemporaryDirectory() as scratch:
         page = Path(scratch) / "budget.html"
-        write_page(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
+        write_budget(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
         return page.read_text("utf-8")
 
 
@@ -74,9 +74,9 @@ def _rates(count: int) -> str:
 def _sweep(*, one: bool) -> str:
     from test_sweep_report import along, analysed
 
-    from kolsky.report.pages.sweep import render
+    from kolsky.report.pages.studies import render_sweep
 
-    return render(along() if one else analysed(n=512, lost=(5,)))
+    return render_sweep(along() if one else analysed(n=512, lost=(5,)))
 
 
 def _report(which: str) -> str:

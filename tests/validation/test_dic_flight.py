@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from dic import Camera, FrameOutcome, StereoRig
-from dic.bodies.axial_displacement import axial_displacement
-from dic.bodies.follow import follow_body
+from dic.bodies.axial_displacement import from_rest, translations
+from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
 from dic.chain.follow_bodies import flyer_poses
 from dic.correlation import Correlation, Shape
@@ -65,7 +65,7 @@ def flight_of(folder):
 
     def follow(frames, rows, frame, correlation, rigid):
         corners = ((-0.4, rows[0]), (127.4, rows[0]), (127.4, rows[1]), (-0.4, rows[1]))
-        return follow_body(
+        matched = match_body(
             series,
             rig,
             Region(corners, frame),
@@ -77,6 +77,7 @@ def flight_of(folder):
             health=tuple(np.where(frames, outcome, FrameOutcome.LOST) for outcome in health),
             rigid=rigid,
         )
+        return follow_bodies([matched], rig, stereo)[0]
 
     specimen = follow(t <= t[STATIC - 1], (upper, lower), 0, Correlation(subset=SUBSET), False)
     rim = Correlation(subset=SUBSET, shape=Shape.RIGID, least_pixels=0.4)  # as the chain does it
@@ -90,7 +91,8 @@ def flight_of(folder):
     zero = cylinder_fit.on_cylinder(rig.cameras[0], platen, held)
     frame = cylinder_fit.test_frame(held, rig, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=1e-6)
     static = t <= t[STATIC - 1]
-    travel = axial_displacement(flyer, rig, frame, t, static, subset=SUBSET, pictures=series)
+    moved = translations(flyer, rig, frame, t, static, subset=SUBSET, pictures=series)
+    travel = from_rest(moved, None, rig, frame, t, static, None)
     motion, remarks = flyer_poses(flyer, rig, frame, travel, static, subset=SUBSET, length=LENGTH)
     assert not remarks
     truth = np.load(folder / "truth_surface.npz")

@@ -14,7 +14,7 @@ import pytest
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import BarSignal, Correction, FaceWaves, History, Reduction, Signal
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import (
     cauchy_stress,
     correct_punching,

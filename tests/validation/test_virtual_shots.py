@@ -12,10 +12,10 @@ from kolsky.identification import identify
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
-from kolsky.studies.budget.factors import factors_of
 from kolsky.studies.budget.realisation import (
     RealisationOutcome,
     Realisations,
+    factors_of,
     refit,
     same_valley,
     whole_search,

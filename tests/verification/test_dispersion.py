@@ -15,10 +15,9 @@ from scene import table
 from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
-from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.pochhammer import rayleigh_speed
+from kolsky.bars.guides import waveguide
 from kolsky.bars.guides.propagation import propagation
-from kolsky.bars.guides.waveguide import ElasticWaveguide
+from kolsky.bars.guides.waveguide import ElasticWaveguide, rayleigh_speed
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 
@@ -86,7 +85,7 @@ def _roots() -> FloatArray:
     errors = np.zeros((len(RATIOS), len(FREQUENCIES)))
     for i, nu in enumerate(RATIOS):
         for j, w in enumerate(FREQUENCIES):
-            ours = float(pochhammer.wavenumber(w, nu))
+            ours = float(waveguide.wavenumber(w, nu))
             span = (1.0 - 1e-5) * ours, (1.0 + 1e-5) * ours
             exact = brentq(lambda k, w=w, nu=nu: printed_equation(k, w, nu).real, *span, xtol=1e-14)
             errors[i, j] = abs(ours / exact - 1.0)
@@ -115,7 +114,7 @@ def _element_bar(size: float) -> tuple[FloatArray, FloatArray, FloatArray, Float
 def case() -> Result:
     """Roots, pulses and the finite-element bar."""
     data = np.loadtxt(REFERENCE, delimiter=",")[:, :2]
-    found = pochhammer.phase_velocity(data[:, 0], POISSON)
+    found = waveguide.phase_velocity(data[:, 0], POISSON)
     guide, c = ElasticWaveguide(STEEL_BAR), STEEL_BAR.wave_speed
     time = STEP * np.arange(SAMPLES)
     omega = PULSE.frequencies(2.0 * time[-1])
@@ -174,7 +173,7 @@ def draw(result: Result, figure: Figure) -> None:
     difference = figure.add_subplot(grid[2, :], sharex=force)
     ratio = np.linspace(0.0, 1.2, 400)
     for nu in (0.1, 0.2, 0.29, 0.4, 0.49):
-        (line,) = mode.plot(ratio, pochhammer.phase_velocity(ratio, nu), label=f"ν = {nu:g}")
+        (line,) = mode.plot(ratio, waveguide.phase_velocity(ratio, nu), label=f"ν = {nu:g}")
         mode.axhline(rayleigh_speed(nu), color=line.get_color(), linestyle=":", linewidth=0.6)
     shown = result.reference[(result.reference[:, 0] <= 1.2)][::3]
     mode.plot(shown[:, 0], shown[:, 1], "ko", markersize=2.5, markerfacecolor="none", markeredgewidth=0.6)

@@ -314,28 +314,8 @@ def wave_speed(
             )
     distance = incident.position + transmission.position
     return _fit(
-        incident.strain, transmission.strain, incident.bar, distance, incident_window, transmitted_window, 1.0
+        incident.strain, transmission.strain, incident.bar, distance, incident_window, transmitted_window
     )
-
-
-def round_trip(
-    gauge: BarSignal, *, first_window: tuple[float, float], echo_window: tuple[float, float], end: str
-) -> BarsTogether:
-    """Fit c0 to a pulse and its echo from a free end at the same gauge.
-
-    ``first_window``, ``echo_window``: times of the pulse and of its echo [s]; other waves lie in neither.
-    ``end``: where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole
-    round trip, c0 = 2 L / T. Raises ValueError as `wave_speed`; or if `end` is not one of the three.
-    """
-    ways = {
-        "specimen": 2.0 * gauge.position,
-        "far": 2.0 * (gauge.bar.length - gauge.position),
-        "both": 2.0 * gauge.bar.length,
-    }
-    if end not in ways:
-        raise ValueError(f'end must be "specimen", "far" or "both", got {end!r}')
-    sign = 1.0 if end == "both" else -1.0
-    return _fit(gauge.strain, gauge.strain, gauge.bar, ways[end], first_window, echo_window, sign)
 
 
 def _fit(
@@ -345,7 +325,6 @@ def _fit(
     distance: float,
     first_window: tuple[float, float],
     later_window: tuple[float, float],
-    sign: float,
 ) -> BarsTogether:
     check_bar(bar)
     if abs(first.interval / later.interval - 1.0) > 1e-9:
@@ -368,7 +347,7 @@ def _fit(
     band = _above_noise(windowed(first, first_window))
 
     def model(speed: float, poisson: float | None) -> FloatArray:
-        """The later pulse with gain `sign`; a plain shift without Poisson's ratio."""
+        """The later pulse with gain 1; a plain shift without Poisson's ratio."""
         trial = replace(
             bar,
             youngs_modulus=bar.density * speed**2,
@@ -384,7 +363,7 @@ def _fit(
             start=float(time[0]),
             samples=time.size,
         )
-        return sign * carried.signal.value
+        return carried.signal.value
 
     def solve(poisson: float | None, start: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Speed, gain, residual over the peak, and its Jacobian by c0 / stated and gain."""
@@ -425,7 +404,7 @@ def _fit(
     return BarsTogether(
         bar=replace(bar, youngs_modulus=bar.density * speed**2),
         wave_speed=speed,
-        gain=sign * gain,
+        gain=gain,
         covariance=covariance,
         distance=distance,
         time=time,

@@ -1,19 +1,331 @@
 """Bars as guides of one longitudinal wave: wavenumber, attenuation, stiffness, impedance.
 
-Elastic bars follow Pochhammer and Chree. Polymer bars have a complex modulus or a measured propagation
-coefficient.
+Elastic bars follow the first mode of a solid round bar with a free surface, after Pochhammer (1876) and Chree
+(1889): the frequency equation is solved once for each Poisson's ratio, tabulated, polished by Newton steps.
+Polymer bars have a complex modulus or a measured propagation coefficient.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, isfinite, pi
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.special import i0e, i1e, j0, j1, jve
 
-from kolsky.bars.guides import pochhammer
 from kolsky.base.apparatus import Bar
-from kolsky.base.arrays import ComplexArray
+from kolsky.base.arrays import ComplexArray, FloatArray
+
+Array = NDArray[Any]
+
+_SERIES = 1e-3
+"""Below this |s| the Onoe function is its series: the next term is s^4 / 23040, below round-off."""
+
+
+def frequency_equation(k: Array, w: Array, poisson: float) -> tuple[Array, Array, Array]:
+    """Residual of the frequency equation and its derivatives by K and W.
+
+    With p = alpha^2 a^2 = W^2 (c0/c_L)^2 - K^2, q = beta^2 a^2 = W^2 (c0/c_T)^2 - K^2 and the Onoe function
+    O(s) = z J0(z) / J1(z), z^2 = s, which is real for real s of either sign (Graff 1975, Eq. 8.2.34, times
+    p / (J1 J1)):
+
+    f = 2 p (q + K^2) - (q - K^2)^2 O(p) - 4 K^2 p O(q).
+    """
+    shear, longitudinal = _slownesses(poisson)
+    square = k**2
+    p, q = w**2 * longitudinal - square, w**2 * shear - square
+    op, oq = onoe(p), onoe(q)
+    dop, doq = _onoe_slope(p, op), _onoe_slope(q, oq)
+    d = q - square
+    f = 2.0 * p * (q + square) - d**2 * op - 4.0 * square * p * oq
+    by_p = 2.0 * (q + square) - d**2 * dop - 4.0 * square * oq
+    by_q = 2.0 * p - 2.0 * d * op - 4.0 * square * p * doq
+    by_square = 2.0 * p + 2.0 * d * op - 4.0 * p * oq
+    return f, 2.0 * k * (by_square - by_p - by_q), 2.0 * w * (longitudinal * by_p + shear * by_q)
+
+
+def rayleigh_speed(poisson: float) -> float:
+    """Speed of surface waves over c0, the limit of the first mode at high frequency [-].
+
+    With x = (c / c_T)^2: x^3 - 8 x^2 + (24 - 16 g) x - 16 (1 - g) = 0, g = (c_T / c_L)^2 (Graff 1975,
+    Eq. 6.1.86).
+    """
+    shear, longitudinal = _slownesses(poisson)
+    g = longitudinal / shear
+    roots = np.roots([1.0, -8.0, 24.0 - 16.0 * g, -16.0 * (1.0 - g)])
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    return float(np.sqrt(real[(real > 0.0) & (real < 1.0)][0] / shear))
+
+
+def _slownesses(poisson: float) -> tuple[float, float]:
+    """(c0 / c_T)^2 and (c0 / c_L)^2 [-]."""
+    return 2.0 * (1.0 + poisson), (1.0 + poisson) * (1.0 - 2.0 * poisson) / (1.0 - poisson)
+
+
+def onoe(s: Array) -> Array:
+    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962); scaled functions where s < 0."""
+    s = np.asarray(s)
+    small = np.abs(s) < _SERIES
+    if np.iscomplexobj(s):
+        z = np.sqrt(np.where(small, 1.0, s))
+        value = z * jve(0, z) / jve(1, z)
+    else:
+        z = np.sqrt(np.where(small, 1.0, np.abs(s)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.where(s < 0.0, z * i0e(z) / i1e(z), z * j0(z) / j1(z))
+    return np.asarray(np.where(small, 2.0 - s / 4.0 - s**2 / 96.0 - s**3 / 1536.0, value))
+
+
+def _onoe_slope(s: Array, value: Array) -> Array:
+    """dO/ds from the Riccati equation that O obeys, 2 s O' = 2 O - O^2 - s."""
+    small = np.abs(s) < _SERIES
+    slope = (2.0 * value - value**2 - s) / (2.0 * np.where(small, 1.0, s))
+    return np.asarray(np.where(small, -0.25 - s / 48.0 - s**2 / 512.0, slope))
+
+
+def _check_poisson(poisson: float) -> None:
+    if not 0.0 <= poisson < 0.5:
+        raise ValueError(f"Poisson's ratio of a bar must be in [0, 0.5), got {poisson}")
+
+
+TABLE_ERROR = 1e-9
+"""Largest relative error of a table's wavenumber [-], measured between its knots."""
+FIRST_TABLE = 8.0
+"""omega a / c0 up to which a table reaches at first; it is doubled until it holds what is asked for."""
+_SCAN = 400
+"""Phase velocities at which a bracket of the slowest root is sought."""
+
+
+def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermiteSpline:
+    """Slowness c0 / c of the first mode against omega a / c0, cached by Poisson's ratio.
+
+    Knots lie on the frequency equation, with exact slopes. Intervals are halved until the cubic between the
+    knots is within `TABLE_ERROR` of the root in their middle.
+    """
+    _check_poisson(poisson)
+    doublings = max(0, int(np.ceil(np.log2(max(largest, FIRST_TABLE) / FIRST_TABLE))))
+    return _table(float(poisson), FIRST_TABLE * 2.0**doublings)
+
+
+@lru_cache(maxsize=32)
+def _table(poisson: float, end: float) -> CubicHermiteSpline:
+    if poisson == 0.0:
+        return _table_without_poisson(end)
+
+    def solve(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        k = _slowest_root(w, poisson)
+        _, by_k, by_w = frequency_equation(k, w, poisson)
+        return k / w, (-by_w / by_k - k / w) / w
+
+    return _refined(solve, np.array([0.0]), np.ones(1), np.zeros(1), end)
+
+
+def _table_without_poisson(end: float) -> CubicHermiteSpline:
+    """Without Poisson's ratio the bar does not disperse up to J1'(W) = 0, where two branches cross."""
+    crossing = 1.8411837813406593
+
+    def solve(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        low, high = w.copy(), w / (0.8 * rayleigh_speed(0.0))
+        for _ in range(80):  # W^2 - p O(p) - K^2 O(q) = 0: f over 2 p
+            k = 0.5 * (low + high)
+            p, q = w**2 - k**2, 2.0 * w**2 - k**2
+            beyond = w**2 - p * onoe(p) - k**2 * onoe(q) < 0.0
+            low, high = np.where(beyond, low, k), np.where(beyond, k, high)
+        p, q = w**2 - k**2, 2.0 * w**2 - k**2
+        op, oq = onoe(p), onoe(q)
+        kept, turned = op + p * _onoe_slope(p, op), k**2 * _onoe_slope(q, oq)
+        by_k = 2.0 * k * (kept - oq + turned)
+        by_w = 2.0 * w * (1.0 - kept - 2.0 * turned)
+        return k / w, (-by_w / by_k - k / w) / w
+
+    above = _refined(solve, np.array([]), np.array([]), np.array([]), end, start=crossing * (1.0 + 1e-9))
+    knots = np.concatenate([[0.0, crossing], above.x])
+    values = np.concatenate([[1.0, 1.0], above(above.x)])
+    return CubicHermiteSpline(knots, values, np.concatenate([[0.0, 0.0], above(above.x, 1)]))
+
+
+def _refined(
+    solve: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    knots: FloatArray,
+    values: FloatArray,
+    slopes: FloatArray,
+    end: float,
+    *,
+    start: float = 0.0,
+) -> CubicHermiteSpline:
+    """Slowness table whose intervals were halved until the cubics hold in their middles."""
+    first = np.linspace(start, end, 33)[1 if start == 0.0 else 0 :]
+    new_values, new_slopes = solve(first)
+    knots, values, slopes = (
+        np.concatenate(pair) for pair in ((knots, first), (values, new_values), (slopes, new_slopes))
+    )
+    open_ = np.ones(knots.size - 1, dtype=bool)
+    while open_.any():
+        middles = 0.5 * (knots[1:] + knots[:-1])[open_]
+        found, slope = solve(middles)
+        error = np.abs(CubicHermiteSpline(knots, values, slopes)(middles) / found - 1.0)
+        places = np.flatnonzero(open_) + 1
+        # The error falls with the fourth power: halves of what is already good need no look.
+        again = (error > TABLE_ERROR) & (middles - knots[places - 1] > 1e-7)
+        knots, values = np.insert(knots, places, middles), np.insert(values, places, found)
+        slopes = np.insert(slopes, places, slope)
+        open_ = np.zeros(knots.size - 1, dtype=bool)
+        left = places + np.arange(places.size) - 1
+        open_[left[again]] = open_[left[again] + 1] = True
+    return CubicHermiteSpline(knots, values, slopes)
+
+
+def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
+    """Largest wavenumber at each frequency: the first mode, bracketed by a scan and closed in on."""
+    slowest = 0.9 * rayleigh_speed(poisson)
+    k = np.empty_like(w)
+    pending = np.arange(w.size)
+    n = _SCAN
+    while pending.size:
+        speeds = np.linspace(slowest, 1.0 + 1e-12, n)
+        ascending = w[pending, None] / speeds
+        sign = np.sign(frequency_equation(ascending, w[pending, None], poisson)[0])
+        changes = sign[:, 1:] * sign[:, :-1] <= 0.0
+        found = changes.any(axis=1)
+        cell = changes.argmax(axis=1)[found]
+        rows = pending[found]
+        k[rows] = _closed_in(ascending[found, cell + 1], ascending[found, cell], w[rows], poisson)
+        pending = pending[~found]
+        n *= (
+            10  # next to the crossing of two branches, at a very small Poisson's ratio, both hide in one cell
+        )
+        if n > 1_000_000:
+            raise RuntimeError(f"no root of the frequency equation at omega a / c0 = {w[pending[0]]:g}")
+    return k
+
+
+def _closed_in(low: FloatArray, high: FloatArray, w: FloatArray, poisson: float) -> FloatArray:
+    """Newton's method kept inside a bracket, by bisection where it leaves."""
+    sign = np.sign(frequency_equation(low, w, poisson)[0])
+    k = 0.5 * (low + high)
+    for _ in range(80):
+        f, slope, _ = frequency_equation(k, w, poisson)
+        same = np.sign(f) == sign
+        low, high = np.where(same, k, low), np.where(same, high, k)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = k - f / slope
+        inside = np.isfinite(step) & (step > low) & (step < high)
+        following = np.where(inside, step, 0.5 * (low + high))
+        done = np.abs(following - k) <= 4e-16 * k
+        k = following
+        if done.all():
+            break
+    return k
+
+
+def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
+    """Wavenumber of the first mode.
+
+    Complex frequencies are those of waves under an exponential window, or of a viscoelastic bar by the
+    correspondence principle; the table then only starts a Newton iteration on the frequency equation.
+
+    ``frequency``: omega a / c0 [-], real or complex with a real part that outweighs the imaginary one, any
+    sign. ``poisson``: poisson's ratio, in [0, 0.5). Returns: k a [-], same shape; odd in the frequency.
+    Relative error below `dispersion_table.TABLE_ERROR`. Raises ValueError if Poisson's ratio is outside its
+    range or a frequency is not finite.
+    """
+    w = np.asarray(frequency)
+    if not np.isfinite(w).all():
+        raise ValueError("frequencies must be finite; cure: remove what is not a number from the signal")
+    size = np.abs(w.real)
+    slowness = dispersion_table(poisson, float(size.max(initial=0.0)))
+    real = size * slowness(size)
+    if not np.iscomplexobj(w):
+        return np.copysign(real, w)
+    turned = np.where(w.real < 0.0, -w, w)  # K(-W) = -K(W): only the right half-plane has to be known
+    offset = 1j * turned.imag
+    group = slowness(size) + size * slowness(size, 1)
+    bend = 2.0 * slowness(size, 1) + size * slowness(size, 2)
+    found = np.asarray(real + offset * group + 0.5 * offset**2 * bend)
+    return np.where(w.real < 0.0, -1.0, 1.0) * _polished(found, turned, poisson)
+
+
+def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
+    """Phase velocity of the first mode over c0 [-], against radius over wavelength.
+
+    ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5).
+    """
+    k = 2.0 * np.pi * np.asarray(ratio, dtype=float)
+    if not (np.isfinite(k).all() and (k >= 0.0).all()):
+        raise ValueError("a / Lambda must be finite and >= 0")
+    w = frequency(k, poisson)
+    still = k == 0.0
+    return np.asarray(np.where(still, 1.0, w / np.where(still, 1.0, k)))
+
+
+def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
+    """Frequency of the first mode, the inverse of `wavenumber`.
+
+    ``wavenumber``: k a [-], real or complex with a real part that outweighs the imaginary one, any sign.
+    ``poisson``: poisson's ratio, in [0, 0.5). Returns: omega a / c0 [-], same shape. Raises ValueError if
+    Poisson's ratio is outside its range or a wavenumber is not finite.
+    """
+    k = np.asarray(wavenumber)
+    if not np.isfinite(k).all():
+        raise ValueError("wavenumbers must be finite")
+    sign = np.where(k.real < 0.0, -1.0, 1.0)
+    turned = sign * k
+    table = dispersion_table(poisson, float(np.abs(turned.real).max(initial=0.0)))
+    knots = table.x * table(table.x)
+    w = np.asarray(np.interp(turned.real, knots, table.x), dtype=k.dtype if np.iscomplexobj(k) else float)
+    w = w + (turned - turned.real) * (w.real / np.where(turned.real == 0.0, 1.0, turned.real))
+    moving = np.abs(turned) > 1e-4
+    for _ in range(8):
+        if poisson == 0.0 or not moving.any():
+            break
+        f, _, slope = frequency_equation(turned[moving], w[moving], poisson)
+        w[moving] -= f / slope
+    return np.asarray(sign * np.where(moving | (poisson == 0.0), w, turned))
+
+
+def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
+    """Axial strain averaged over the cross-section over that on the surface [-], where gauges sit.
+
+    This is the factor M1 of Tyas and Watson (2001). Their M2, the mean stress over E times the mean strain,
+    is (c / c0)^2: a free surface leaves the axial momentum no other way.
+
+    ``frequency``: omega a / c0 [-], real or complex. ``poisson``: poisson's ratio, in [0, 0.5).
+    """
+    if not poisson > 0.0:
+        raise ValueError("without Poisson's ratio the mean strain is that of the surface")
+    w = np.asarray(frequency)
+    k = wavenumber(w, poisson)
+    shear, longitudinal = _slownesses(poisson)
+    p, q = w**2 * longitudinal - k**2, w**2 * shear - k**2
+    mean = 2.0 * w**2 * (shear - 2.0 * longitudinal)  # = 2 (q - K^2) - 4 p without its cancellation
+    surface = onoe(p) * (q - k**2) - 2.0 * p * onoe(q)
+    still = np.abs(w) < 1e-6
+    return np.asarray(np.where(still, 1.0, mean / np.where(still, 1.0, surface)))
+
+
+def _polished(k: Array, w: Array, poisson: float) -> Array:
+    """A few Newton steps in the complex plane, from a start that is already close."""
+    result = np.array(k)
+    moving = np.flatnonzero(np.abs(np.ravel(w)) > 1e-4)  # below, the residual is round-off
+    if poisson == 0.0:
+        return result
+    result, at = result.ravel(), np.ravel(w)
+    for _ in range(8):
+        if moving.size == 0:
+            return result.reshape(w.shape)
+        f, slope, _ = frequency_equation(result[moving], at[moving], poisson)
+        change = f / slope
+        result[moving] -= change
+        # Newton's method doubles the digits: the next step would change round-off.
+        moving = moving[np.abs(change) > 1e-8 * np.abs(result[moving])]
+    raise ValueError(
+        f"no wavenumber found at omega a / c0 = {at[moving[0]]:.6g}; the damping must be small, the "
+        "imaginary part below a third of the real one. Cure: limit the band"
+    )
+
 
 _SURFACE_BAND = 2.0
 """omega a / c0 up to which a gauge on the surface can stand for the section."""
@@ -81,7 +393,7 @@ class ElasticWaveguide:
         if not self.dispersive:
             return np.asarray(w / self.wave_speed, dtype=complex)
         radius = 0.5 * self.bar.diameter
-        turned = pochhammer.wavenumber(w * radius / self.wave_speed, self.bar.poisson)
+        turned = wavenumber(w * radius / self.wave_speed, self.bar.poisson)
         return np.asarray(turned / radius, dtype=complex)
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
@@ -90,7 +402,7 @@ class ElasticWaveguide:
         stiffness = self.impedance(w) * _speed_of(w, self.wavenumber(w), self.wave_speed)
         if self.surface:
             reduced = 0.5 * w * self.bar.diameter / self.wave_speed
-            stiffness = stiffness * pochhammer.mean_over_surface(reduced, self.bar.poisson)
+            stiffness = stiffness * mean_over_surface(reduced, self.bar.poisson)
         return np.asarray(stiffness, dtype=complex)
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
@@ -199,7 +511,7 @@ class ViscoelasticWaveguide:
         if not self.dispersive:
             return plain
         radius = 0.5 * self.bar.diameter
-        return np.asarray(pochhammer.wavenumber(plain * radius, self.bar.poisson) / radius)
+        return np.asarray(wavenumber(plain * radius, self.bar.poisson) / radius)
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.6): rho A (omega / k)^2, which is E* A in a thin bar [N]."""

@@ -19,22 +19,25 @@ from kolsky.bars.records import (
 )
 from kolsky.bars.reduction import summary as quoted
 from kolsky.bars.reduction.inertia import corrections_that_act, valid_span
-from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.separation import KEY as FREE_END
 from kolsky.bars.reduction.separation import check_length, free_end_limits, free_ends, overlapping_windows
 from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import KEYS as ALIGNMENT_KEYS
 from kolsky.bars.reduction.windows import (
+    FAR,
+    NO_PART,
+    SIDES,
     Alignment,
+    WavesInput,
     alignments,
     check_baselines,
     check_windows,
     find_windows,
     incident_arrival,
 )
+from kolsky.bars.reduction.windows import KEYS as ALIGNMENT_KEYS
 from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from kolsky.bars.budget import Budget, budget_table
 from kolsky.bars.records import BudgetTable, FaceWaves, History, Quantity, Reduction, Windows
-from kolsky.bars.reduction.inputs import SIDES, WavesInput
 from kolsky.bars.reduction.stress_strain import noise_correlation, stiffness
 from kolsky.bars.reduction.validity import (
     ALLOWANCE,
@@ -23,7 +22,7 @@ from kolsky.bars.reduction.validity import (
     judge_plateau,
     weighted_mean,
 )
-from kolsky.bars.reduction.windows import PulseCheck
+from kolsky.bars.reduction.windows import SIDES, PulseCheck, WavesInput
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.baseline import DRIFTING
 from kolsky.bars.signals.bridge import Bridge, Calibration

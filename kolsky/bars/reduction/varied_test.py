@@ -10,14 +10,12 @@ from kolsky.bars.budget import merge_quantities
 from kolsky.bars.guides.waveguide import ElasticWaveguide, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import summary as quoted
-from kolsky.bars.reduction.faces import face_waves, largest_band
 from kolsky.bars.reduction.inertia import correct_inertia
-from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
-from kolsky.bars.reduction.separation import FreeEnds, separated
+from kolsky.bars.reduction.separation import FreeEnds, face_waves, largest_band, separated
 from kolsky.bars.reduction.stress_strain import correct_punching, reduce, true_curve
 from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.reduction.validity import ENDS, Span, averaging_width, find_span
-from kolsky.bars.reduction.windows import Alignment, delays
+from kolsky.bars.reduction.windows import FAR, SIDES, Alignment, WavesInput, delays
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
 

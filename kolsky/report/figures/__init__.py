@@ -21,7 +21,7 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 
 PLACES: dict[str, tuple[str, ...]] = {
-    "JOINT": ("joint.joint_shots", "joint.joint_curve"),
+    "JOINT": ("rates.joint_shots", "rates.joint_curve"),
     # Recordings behind an identification; shown after those of `REGISTRY`
     "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification
@@ -84,14 +84,14 @@ PLACES: dict[str, tuple[str, ...]] = {
         "material.relaxation_oscillation",
         "material.relaxation_shifts",
     ),
-    "SPECIMENS": ("specimen.forces", "specimen.correlations", "specimen.strains", "specimen.mesh"),
+    "SPECIMENS": ("bodies.forces", "bodies.correlations", "bodies.strains", "bodies.mesh"),
     "SHEETS": (
-        "specimen.sheet_map",
-        "specimen.sheet_histories",
-        "specimen.sheet_steps",
-        "specimen.sheet_fields",
+        "bodies.sheet_map",
+        "bodies.sheet_histories",
+        "bodies.sheet_steps",
+        "bodies.sheet_fields",
     ),
-    "ACTUATORS": ("actuator.shapes", "actuator.bend", "actuator.motion", "actuator.markers", "actuator.loop"),
+    "ACTUATORS": ("bodies.shapes", "bodies.bend", "bodies.motion", "bodies.markers", "bodies.loop"),
 }
 """Files and functions of the figures of each registry in the order of its page; a file is loaded when one of
 its registries is needed, since a command shows one page."""

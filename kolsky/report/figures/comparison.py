@@ -33,8 +33,7 @@ from kolsky.report.figures.base import (
     largest,
     note_empty,
 )
-from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista, render
-from kolsky.report.scene.film import evenly_spaced
+from kolsky.report.scene.drawing import CannotRender, evenly_spaced, offscreen_pyvista, render
 from kolsky.report.scene.scene_data import FIELDS, has_scene, scene_of
 from kolsky.results.numbers import percent, plain
 

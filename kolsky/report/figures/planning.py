@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from kolsky.prediction.design import Aim, Scan
-from kolsky.prediction.output import EVERY
+from kolsky.prediction.design import EVERY, Aim, Scan
 from kolsky.prediction.predict import Prediction
 from kolsky.report.figures.base import (
     BAND,

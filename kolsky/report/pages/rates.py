@@ -242,11 +242,11 @@ def _scatter(group: GroupRates) -> list[dict[str, str]]:
 
 
 def render(report: RateReport) -> str:
-    """Return the page as HTML text; see `write_page`."""
+    """Return the page as HTML text."""
     groups, number = [], 1
     for index, group in enumerate(report.groups):
         shown = _group_tables(group, several=len(report.groups) > 1)
-        shown["figures"] = draw_figures(figures_of(report, index).values(), group, first=number)
+        shown["figures"] = draw_figures(group, figures_of(report, index).values(), first=number)
         number += len(shown["figures"])
         groups.append(shown)
     total = sum(len(group.shots) for group in report.groups)

@@ -16,7 +16,7 @@ from dic.files import replacing
 from dic.processes import run_parallel
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import build, inline_svg
-from kolsky.report.figures import FigureKind
+from kolsky.report.figures import FigureKind, figures_of
 from kolsky.results.nomenclature import typeset, upper_first, with_subscripts
 
 _HERE = Path(__file__).parent
@@ -69,14 +69,15 @@ class FigureGroup:
 
 
 def draw_figures(
-    kinds: Iterable[FigureKind[Any]],
     shown: Any,
+    kinds: Iterable[FigureKind[Any]] | None = None,
     *,
     first: int = 1,
     processes: int = 1,
     mark: str = "",
 ) -> list[dict[str, Any]]:
-    """Draw the figures of one group, a `FigureGroup`, with the options of `draw_groups`."""
+    """Draw figures, those of a result by default, with the options of `draw_groups`."""
+    kinds = figures_of(shown).values() if kinds is None else kinds
     return draw_groups([FigureGroup(kinds, shown)], first=first, processes=processes, mark=mark)
 
 

@@ -10,9 +10,8 @@ from doe.uncertainty import VerdictKind
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile
 from kolsky.results import numbers
-from kolsky.results.identification_rows import sensitivity_rows, unseen_notes
 from kolsky.results.nomenclature import name_of, route_label, short
-from kolsky.results.printed import MOST_PARTS, variance_shares
+from kolsky.results.printed import MOST_PARTS, sensitivity_rows, unseen_notes, variance_shares
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.curve import PAST_CURVE
 from kolsky.shot.inputs import INPUTS

@@ -1,27 +1,29 @@
-"""Page of the classical reduction of bar signals: figure, results, corrections, uncertainty budget."""
+"""Pages of recordings: a test between bars, and a shot before anything is run."""
 
+from itertools import groupby
 from typing import Any
 
 from kolsky.bars.records import FlyerResult, ReducedTest
-from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results.nomenclature import typeset
-from kolsky.shot.summary import ABSOLUTE
+from kolsky.shot.bars import CheckedBars
+from kolsky.shot.records import ShotBase
+from kolsky.shot.summary import ABSOLUTE, EXACT, Entry, remarks, summarise
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """Factor and unit of the page by SI unit; other units are shown unchanged."""
 
 
 def render(result: ReducedTest) -> str:
-    """Return the page as HTML text; see `write_page`."""
+    """Return the page as HTML text."""
     quoted = list(result.budget.results)
     return render_page(
         "waves.html",
         heading=result.name,
         subject="bar signals",
         result=result,
-        figures=draw_figures(figures_of(result).values(), result),
+        figures=draw_figures(result),
         answers=answers(result),
         means_over=typeset(means_over(result)),
         facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
@@ -138,3 +140,34 @@ def quantity(value: float, unit: str) -> str:
     if unit == "1" and 0.0 < abs(value) < 1e-2:
         factor, shown = 1e6, "µm/m"
     return f"{factor * value:.4g}" + ("" if shown == "1" else f" {shown}")
+
+
+PAGE = "check.html"
+
+
+def render_check(shot: ShotBase | CheckedBars) -> str:
+    """Return the page as HTML text."""
+    entries = [entry for entry in summarise(shot) if entry.value != EXACT]
+    tables = [
+        (section, [(entry.name.replace("_", " "), _shown(entry)) for entry in rows])
+        for section, rows in groupby(entries, lambda entry: entry.section)
+    ]
+    return render_page(
+        "check.html",
+        kind="What was understood of a shot",
+        heading=shot.name,
+        subject="check",
+        figures=draw_figures(shot),
+        tables=tables,
+        remarks=remarks(shot),
+        exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
+        inputs=list(shot.inputs.items()),
+    )
+
+
+write_check = page_writer(render_check)
+
+
+def _shown(entry: Entry) -> str:
+    """Return a value as a page writes it; a word of a file stays as it is."""
+    return entry.written() if isinstance(entry.value, str) else typeset(entry.written())

@@ -1,17 +1,22 @@
-"""Picture of the specimen cut in half between its platens, rendered by PyVista.
+"""Picture of the specimen cut in half between its platens, rendered by PyVista; films and still pictures.
 
-For the report, and the stills and films of `kolsky film`.
+For the report and `kolsky film`. Every file is replaced when the new one is complete. The cut in the plane is
+drawn as SVG: quick enough to follow a slider.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cache
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import NDArray
 
+from dic.files import replacing
 from kolsky.base.process import run_program
 from kolsky.report.scene.scene_data import (
     EYE,
@@ -160,3 +165,147 @@ def _mesh(pyvista: Any, surface: Surface) -> Any:
     if surface.values is not None:
         mesh.point_data["field"] = surface.values
     return mesh
+
+
+Progress = Callable[[int], None]
+FILMS = ("mp4", "gif")
+"""Formats of a film."""
+
+
+def write_film(
+    path: Path, scene: Scene, *, every: int = 1, rate: float = 25.0, progress: Progress = lambda n: None
+) -> Path:
+    """Write the deformation as a film; arguments and errors as of `write_frames`, ``scene`` to show."""
+    frames = range(len(scene.times))
+    return write_frames(path, lambda k: picture(scene, k), frames, every=every, rate=rate, progress=progress)
+
+
+def write_frames(
+    path: Path,
+    draw: Callable[[int], NDArray[np.uint8]],
+    frames: Sequence[int],
+    *,
+    every: int = 1,
+    rate: float = 25.0,
+    progress: Progress = lambda n: None,
+) -> Path:
+    """Write pictures as a film.
+
+    ``path``: file to write; its suffix gives the format, one of `FILMS`. ``draw``: returns the picture of a
+    frame, shape [height, width, 3]. ``every``: take one frame in this many, the first included. ``rate``:
+    frame rate of the film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the
+    format is unknown, or `every` or `rate` is not positive. Raises ImportError if the package that writes
+    films is not installed; the message says how to get it.
+    """
+    path = Path(path)
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in FILMS:
+        raise ValueError(f"format {kind!r} is not one of {', '.join(FILMS)}")
+    if every < 1 or not rate > 0.0:
+        raise ValueError(f"every must be at least 1 and rate positive, got {every} and {rate}")
+    writer = writer_for(kind)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial, writer(partial, rate) as film:
+        for k in frames[::every]:
+            film.append_data(draw(k))
+            progress(1)
+    return path
+
+
+def write_stills(folder: Path, scene: Scene, count: int = 6) -> list[Path]:
+    """Write `count` pictures at equal intervals of time as PNG files and return their paths."""
+    if count < 1:
+        raise ValueError(f"count must be at least 1, got {count}")
+    import matplotlib.image
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for k in evenly_spaced(len(scene.times), count):
+        path = folder / f"still_{k:05d}.png"
+        with replacing(path) as partial:
+            matplotlib.image.imsave(partial, picture(scene, k), format="png")
+        written.append(path)
+    return written
+
+
+def evenly_spaced(n: int, count: int) -> Sequence[int]:
+    """Indices of `count` of n pictures at equal intervals, first and last included."""
+    return sorted({int(k) for k in np.round(np.linspace(0, n - 1, min(count, n)))})
+
+
+def writer_for(kind: str) -> Callable[[Path, float], Any]:
+    """Return the function that opens a film for writing.
+
+    Raises ImportError if imageio, or for "mp4" imageio-ffmpeg, is not installed.
+    """
+    try:
+        import imageio.v2 as imageio
+
+        if kind == "mp4":
+            import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        raise ImportError(f"films need the package {error.name}: pip install 'kolsky[film]'") from None
+    if kind == "mp4":
+        return lambda path, rate: imageio.get_writer(
+            path, format="FFMPEG", mode="I", fps=rate, codec="libx264", pixelformat="yuv420p", quality=8
+        )
+    return lambda path, rate: imageio.get_writer(path, format="GIF", mode="I", duration=1e3 / rate, loop=0)
+
+
+WIDTH, HEIGHT = 480, 300
+"""Of the drawing [px]."""
+INK = "#1a1a1a"
+
+
+def cut_svg(scene: Scene, k: int) -> str:
+    """The cut through the specimen at a time, coloured by its field, with the measured outline as dots."""
+    nodes, values = 1e3 * scene.nodes[k], scene.values[k]
+    low, high = scene.limits
+    kind = FIELDS[scene.field]
+    shade = colormaps[kind.colours]
+    widest, tallest = 1e3 * scene.nodes[..., 0].max(), 1e3 * scene.nodes[..., 1].max()
+    scale = min((WIDTH - 20) / (2.3 * widest), (HEIGHT - 78) / (1.16 * tallest))
+    middle, floor = WIDTH / 2, HEIGHT - 58
+
+    def at(r: float, y: float) -> str:
+        return f"{middle + scale * r:.1f},{floor - scale * y:.1f}"
+
+    parts = []
+    for quad in scene.mesh.quads:
+        share = (float(values[quad].mean()) - low) / (high - low)
+        colour = _hex(shade(min(max(share, 0.0), 1.0), bytes=True))
+        for side in (1.0, -1.0):
+            corners = " ".join(at(side * r, y) for r, y in nodes[quad])
+            parts.append(f'<polygon points="{corners}" fill="{colour}" stroke="{colour}" stroke-width=".6"/>')
+    top, half = nodes[:, 1].max(), 1.15 * widest
+    for y, thick in ((0.0, -0.05), (top, 0.05)):
+        corners = " ".join(
+            at(r, h)
+            for r, h in ((-half, y), (half, y), (half, y + thick * tallest), (-half, y + thick * tallest))
+        )
+        parts.append(f'<polygon points="{corners}" fill="#8a8a8a"/>')
+    y, Z = scene.outline_at(k)
+    for one, radius in zip(1e3 * y, 1e3 * Z, strict=True):
+        x, height = at(radius, one).split(",")
+        parts.append(f'<circle cx="{x}" cy="{height}" r="2.2" fill="#fff" stroke="{INK}"/>')
+    bar = "".join(
+        f'<rect x="{WIDTH / 2 - 100 + 4 * i}" y="{HEIGHT - 34}" width="4.3" height="9" '
+        f'fill="{_hex(shade(i / 49.0, bytes=True))}"/>'
+        for i in range(50)
+    )
+    text = f'font-size="12" fill="{INK}" text-anchor="middle"'
+    ends = (
+        f'<text x="{WIDTH / 2 - 100}" y="{HEIGHT - 12}" {text}>{low:.3g}</text>'
+        f'<text x="{WIDTH / 2 + 100}" y="{HEIGHT - 12}" {text}>{high:.3g}</text>'
+        f'<text x="{WIDTH / 2}" y="{HEIGHT - 12}" {text}>{escape(kind.label)}</text>'
+    )
+    words = f"Cut through the specimen, coloured by: {kind.label}; dots: measured outline"
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="100%" role="img" aria-label="{escape(words)}">'
+        + "".join(parts) + bar + ends + "</svg>"
+    )  # fmt: skip
+
+
+def _hex(colour: tuple[float, ...]) -> str:
+    return "#" + "".join(f"{int(part):02x}" for part in colour[:3])

@@ -18,8 +18,18 @@ from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.settings import Settings
-from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, Factor, design, slopes_of
-from kolsky.studies.budget.realisation import RealisationOutcome, Realisations, columns_of, names_of
+from kolsky.studies.budget.realisation import (
+    NODES,
+    NOISE,
+    WEIGHTS,
+    Factor,
+    RealisationOutcome,
+    Realisations,
+    columns_of,
+    design,
+    names_of,
+    slopes_of,
+)
 from kolsky.studies.budget.records import FEWEST, Budget, JointShares, Source, joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
 

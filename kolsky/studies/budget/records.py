@@ -10,8 +10,7 @@ from scipy.stats import t as student
 
 from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
-from kolsky.studies.budget.factors import Factor
-from kolsky.studies.budget.realisation import RealisationOutcome
+from kolsky.studies.budget.realisation import Factor, RealisationOutcome
 
 RESAMPLES = 2000
 """Bootstrap samples."""

@@ -10,7 +10,6 @@ from elastic_layer import Layer
 
 from kolsky.bars.records import Quantity, Windows
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.bars.reduction.inputs import StationInput, WavesInput
 from kolsky.bars.reduction.varied_test import (
     VariedTest,
     bar_correlations,
@@ -21,6 +20,7 @@ from kolsky.bars.reduction.varied_test import (
     varied_position,
     varied_specimen,
 )
+from kolsky.bars.reduction.windows import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import Recording

@@ -15,7 +15,7 @@ from kolsky.bars.flyer.flight import symmetry_end
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.guides.propagation import wave_speed
 from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Signal
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.windows import find_windows
 from kolsky.base.apparatus import Bar, Specimen

@@ -8,15 +8,16 @@ from bar_pulses import Pulse, printed_equation
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.pochhammer import (
+from kolsky.bars.guides import waveguide
+from kolsky.bars.guides.waveguide import (
     TABLE_ERROR,
+    PronyModulus,
+    ViscoelasticWaveguide,
     dispersion_table,
     frequency_equation,
     onoe,
     rayleigh_speed,
 )
-from kolsky.bars.guides.waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.base.apparatus import Bar
 
 REFERENCE = Path(__file__).resolve().parent.parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
@@ -24,14 +25,14 @@ REFERENCE = Path(__file__).resolve().parent.parent.parent / "reference" / "F_poc
 
 def test_reference_table():
     data = np.loadtxt(REFERENCE, delimiter=",")
-    found = pochhammer.phase_velocity(data[:, 0], 0.29)
+    found = waveguide.phase_velocity(data[:, 0], 0.29)
     np.testing.assert_allclose(found, data[:, 1], rtol=0.0, atol=1e-8)  # it has eight decimals
 
 
 @pytest.mark.parametrize("poisson", [0.1, 0.29, 0.35, 0.45, 0.495])
 def test_roots_of_the_printed_equation(poisson):
     for w in (0.05, 0.7, 1.9, 3.3, 7.7, 20.0):
-        ours = float(pochhammer.wavenumber(w, poisson))
+        ours = float(waveguide.wavenumber(w, poisson))
         span = (1.0 - 1e-5) * ours, (1.0 + 1e-5) * ours
         exact = brentq(lambda k, w=w: printed_equation(k, w, poisson).real, *span, xtol=1e-14)
         assert abs(ours / exact - 1.0) < TABLE_ERROR
@@ -40,7 +41,7 @@ def test_roots_of_the_printed_equation(poisson):
 @pytest.mark.parametrize("poisson", [0.0, 1e-4, 0.05, 0.29, 0.4999])
 def test_first_mode_from_the_bar_wave_to_the_rayleigh_wave(poisson):
     w = np.linspace(1e-3, 60.0, 5000)
-    k = pochhammer.wavenumber(w, poisson)
+    k = waveguide.wavenumber(w, poisson)
     assert (np.diff(k) > 0.0).all()
     # Rayleigh's correction of the lateral inertia: c / c0 = 1 - nu^2 W^2 / 4, next term of fourth order.
     low = w < 0.2
@@ -70,34 +71,30 @@ def test_tables_hold_their_stated_error_between_knots_and_grow():
 
 def test_complex_frequencies_satisfy_the_equation_and_continue_the_real_ones():
     w = np.linspace(0.02, 6.0, 200) * np.exp(-0.1j)
-    k = pochhammer.wavenumber(w, 0.35)
+    k = waveguide.wavenumber(w, 0.35)
     assert np.abs(printed_equation(k, w, 0.35)).max() < 1e-9  # residuals of order W^4 eps
     # Cauchy and Riemann: along the imaginary direction the wavenumber changes by i dk/dw.
     real, step = np.linspace(0.1, 5.0, 50), 1e-5
-    change = (pochhammer.wavenumber(real - 1j * step, 0.35) - pochhammer.wavenumber(real, 0.35)) / (
-        -1j * step
-    )
-    along = (pochhammer.wavenumber(real + step, 0.35) - pochhammer.wavenumber(real - step, 0.35)) / (2 * step)
+    change = (waveguide.wavenumber(real - 1j * step, 0.35) - waveguide.wavenumber(real, 0.35)) / (-1j * step)
+    along = (waveguide.wavenumber(real + step, 0.35) - waveguide.wavenumber(real - step, 0.35)) / (2 * step)
     np.testing.assert_allclose(change.real, along, rtol=1e-6)  # O(step), table
-    np.testing.assert_allclose(pochhammer.wavenumber(-np.conj(w), 0.35), -np.conj(k), rtol=1e-12)
+    np.testing.assert_allclose(waveguide.wavenumber(-np.conj(w), 0.35), -np.conj(k), rtol=1e-12)
 
 
 def test_frequency_is_the_inverse():
     k = np.array([0.0, 1e-5, 0.1, 2.0, -3.0, 30.0])
     np.testing.assert_allclose(
-        pochhammer.wavenumber(pochhammer.frequency(k, 0.3), 0.3), k, rtol=2 * TABLE_ERROR
+        waveguide.wavenumber(waveguide.frequency(k, 0.3), 0.3), k, rtol=2 * TABLE_ERROR
     )
     lossy = np.array([0.1, 1.0, 4.0]) * np.exp(-0.1j)
-    np.testing.assert_allclose(
-        pochhammer.wavenumber(pochhammer.frequency(lossy, 0.3), 0.3), lossy, rtol=1e-12
-    )
+    np.testing.assert_allclose(waveguide.wavenumber(waveguide.frequency(lossy, 0.3), 0.3), lossy, rtol=1e-12)
 
 
 def test_mean_over_surface_by_integrating_the_mode_shape():
     # Displacements from the potentials (Graff 1975, Eqs. 8.2.20 to 8.2.24), the mean by Gauss quadrature.
     nu = 0.33
     for w in (0.1, 0.8, 1.5, 2.5):
-        k = float(pochhammer.wavenumber(w, nu))
+        k = float(waveguide.wavenumber(w, nu))
         p = np.sqrt(w**2 * (1 + nu) * (1 - 2 * nu) / (1 - nu) - k**2 + 0j)
         q = np.sqrt(w**2 * 2 * (1 + nu) - k**2 + 0j)
         shear = 2.0 * k * p * jv(1, p) / ((q**2 - k**2) * jv(1, q))  # no shear stress on the surface
@@ -108,7 +105,7 @@ def test_mean_over_surface_by_integrating_the_mode_shape():
         r, weight = np.polynomial.legendre.leggauss(30)
         r, weight = 0.5 * (r + 1.0), 0.5 * weight
         mean = 2.0 * (weight * r * strain(r)).sum()
-        assert float(pochhammer.mean_over_surface(w, nu)) == pytest.approx(mean / strain(1.0), rel=1e-7)
+        assert float(waveguide.mean_over_surface(w, nu)) == pytest.approx(mean / strain(1.0), rel=1e-7)
 
 
 def test_onoe_function_on_both_sides_of_its_series():
@@ -123,16 +120,16 @@ def test_onoe_function_on_both_sides_of_its_series():
 @pytest.mark.parametrize("poisson", [-0.1, 0.5, float("nan")])
 def test_refuses_other_poisson_ratios(poisson):
     with pytest.raises(ValueError, match=r"in \[0, 0\.5\)"):
-        pochhammer.wavenumber(1.0, poisson)
+        waveguide.wavenumber(1.0, poisson)
 
 
 def test_refuses_what_is_not_a_frequency():
     with pytest.raises(ValueError, match="finite"):
-        pochhammer.wavenumber([1.0, np.nan], 0.3)
+        waveguide.wavenumber([1.0, np.nan], 0.3)
     with pytest.raises(ValueError, match=">= 0"):
-        pochhammer.phase_velocity([-0.1], 0.3)
+        waveguide.phase_velocity([-0.1], 0.3)
     with pytest.raises(ValueError, match="mean strain"):
-        pochhammer.mean_over_surface(1.0, 0.0)
+        waveguide.mean_over_surface(1.0, 0.0)
 
 
 BAR = Bar(0.02, 2.0, 5e9, 1190.0, 0.35)

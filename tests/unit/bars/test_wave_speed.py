@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 
-from kolsky.bars.guides.propagation import round_trip, wave_speed
+from kolsky.bars.guides.propagation import wave_speed
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 
@@ -63,26 +63,6 @@ def test_poisson_ratio_that_is_off_shows_in_speed_and_residual():
     assert off.wave_speed - found.wave_speed == pytest.approx(change, rel=0.3)  # quadratic terms
 
 
-@pytest.mark.parametrize(
-    ("end", "way", "sign"), [("specimen", 1.2, -1.0), ("far", 1.8, -1.0), ("both", 3.0, 1.0)]
-)
-def test_the_echo_of_a_free_end(end, way, sign):
-    first, echo = strain(0.4, 1.0, 0.0, 0), strain(0.4 + way, sign, 0.0, 0)
-    time = STEP * np.arange(6000)
-    both = np.zeros(time.size)
-    both[: TIME.size] = first.value
-    late = carried(PULSE, time, OMEGA, np.exp(-1j * K * (0.4 + way)))
-    gauge = BarSignal(Signal(0.0, STEP, both + sign * late, 0.0, "1"), STATED, 0.6, "incident")
-    arrival = 60e-6 + (0.4 + way) / TRUE.wave_speed
-    assert echo.sigma == 0.0
-    found = round_trip(
-        gauge, first_window=(80e-6, 330e-6), echo_window=(arrival - 50e-6, arrival + 250e-6), end=end
-    )
-    assert found.wave_speed == pytest.approx(TRUE.wave_speed, rel=2e-5)  # the first pulse's tail, 1e-3 of it
-    assert found.gain == pytest.approx(sign, abs=1e-3)
-    assert found.distance == pytest.approx(way)
-
-
 def test_refuses_what_does_not_fit():
     incident, transmission = together()
     with pytest.raises(ValueError, match="must be alike, diameter"):
@@ -98,5 +78,3 @@ def test_refuses_what_does_not_fit():
     slower = replace(transmission, strain=replace(transmission.strain, interval=1e-7))
     with pytest.raises(ValueError, match="intervals must be equal"):
         wave_speed(incident, slower, **WINDOWS)
-    with pytest.raises(ValueError, match="end must be"):
-        round_trip(incident, first_window=(80e-6, 330e-6), echo_window=(300e-6, 600e-6), end="left")

@@ -10,7 +10,7 @@ from elastic_layer import ALUMINIUM, Layer, elastic
 from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import ANALYSES, BarSignal, FaceWaves, Signal
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import BarWaves, reduce
 from kolsky.bars.reduction.windows import find_windows
 from kolsky.base.apparatus import Bar

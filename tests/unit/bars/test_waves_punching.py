@@ -9,7 +9,7 @@ from elastic_layer import ALUMINIUM, STEEL, Layer
 from scipy.special import j0, j1, jn_zeros
 
 from kolsky.bars.records import ANALYSES
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance, reduce
 from kolsky.bars.reduction.windows import find_windows
 

@@ -7,7 +7,7 @@ import pytest
 from elastic_layer import ALUMINIUM, Layer, elastic
 
 from kolsky.bars.records import ANALYSES, History, Signal
-from kolsky.bars.reduction.faces import face_waves, sampled_from
+from kolsky.bars.reduction.separation import face_waves, sampled_from
 from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, integrated, reduce
 from kolsky.bars.reduction.summary import energy_balance, spread_of, summarise
 from kolsky.bars.reduction.validity import balanced_span, imbalance

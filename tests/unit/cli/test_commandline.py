@@ -48,7 +48,7 @@ def with_weigh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert text.count(line) == 1
     text = text.replace(line, line + '    "weigh": weigh,\n')
     # As in every registry, the name is imported where it is listed.
-    last = "from kolsky.cli.virtual import virtual_make, virtual_new\n"
+    last = "from kolsky.cli.sweep import budget, sweep\n"
     assert text.count(last) == 1
     text = text.replace(last, last + "from kolsky.cli.weigh import weigh\n")
     registry.write_text(text, "utf-8")

@@ -18,7 +18,7 @@ from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
 from kolsky.pictures.dic_file import read_full_field
 from kolsky.pictures.measurement import mask_of, measure_file, read_measurement
-from kolsky.report.pages.full_field import summary
+from kolsky.report.pages.surfaces import summary
 from kolsky.schema.pictures import find_measurement_file
 from kolsky.schema.shot_file import shot_toml
 

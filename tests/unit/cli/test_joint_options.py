@@ -6,7 +6,7 @@ import pytest
 from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
-from kolsky.cli.identify_shots import JointOptions, require_one_material
+from kolsky.cli.identify import JointOptions, require_one_material
 from kolsky.inverse.settings import Numerics, Settings
 
 ONE = Settings(

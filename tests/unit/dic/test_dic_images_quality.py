@@ -29,7 +29,7 @@ from kolsky.pictures import calibration
 from kolsky.pictures.calibration import read_calibration_toml
 from kolsky.report.canvas import build
 from kolsky.report.figures import SPECKLES
-from kolsky.report.pages.calibration import warnings
+from kolsky.report.pages.surfaces import calibration_warnings
 
 
 def blurred(side=160, width=2.0, contrast=400.0, mean=1500.0, seed=1):
@@ -317,7 +317,7 @@ def test_a_picture_that_cannot_be_used_is_named_with_its_reason():
     assert "cam1_4.png" in pair.reason
     assert "cut off" in pair.reason
     assert found.unusable == (pair,)
-    assert any("pair 4" in said and "cut off" in said for said in warnings(found))
+    assert any("pair 4" in said and "cut off" in said for said in calibration_warnings(found))
     assert calibrate(*sightings(true_poses(7)), CHESS, sensors=SIZE, distortion="k1", folds=0).unusable == ()
 
 

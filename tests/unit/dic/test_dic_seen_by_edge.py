@@ -8,7 +8,7 @@ from test_dic_triangulate import TRACKED_RIG as RIG
 from test_dic_triangulate import followed
 
 from dic.bodies import axial_displacement as subject
-from dic.bodies.axial_displacement import AxialDisplacement, axial_displacement
+from dic.bodies.axial_displacement import AxialDisplacement, from_rest, translations
 from dic.bodies.edge_registration import RegisteredEdge
 from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
@@ -53,7 +53,9 @@ def displacement(scale: float) -> AxialDisplacement:
     """Of that body."""
     body, rig = moving(scale)
     static = np.arange(FRAMES) < STATIC
-    found = axial_displacement(body, rig, FRAME, np.arange(FRAMES) * 1e-5, static, subset=5)
+    time = np.arange(FRAMES) * 1e-5
+    moved = translations(body, rig, FRAME, time, static, subset=5)
+    found = from_rest(moved, None, rig, FRAME, time, static, None)
     assert found is not None
     return found
 
@@ -114,7 +116,8 @@ def found(
     monkeypatch.setattr(subject, "registered_edges", registered)
     static = np.arange(FRAMES) < STATIC
     pictures = (None, None)
-    result = subject.axial_displacement(body, rig, FRAME, TIMES, static, subset=5, pictures=pictures)
+    moved = translations(body, rig, FRAME, TIMES, static, subset=5, pictures=pictures)
+    result = from_rest(moved, None, rig, FRAME, TIMES, static, None)
     assert result is not None
     return result
 

@@ -277,7 +277,8 @@ def test_a_constant_whose_interval_reaches_zero_is_not_determined():
 def test_a_limit_beyond_every_strain_is_not_determined():
     none = np.zeros(0)
     for Jm, determined in ((99e3, True), (101e3, False)):
-        law = ModelFit("gent", {"mu": 2e6, "Jm": Jm}, {"mu": 1.0, "Jm": 1.0}, np.eye(2), none, 0.0, 0.0, 1.0, 1)
+        constants, sigma = {"mu": 2e6, "Jm": Jm}, {"mu": 1.0, "Jm": 1.0}
+        law = ModelFit("gent", constants, sigma, np.eye(2), none, 0.0, 0.0, 1.0, 1)
         assert law.not_determined == (() if determined else ("Jm",))
 
 

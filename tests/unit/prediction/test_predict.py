@@ -15,12 +15,21 @@ from kolsky_command import json_of, run_kolsky
 from explicit.bars.lines import Events
 from kolsky.base.errors import InputError
 from kolsky.prediction import design
-from kolsky.prediction.design import Scan, Varied, aim, distance, varied_test
-from kolsky.prediction.output import events_table, scan_table, signals, to_json
+from kolsky.prediction.design import (
+    Scan,
+    Varied,
+    aim,
+    distance,
+    events_table,
+    scan_table,
+    signals,
+    to_json,
+    varied_test,
+)
 from kolsky.prediction.predict import Numbers, PlannedTest, doubts, numbers_of, predict, read_test
 from kolsky.report.canvas import build
 from kolsky.report.figures import SCANS
-from kolsky.report.pages.prediction import render
+from kolsky.report.pages.studies import render_prediction
 
 PAPER = Path(__file__).resolve().parents[3] / "runs" / "predict" / "paper.toml"
 LENGTH = 6.5e-3
@@ -103,7 +112,7 @@ def test_the_papers_test_without_elements(quick: Any) -> None:
     columns = signals(quick)
     assert len({len(column) for column in columns.values()}) == 1
     assert columns["compression (1)"].max() == pytest.approx(found.largest_strain, rel=1e-3)
-    assert "Mates et al." in render(quick)
+    assert "Mates et al." in render_prediction(quick)
 
 
 def test_the_static_curve_is_soft_rubber(paper: PlannedTest) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from explicit.bars import Apparatus, Joint, PulseShaper, Section, integrate_test
 from kolsky.base.errors import InputError
+from kolsky.prediction.predict import closing, disc, from_pulse, loading, shaper_of
 from kolsky.prediction.schema import ShaperTable
-from kolsky.prediction.shapers import closing, disc, from_pulse, loading, shaper_of
 
 STEEL = {"youngs_modulus": 190e9, "density": 8048.0}
 STRIKER, BAR = Section(0.25, 7.5e-3, **STEEL), Section(1.5, 7.5e-3, **STEEL)

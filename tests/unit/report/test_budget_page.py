@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.report.pages.budget import write_page
+from kolsky.report.pages.studies import write_budget
 from kolsky.report.result_folder import write_budget_results
-from kolsky.studies.budget.factors import Factor
+from kolsky.studies.budget.realisation import Factor
 from kolsky.studies.budget.records import Budget, Source, plan_campaign
 
 
@@ -20,7 +20,7 @@ def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) ->
     spread = 1.0 + 0.1 * np.array([-1.0, 1.0, -2.0, 2.0, 0.5, -0.5])
     made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
     page = tmp_path / "budget.html"
-    write_page(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
+    write_budget(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
     text = page.read_text("utf-8")
     assert "do not give the uncertainty of all at once" in text
     assert "No uncertainty is known of scale of the quasi-static curve" in text

@@ -14,7 +14,7 @@ from shot_folders import OPEN_01
 
 from kolsky.pictures.picture_set import PictureChanges
 from kolsky.report.figures import CHECKS, PICTURE_CHECKS, figures_of
-from kolsky.report.pages.check import render
+from kolsky.report.pages.waves import render_check
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import PicturedShot, ShotBase
 from kolsky.shot.summary import as_json
@@ -22,7 +22,7 @@ from kolsky.shot.summary import as_json
 
 def test_a_test_between_bars_has_no_outline() -> None:
     shot = classical_shot(0)
-    page = render(shot)
+    page = render_check(shot)
     assert "The velocity of the front face on the same clock" in page
     assert "(c) The outline at three times" not in page
     assert figures_of(shot) == CHECKS
@@ -73,8 +73,8 @@ def test_the_curve_is_drawn_beside_force_over_area() -> None:
 def test_the_page_and_the_summary_name_what_is_unlikely() -> None:
     shot: Any = load_shot(OPEN_01)
     odd = replace(shot, notes=("specimen.density beside model.poisson",))
-    assert "<h2>Warnings</h2>" in render(odd)
-    assert "<h2>Warnings</h2>" not in render(shot)
+    assert "<h2>Warnings</h2>" in render_check(odd)
+    assert "<h2>Warnings</h2>" not in render_check(shot)
     assert as_json(odd)["warnings"] == ["specimen.density beside model.poisson"]
     assert as_json(shot)["force"]["clock"]["value"] == "2 MHz, 3341 samples, 1.671 ms"
     assert as_json(shot)["flyer"]["clock"]["value"] == "120 kHz, 186 frames, 1.55 ms"

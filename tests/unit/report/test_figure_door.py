@@ -131,7 +131,7 @@ def test_a_page_loads_its_own_figures_and_a_terminal_no_identification() -> None
     code = (
         "import sys, kolsky.cli.terminal; "
         "print([n for n in sys.modules if n.startswith(('kolsky.diagnosis', 'kolsky.uncertainty'))]); "
-        "import kolsky.report.pages.surfaces; "
+        "import kolsky.report.pages.surfaces; from kolsky.report.figures import SURFACES; "
         "print(*sorted(name[22:] for name in sys.modules if name.startswith('kolsky.report.figures.')))"
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

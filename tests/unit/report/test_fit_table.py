@@ -16,7 +16,7 @@ from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import render
 from kolsky.results import printed
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.identification_rows import (
+from kolsky.results.printed import (
     _NOT_RECORDED,
     NOT_TESTABLE,
     fit_line,

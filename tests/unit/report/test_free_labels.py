@@ -13,9 +13,8 @@ from test_sweep_report import analysed
 from wavesmaker import made_result
 
 from kolsky.prediction.predict import predict, read_test
-from kolsky.report.canvas import build
+from kolsky.report.canvas import build, free_legends
 from kolsky.report.figures import PREDICTIONS, RATES, SWEEPS, WAVES
-from kolsky.report.free_labels import free_legends
 from kolsky.studies.rates.comparison import compare
 
 

@@ -10,9 +10,9 @@ from synthetic import synthetic
 
 from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile, Verdict
 from kolsky.report.figures.base import weighted_chi2
-from kolsky.report.pages.calibration import summary
 from kolsky.report.pages.identification import answer_row, check_run_rows
 from kolsky.report.pages.rates import mean_and_scatter
+from kolsky.report.pages.surfaces import calibration_summary
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables, parts
 from kolsky.report.pages.waves import answers, quantity
 from kolsky.results import numbers
@@ -222,7 +222,7 @@ def test_parameters_of_cameras_have_k_2() -> None:
     found: Any = SimpleNamespace(
         checks=checks, sigma=sigma, rig=rig, free=("fx",), pairs=(), unit=1.0, clustering=1.0
     )
-    rows = summary(found)
+    rows = calibration_summary(found)
     assert rows["camera 0, fx"] == "1000.00 ± 0.50 px (k = 2)"
     assert rows["relative tx"] == "100.000 ± 0.020 mm (k = 2)"
 

@@ -21,8 +21,7 @@ from kolsky.inverse.result import Identification
 from kolsky.report.canvas import build
 from kolsky.report.figures import REGISTRY
 from kolsky.report.scene import drawing
-from kolsky.report.scene.drawing import CannotRender, picture
-from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
+from kolsky.report.scene.drawing import CannotRender, evenly_spaced, picture, write_film, write_stills
 from kolsky.report.scene.scene_data import (
     FIELDS,
     SceneDataMissing,

@@ -12,7 +12,7 @@ from doe import Box, sobol
 from kolsky.inverse.run_table import DesignTable
 from kolsky.report.canvas import build
 from kolsky.report.figures import SWEEPS
-from kolsky.report.pages.sweep import render, write_page
+from kolsky.report.pages.studies import render_sweep, write_sweep
 from kolsky.studies.sweep_analysis import LEVELS, ForcesAlong, SweepAnalysis, analyse_sweep, surface_optimum
 
 BOX = Box.of({"friction": (0.0, 1.0), "stiffness_factor": (0.5, 1.5), "damping": (1e-6, 1e-4)})
@@ -142,7 +142,7 @@ def test_runs_that_failed_are_left_out_and_listed() -> None:
     found = analysed(lost=(3, 7))
     assert found.outputs["Phi_F"].surrogate is not None
     assert len(found.outputs["Phi_F"].surrogate.points) == 126
-    text = render(found)
+    text = render_sweep(found)
     assert text.count('class="lost"') == 2
     assert "inverted" in text
 
@@ -150,7 +150,7 @@ def test_runs_that_failed_are_left_out_and_listed() -> None:
 def test_no_run_completed() -> None:
     found = analysed(lost=tuple(range(128)))
     assert (found.outputs, found.indices, found.best) == ({}, None, None)
-    assert "128, 0 completed" in render(found)
+    assert "128, 0 completed" in render_sweep(found)
 
 
 @pytest.mark.parametrize("name", SWEEPS)
@@ -164,7 +164,7 @@ def test_figures_can_be_built(name: str) -> None:
 
 def test_the_page_escapes_what_it_is_given(tmp_path: Path) -> None:
     found = analyse_sweep(EVIL, BOX, table())
-    write_page(tmp_path / "sweep.html", found, warnings=[EVIL])
+    write_sweep(tmp_path / "sweep.html", found, warnings=[EVIL])
     text = (tmp_path / "sweep.html").read_text(encoding="utf-8")
     assert "<script" not in text
     assert "&lt;script&gt;" in text
@@ -172,6 +172,6 @@ def test_the_page_escapes_what_it_is_given(tmp_path: Path) -> None:
 
 
 def test_long_tables_are_cut_and_say_so() -> None:
-    text = render(analysed(n=512, lost=(5,)))
+    text = render_sweep(analysed(n=512, lost=(5,)))
     assert "200 of 512 runs" in text
     assert text.count('<th scope="row">') < 300

@@ -19,7 +19,7 @@ from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.printed import answer, details
 from kolsky.results.tables import tables, to_json
-from kolsky.shot.bar_driven import bar_force, driven_by_waves
+from kolsky.shot.load import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 
 SETTINGS = Settings(

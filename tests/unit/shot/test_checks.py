@@ -16,9 +16,9 @@ from kolsky.readers.measured_tables import FrameTable
 from kolsky.shot.curve import check_curve
 from kolsky.shot.force import check_baseline, check_range, check_sign, check_signal
 from kolsky.shot.load import window
-from kolsky.shot.outline import check_outline
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.summary import Entry
+from kolsky.shot.surface import check_outline
 
 FILE = Path("file.csv")
 LENGTH, DIAMETER = 5e-3, 8e-3

@@ -5,7 +5,7 @@ import pytest
 
 from explicit.materials import marlow_from_curve
 from kolsky.base.records import MaterialCurve
-from kolsky.shot.curve_changes import FORMS, PAST_END, SOFTEST, changed_curve
+from kolsky.shot.corrections import FORMS, PAST_END, SOFTEST, changed_curve
 
 MU = 3e4
 LAM = np.linspace(1.0, 0.4, 61)[1:]

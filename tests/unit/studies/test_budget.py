@@ -10,10 +10,21 @@ from scipy.stats import t as student
 
 from doe.ledger import Run
 from kolsky.inverse.settings import Settings
-from kolsky.report.pages.budget import render
+from kolsky.report.pages.studies import render_budget
 from kolsky.studies.budget.budget import analysed
-from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, design, factors_of, shifted, slopes_of
-from kolsky.studies.budget.realisation import Estimate, Realisations, phase, same_valley
+from kolsky.studies.budget.realisation import (
+    NODES,
+    NOISE,
+    WEIGHTS,
+    Estimate,
+    Realisations,
+    design,
+    factors_of,
+    phase,
+    same_valley,
+    shifted,
+    slopes_of,
+)
 from kolsky.studies.budget.realisation import RealisationOutcome as Outcome
 from kolsky.studies.budget.records import (
     joint_shares,
@@ -127,7 +138,7 @@ def test_a_number_that_is_not_known_is_never_printed_as_nan(truth: float) -> Non
     lines = printed(found)
     assert "nan" not in " ".join(f"{key} {value}" for key, value in lines.items()).lower()
     assert lines["U, all at once"].startswith("not known: 0 answers")
-    page = render([found], None)
+    page = render_budget([found], None)
     assert ">nan<" not in page
 
 

@@ -9,8 +9,7 @@ from ratedshots import rated
 
 from kolsky.studies.local_sensitivity import LocalSensitivity, ObservationGrid
 from kolsky.studies.planning.information import Expected, Instruments
-from kolsky.studies.planning.output import rows, to_json
-from kolsky.studies.planning.plan import Choice, Plan, Rate
+from kolsky.studies.planning.plan import Choice, Plan, Rate, rows, to_json
 from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import summary, tables
 

@@ -13,7 +13,7 @@ from kolsky.inverse.work import Work
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.input_records import UNCHANGED, Cause, Change, Input, Laboratory
 from kolsky.shot.inputs import INPUTS, causes
-from kolsky.studies.budget.factors import factors_of, usual_sizes
+from kolsky.studies.budget.realisation import factors_of, usual_sizes
 from kolsky.uncertainty import input_changes
 from kolsky.uncertainty.input_changes import ModelAtOptimum, input_directions
 from kolsky.virtual.shot_file import declared_sizes

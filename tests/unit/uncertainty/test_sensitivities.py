@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from kolsky.inverse.result import Declaration
-from kolsky.results.identification_rows import printed_sensitivities, signed_percent
+from kolsky.results.printed import printed_sensitivities, signed_percent
 from kolsky.uncertainty.declarations import (
     UNDECLARED,
     amount_text,

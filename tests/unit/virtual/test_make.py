@@ -17,7 +17,7 @@ import pytest
 from kolsky_command import json_of
 
 from kolsky.base.errors import InputError
-from kolsky.cli.virtual import template
+from kolsky.cli.plan import template
 from kolsky.shot.load import load_shot
 from kolsky.virtual import make as make_module
 from kolsky.virtual.make import gpu_batches, make

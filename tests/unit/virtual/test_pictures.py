@@ -11,10 +11,17 @@ from scipy.stats import chi2
 from dic.calibration.solve import calibrate
 from dic.images import open_pictures
 from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection
-from kolsky.virtual.calibration_pictures import lens_model, poses_of, rig_of, target_of
-from kolsky.virtual.pictures import instants_of, scene_of, write_pictures
-from kolsky.virtual.records import SurfaceHistory
+from kolsky.virtual.pictures import (
+    instants_of,
+    lens_model,
+    poses_of,
+    rig_of,
+    scene_of,
+    target_of,
+    write_pictures,
+)
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.truth import SurfaceHistory
 
 LENGTH, RADIUS = 6.5e-3, 4.75e-3
 SMALL = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.studies.budget.factors import factors_of
+from kolsky.studies.budget.realisation import factors_of
 from kolsky.virtual.specification import Draw, Series, read_specification, stream
 from kolsky.virtual.truth import Job
 

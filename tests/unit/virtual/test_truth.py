@@ -10,10 +10,9 @@ from scipy.integrate import trapezoid
 from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, side_displacement
 from kolsky.virtual.material import law_of, uniaxial_stress
 from kolsky.virtual.motion import Ramp, flyer_samples, path_of, ramp_of, static_curve
-from kolsky.virtual.records import SurfaceHistory, TruthError
 from kolsky.virtual.schema import MotionTable, Specification
 from kolsky.virtual.shot_file import shot_tables
-from kolsky.virtual.truth import KNOT, Job, middle, simulate_truths
+from kolsky.virtual.truth import KNOT, Job, SurfaceHistory, TruthError, middle, simulate_truths
 
 TINY = {"truth": {"mesh": [8, 11]}, "motion": {"compression": "12 %"}, "frames": {"rate": "60 kHz"}}
 

@@ -14,15 +14,12 @@ import warp as wp
 import explicit
 from explicit.device import select_device
 from kolsky.inverse.settings import Numerics, Settings
-from kolsky.studies.budget.factors import factors_of
-from kolsky.studies.budget.realisation import Realisations
-from kolsky.virtual.calibration_pictures import rig_of
+from kolsky.studies.budget.realisation import Realisations, factors_of
 from kolsky.virtual.make import make
-from kolsky.virtual.pictures import expose_series, scene_of
-from kolsky.virtual.records import SurfaceHistory, Truth
+from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
-from kolsky.virtual.truth import simulate_truths
+from kolsky.virtual.truth import SurfaceHistory, Truth, simulate_truths
 
 TINY = {"truth": {"mesh": [8, 11]}, "motion": {"compression": "12 %"}, "frames": {"rate": "60 kHz"}}
 APART = 1e-6

@@ -1,0 +1,335 @@
+"""Pages of studies: a planned measurement, a planned test, a sweep over parameters, an error budget."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE
+from kolsky.prediction.design import Aim, Scan, events_table
+from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
+from kolsky.results import numbers
+from kolsky.results.nomenclature import name_of
+from kolsky.studies.budget.records import Budget, Campaign
+from kolsky.studies.planning.plan import Plan
+from kolsky.studies.planning.plan import rows as plan_rows
+from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
+
+
+def render_plan(plan: Plan) -> str:
+    """Return the page as HTML text."""
+    unseen = [f"{part}: {found.unseen}" for part, found in plan.expected.items() if found.unseen]
+    parts = {"all": "all data", "force": "force alone", "outline": "outline alone"}
+    return render_page(
+        "plan.html",
+        kind="Planned measurement: what to expect",
+        heading=plan.shot,
+        subject="plan",
+        warnings=sentences(unseen),
+        parts=["others known", *(parts[part] for part in plan.expected if part != "all")],
+        expected=[_expected_row(plan, j) for j in range(len(plan.names))],
+        figures=draw_figures(plan),
+        choices=[(key, value) for key, value in plan_rows(plan).items() if key != "shot"],
+    )
+
+
+write_plan = page_writer(render_plan)
+
+
+def _expected_row(plan: Plan, j: int) -> dict[str, Any]:
+    """Expected value with its k = 2 interval, and half the widths in other cases."""
+    name, whole = name_of(plan.names[j]), plan.expected["all"]
+    double = 2.0 * name.factor
+    value = name.factor * float(plan.information.sensitivity.point[j])
+    others = [found.deviations[j] for part, found in plan.expected.items() if part != "all"]
+    shown, U = numbers.measured(value, double * float(whole.deviations[j]))
+    return {
+        "name": name.symbol if name.unit == "1" else f"{name.symbol} ({name.unit})",
+        "value": f"{shown} ± {U}",
+        "widths": [numbers.plain(double * float(sigma), 2) for sigma in (whole.alone[j], *others)],
+    }
+
+
+WORDS = {
+    "flyer_speed": ("flyer after the separation (m/s)", 1.0),
+    "start_rate": ("that over the specimen's length (1/s)", 1.0),
+    "mean_rate": (f"mean strain rate to {100 * RATE_TO:.0f} % of the largest compression (1/s)", 1.0),
+    "largest_strain": ("largest compression (%)", 100.0),
+    "peak_force": ("largest transmitted force (N)", 1.0),
+    "flight": ("separation to arrest (ms)", 1e3),
+    "shaper_strain": ("compression of the shaper (mm)", 1e3),
+    "pulse_force": ("largest force on the shaper (kN)", 1e-3),
+}
+"""The numbers of a test in words, and shown number over SI."""
+
+
+def render_prediction(result: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
+    """Return the page as HTML text."""
+    figures = draw_figures(result)
+    if scan is not None:
+        from kolsky.report.figures import SCANS
+
+        figures += draw_figures((scan, aim), SCANS.values(), first=len(figures) + 1)
+    table = events_table(result)
+    return render_page(
+        "prediction.html",
+        kind="Planned impact test, predicted",
+        heading=result.test.declared.name,
+        subject="prediction",
+        warnings=sentences(doubts(result)),
+        facts=rows(result.numbers),
+        aim=[] if aim is None else _aimed(aim),
+        events=[
+            (name, f"{1e6 * t:.0f}", f"{v:.2f}", f"{100 * e:.1f}", f"{f:.1f}")
+            for name, t, v, e, f in zip(*table.values(), strict=True)
+        ],
+        figures=figures,
+    )
+
+
+write_prediction = page_writer(render_prediction)
+
+
+def rows(result: Numbers) -> list[tuple[str, str]]:
+    """The numbers of a test in words."""
+    return [
+        (words, numbers.plain(factor * getattr(result, name), 4)) for name, (words, factor) in WORDS.items()
+    ]
+
+
+def _aimed(aim: Aim) -> list[tuple[str, str]]:
+    lines = [(key, numbers.plain(value, 4)) for key, value in aim.at.items()]
+    for name, value in aim.wanted.items():
+        words, factor = WORDS[name]
+        given = numbers.plain(factor * getattr(aim.numbers, name), 4)
+        lines.append((words, f"{given}, wanted {numbers.plain(factor * value, 4)}"))
+    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest within the ranges")]
+
+
+MOST_LISTED = 200
+"""Largest number of runs in the page's table; the CSV file has all."""
+CHOSEN = "those that failed, then those with the smallest misfit"
+SWEEP_WORDS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
+
+
+def render_sweep(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
+    """Return the page as HTML text."""
+    table = result.table
+    n = len(table.outcomes)
+    completed = n - len(table.lost)
+    listed = _listed(result)
+    return render_page(
+        "sweep.html",
+        kind="Design of experiments over one impact test",
+        heading=result.shot,
+        subject="sweep",
+        warnings=sentences(warnings),
+        figures=draw_figures(result),
+        facts=[
+            ("runs", f"{n}, {completed} completed"),
+            *((_named(name), _range(result, name)) for name in result.box.names),
+            *([("smallest misfit", _best(result))] if result.best is not None else []),
+            *([("least of the interpolant", _surface(result))] if result.optimum is not None else []),
+        ],
+        outputs=[
+            {
+                "name": SWEEP_WORDS[name] + (f" ({unit})" if (unit := OUTPUTS[name]) != "1" else ""),
+                "runs": int(np.isfinite(output.values).sum()),
+                "low": numbers.plain(float(np.nanmin(output.values))),
+                "high": numbers.plain(float(np.nanmax(output.values))),
+                "error": numbers.percent(output.error) if np.isfinite(output.error) else numbers.NOTHING,
+                "refused": output.refused,
+            }
+            for name, output in result.outputs.items()
+        ],
+        outcomes=[(name.lower().replace("_", " "), n) for name, n in Counter(table.outcomes).most_common()],
+        names=[_named(name) for name in result.box.names],
+        listed=f"All {len(listed)} runs" if len(listed) == n else f"{len(listed)} of {n} runs: {CHOSEN}",
+        runs=[_run_row(result, i) for i in listed],
+    )
+
+
+write_sweep = page_writer(render_sweep)
+
+
+def _named(name: str) -> str:
+    known = name_of(name)
+    return known.symbol if known.unit == "1" else f"{known.symbol} ({known.unit})"
+
+
+def _range(result: SweepAnalysis, name: str) -> str:
+    i, factor = result.box.names.index(name), name_of(name).factor
+    text = f"{numbers.plain(factor * result.box.lower[i])} to {numbers.plain(factor * result.box.upper[i])}"
+    return f"{text}, evenly in the logarithm" if result.box.logarithmic[i] else text
+
+
+def _best(result: SweepAnalysis) -> str:
+    assert result.best is not None  # where it is asked for
+    point = result.table.points[result.best]
+    at = ", ".join(
+        f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
+        for name, value in zip(result.box.names, point, strict=True)
+    )
+    return f"run {result.best}: {at}"
+
+
+def _surface(result: SweepAnalysis) -> str:
+    optimum = result.optimum
+    assert optimum is not None  # where it is asked for
+    at = ", ".join(
+        f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
+        + (f" (at the {optimum.at_bound[name]} bound)" if name in optimum.at_bound else "")
+        for name, value in optimum.at.items()
+    )
+    return f"{SWEEP_WORDS[optimum.output]} = {numbers.plain(optimum.value)} at {at}"
+
+
+def _listed(result: SweepAnalysis) -> list[int]:
+    """Return the indices of the runs in the table: all, or the failed and those with the smallest misfit."""
+    n = len(result.table.outcomes)
+    if n <= MOST_LISTED:
+        return list(range(n))
+    lost = list(result.table.lost)[: MOST_LISTED // 2]
+    ranked = [int(i) for i in np.argsort(_phi(result)) if int(i) not in set(result.table.lost)]
+    return [*lost, *ranked[: MOST_LISTED - len(lost)]]
+
+
+def _phi(result: SweepAnalysis) -> Any:
+    table = result.table
+    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    return phi if np.isfinite(phi).any() else table.phi_force
+
+
+def _run_row(result: SweepAnalysis, i: int) -> dict[str, Any]:
+    table = result.table
+    both = table.phi_force[i] / SCALE_FORCE + table.phi_shape[i] / SCALE_SHAPE
+    lost = i in table.lost
+    return {
+        "number": i,
+        "point": [
+            numbers.plain(name_of(name).factor * value)
+            for name, value in zip(result.box.names, table.points[i], strict=True)
+        ],
+        "phi_force": _known(table.phi_force[i]),
+        "phi_shape": _known(table.phi_shape[i]),
+        "phi": _known(both),
+        "outcome": table.ending(i).sentence if lost else "completed",
+        "ok": not lost,
+    }
+
+
+def _known(value: float) -> str:
+    return numbers.plain(float(value)) if np.isfinite(value) else numbers.NOTHING
+
+
+def render_budget(results: Sequence[Budget], campaign: Campaign | None) -> str:
+    """Return the page as HTML text."""
+    first = results[0]
+    figures: list[dict[str, Any]] = []
+    for result in results:
+        figures += draw_figures(result, first=len(figures) + 1, mark=result.parameter)
+    return render_page(
+        "budget.html",
+        kind="Error budget of one impact test",
+        heading=first.name,
+        subject="error budget",
+        warnings=_budget_warnings(first),
+        figures=figures,
+        budgets=[_table(result) for result in results],
+        campaign=[] if campaign is None else _campaign(campaign),
+    )
+
+
+write_budget = page_writer(render_budget)
+
+
+def _table(result: Budget) -> dict[str, Any]:
+    known = name_of(result.parameter)
+    total = result.u_together if np.isfinite(result.u_together) else result.u_sum
+    scale = known.factor
+    rows = [
+        {
+            "source": source.factor.words,
+            "key": source.factor.key,
+            "sigma": numbers.plain(source.factor.sigma) if source.factor.key != "noise" else numbers.NOTHING,
+            "u": _part(scale * source.u, scale * total),
+            "bias": _part(scale * source.bias, scale * total),
+            "share": _share(result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval),
+            "joint": _share(source.joint_share, source.joint_interval),
+            "common": "yes" if source.factor.shared else "no",
+            "refused": "; ".join(source.refused),
+        }
+        for source in sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
+    ]
+    low, high = result.u_together_interval
+    facts = [
+        ("true value", numbers.plain(scale * result.truth)),
+        ("estimate without errors", numbers.plain(scale * result.reference)),
+        ("U (k = 2), sources added in quadrature", numbers.plain(2.0 * scale * result.u_sum, 3)),
+        (
+            f"U (k = 2), all at once, {len(result.together)} draws",
+            f"{numbers.plain(2.0 * scale * result.u_together, 3)} "
+            f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
+        ),
+    ]
+    facts.append(("re-fit less whole search, without errors", _part(scale * result.closure, scale * total)))
+    facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
+    if result.searched:
+        facts.append(
+            ("ended in another valley", f"{len(result.elsewhere)} of {result.searched} whole searches")
+        )
+    if result.joint is not None:
+        share = _share(result.joint.unexplained, result.joint.unexplained_interval)
+        facts.append(("of all at once, no straight line explains", share))
+    unit = "" if known.unit == "1" else f" ({known.unit})"
+    return {"symbol": f"{known.symbol}{unit}", "facts": facts, "rows": rows}
+
+
+def _share(value: float, interval: tuple[float, float]) -> str:
+    """Return a share with its 95 % interval, where they are known."""
+    if not np.isfinite(value):
+        return numbers.NOTHING
+    known = np.isfinite(interval).all()
+    ends = f" ({numbers.percent(interval[0])} to {numbers.percent(interval[1])})" if known else ""
+    return f"{numbers.percent(value)}{ends}"
+
+
+def _part(value: float, u: float) -> str:
+    """Return a contribution, rounded as the expanded uncertainty asks; a dash where it is not known."""
+    return numbers.part(value, 2.0 * u) if np.isfinite(value) else numbers.NOTHING
+
+
+def _budget_warnings(result: Budget) -> list[str]:
+    texts = []
+    if result.adds_up is False:
+        texts.append(
+            "The sources added in quadrature do not give the uncertainty with all sources at once: they "
+            "interact, or the answer is not linear in them. Use the uncertainty with all sources at once."
+        )
+    if len(result.elsewhere):
+        places = ", ".join(
+            numbers.plain(value * name_of(result.parameter).factor, 4) for value in result.elsewhere
+        )
+        texts.append(
+            f"{len(result.elsewhere)} of {result.searched} whole searches with all errors at once ended in "
+            f"another valley of the misfit, at {places}. The uncertainties here are those within the valley "
+            "of the test without errors; jumps are not included."
+        )
+    if lost := [source.factor.words for source in result.sources if source.refused]:
+        texts.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")
+    if result.refused:
+        drawn = len(result.refused) + len(result.together)
+        texts.append(f"{len(result.refused)} of {drawn} tests with all errors at once gave no answer.")
+    return texts
+
+
+def _campaign(campaign: Campaign) -> list[tuple[str, str]]:
+    rates = campaign.rates
+    return [
+        ("shots", str(campaign.shots)),
+        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, half at either end"),
+        ("standard deviation of one shot about the line", numbers.plain(campaign.sigma, 3)),
+        ("expanded uncertainty of the slope per decade", numbers.plain(campaign.half_width, 3)),
+    ]
