@@ -496,6 +496,8 @@ def picture_source(pictures: Pictures, k: int) -> str:
     if isinstance(png, str):
         return ""
     grey = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if grey is None:
+        return ""
     if grey.shape[1] > PICTURE_WIDTH:
         rows = round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1])
         grey = cv2.resize(grey, (PICTURE_WIDTH, rows), interpolation=cv2.INTER_AREA)

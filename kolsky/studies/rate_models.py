@@ -209,9 +209,10 @@ def _ends(names: Sequence[str]) -> str:
 
 
 def fit_curve(slow: Slow) -> Candidate:
-    """Fit the cubic spline of the stretch whose number of pieces has the least BIC."""
+    """Fit histories by the cubic spline of the stretch whose number of pieces has the least BIC."""
     values, sigma = slow_measured(slow)
-    stretch = np.concatenate([one.stretch[np.isfinite(one.sigma)] for one in slow])  # type: ignore[union-attr]
+    histories = [one for one in slow if isinstance(one, HistoryTest)]
+    stretch = np.concatenate([one.stretch[np.isfinite(one.sigma)] for one in histories])
     found = []
     for pieces in range(1, MOST_PIECES + 1):
         knots = np.unique(np.quantile(stretch, np.linspace(0.0, 1.0, pieces + 1)))
