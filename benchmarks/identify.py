@@ -24,7 +24,7 @@ from benchmarks.problem import SAMPLING, model, samples
 from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
-from kolsky.shot.records import Shot
+from kolsky.shot.records import ForceChannel, Shot
 
 PARTS = ("free", "held", "wrong")
 WRONG = 1.05
@@ -105,7 +105,10 @@ def unit(threads: int | None) -> float:
 
 def wrong(shot: Shot) -> Shot:
     """The shot with its force multiplied."""
-    return replace(shot, force=replace(shot.force, force=WRONG * shot.force.force))
+    assert isinstance(shot.force, ForceChannel)
+    transducer = shot.force.transducer
+    changed = replace(transducer, sensitivity=transducer.sensitivity / WRONG)
+    return replace(shot, force=replace(shot.force, transducer=changed))
 
 
 def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:

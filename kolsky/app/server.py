@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import webbrowser
@@ -175,6 +176,8 @@ def free_port(number: int | None) -> int:
     for port in tried:
         with socket.socket() as probe:
             try:
+                if os.name != "nt":  # a server that was killed leaves its port waiting for a minute
+                    probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind((HOST, port))
             except OSError:
                 continue
