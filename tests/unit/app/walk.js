@@ -173,6 +173,8 @@ async function fill(page, key, value) {
   await pause(400);
 }
 
+let second = null;
+
 (async () => {
   const typed = JSON.parse(fs.readFileSync(path.join(out, "typed.json"), "utf8"));
   const browser = await puppeteer.launch({
@@ -231,7 +233,7 @@ async function fill(page, key, value) {
   await looked(page, "run");
   await page.goto("about:blank"); // a closed tab ends nothing
   gone = true;
-  const second = await killed(page); // nor does the end of the server
+  second = await killed(page); // nor does the end of the server
   gone = false;
   await page.goto(`${origin}/run?shot=shot5`, { waitUntil: "networkidle2" });
   found.states.afterKill = await page.$eval("body", (one) => one.innerText.match(/kolsky identify, started .*/)[0]);
@@ -284,9 +286,9 @@ async function fill(page, key, value) {
   await choose(page, "Command", "Sweep: many simulations over the free parameters");
   await press(page, "Start");
   await see(page, "kolsky sweep, .*: finished", 240);
-  await page.type('[aria-label="Options, as on the command line"]', "--design sobol --runs 100000 --ledger none --vary damping=0:100us");
+  await page.type('[aria-label="Options, as on the command line"]', "--design sobol --runs 131072 --ledger none --vary damping=0:100us");
   await press(page, "Start");
-  await see(page, "kolsky sweep, .*: running: sweep, \\d+ of 100000", 120);
+  await see(page, "kolsky sweep, .*: running: sweep, \\d+ of 131072", 120);
   await press(page, "Cancel");
   await see(page, "kolsky sweep, .*: cancelled", 60);
   await page.goto(`${origin}/pictures?shot=plane`, { waitUntil: "networkidle2" });
@@ -305,4 +307,4 @@ async function fill(page, key, value) {
   second.kill();
   console.log(JSON.stringify(found));
   process.exit(0);
-})().catch((error) => { console.log(JSON.stringify({ ...found, problems: [...found.problems, String(error)] })); process.exit(1); });
+})().catch((error) => { second?.kill(); console.log(JSON.stringify({ ...found, problems: [...found.problems, String(error)] })); process.exit(1); });
