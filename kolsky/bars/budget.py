@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
-from scipy.stats import t as student
 
 from kolsky.bars.records import BudgetTable, Contribution, History, Quantity
 from kolsky.base.arrays import FloatArray
@@ -134,6 +133,8 @@ class Budget:
         if not 0.0 < probability < 1.0:
             raise ValueError(f"a coverage probability must be inside (0, 1), got {probability}")
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
+        from scipy.stats import t as student  # heavy
+
         return np.asarray(student.ppf(0.5 + 0.5 * probability, nu))
 
     def history(self, output: str, unit: str) -> History:

@@ -15,7 +15,7 @@ in the unknowns: one system a step for any number of constants. With r(u, p) = 0
     K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.3)
 
 where D_q is the derivative along (u_q, e_q) at fixed u_p, taken as a difference of two points of the exact
-first derivatives, which leaves an error of about 1e-8.
+first derivatives, which leaves an error of up to 1e-5 (a pressure that follows; 1e-7 without).
 """
 
 from dataclasses import dataclass

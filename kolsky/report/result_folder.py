@@ -24,7 +24,6 @@ from kolsky.equilibrium.solution import Solution
 from kolsky.inverse.result import Identification
 from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.report.paraview import write_grid
 from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
@@ -581,6 +580,8 @@ def write_solution_vtu(
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
     fields."""
+    from kolsky.report.paraview import write_grid  # brings image correlation
+
     mesh, last = solution.model.mesh, solution.reached - 1
     named = {
         "displacement (m)": solution.displacements[last],

@@ -12,7 +12,6 @@ import numpy as np
 
 from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front_velocity
 from kolsky.bars.records import FaceWaves, Reduction
-from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
@@ -443,6 +442,8 @@ def load_bar_driven(source: Source) -> Shot:
     without a centre line: the force alone identifies. Raises InputError if a file is missing or damaged, a
     declaration is impossible, or the signals hold no such test.
     """
+    from kolsky.bars.reduction.analyse import analyse  # brings scipy.stats
+
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)
     given = load_waves(file)

@@ -1,15 +1,17 @@
 """Flyer and outline of a shot from the exports that [surface] declares, or an outline from [centre_line]."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dic.outcome import PointOutcome
 from dic.surfaces.cylinder import Cylinder, fit_cylinder
-from dic.surfaces.surface_history import SurfaceHistory, centre_line
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
@@ -19,6 +21,9 @@ from kolsky.readers.measured_tables import FrameTable, read_frame_table
 from kolsky.readers.table import Column
 from kolsky.schema.measured import CentreLineSection, SurfaceSection
 from kolsky.schema.shot_file import ShotToml
+
+if TYPE_CHECKING:
+    from dic.surfaces.surface_history import SurfaceHistory
 
 OUTCOMES = MappingProxyType(
     {
@@ -85,6 +90,8 @@ def surface_history(
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
         outcome[export.state == state] = int(meaning)
+    from dic.surfaces.surface_history import SurfaceHistory  # brings image correlation
+
     return SurfaceHistory(
         t=time,
         X=(export.X - placement.origin) @ placement.rotation.T,
@@ -126,6 +133,8 @@ def measured_surface(
     Raises InputError if an export cannot be read, has a frame that the frames' file does not know, or does
     not fit the declared axes.
     """
+    from dic.surfaces.surface_history import centre_line  # brings image correlation
+
     folder, specimen = toml.path.parent, toml.declared.specimen
     export, time = _export(folder, section.pattern, section, frames, toml)
     try:

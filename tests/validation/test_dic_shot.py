@@ -115,7 +115,7 @@ REFUSED = {
         lambda f: replaced(
             f, 'camera_0 = "calibration/cam0_*.png"', 'file = "rig.xml"\ncamera_0 = "c/a_*.png"'
         ),
-        ["calibration.camera_0", "beside file"],
+        ["calibration.camera_0", "in addition to file"],
     ),
     "an even subset": (
         lambda f: replaced(f, "subset = 25", "subset = 24"),

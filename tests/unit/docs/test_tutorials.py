@@ -86,7 +86,7 @@ def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_pa
     assert hidden.fullmatch("kolsky.report.scene.render_trial.sphere")
     assert not hidden.fullmatch("kolsky.report.scene.scene_data.Scene")
     assert not hidden.fullmatch("kolsky.report.scene.misspelt.Scene")
-    assert hidden.fullmatch("Waveguide")  # a class of a module without a page, as a docstring names it
+    assert hidden.fullmatch("WrittenName")  # a class of a module without a page, as a docstring names it
     assert not hidden.fullmatch("SceneDataMissing")
     # every way in which a page refers to one
     folder = tmp_path / "docs"

@@ -184,7 +184,7 @@ def test_a_branch_is_significant_lowers_aic_and_is_determined(probability, chi_s
     verdict = RateVerdict((rate_fit(20.0, 1), rate_fit(chi_square, 3, at_bound=bound)), (probability,))
     assert verdict.branches == branches
     assert verdict.fit is verdict.fits[branches]
-    assert verdict.sentence.startswith("the data ask for 1 branch (" if branches else "the data do not ask")
+    assert verdict.sentence.startswith("the data ask for 1 branch (" if branches else "the data do not need")
     if not branches:
         assert f"AIC {chi_square + 6 - 22:+.1f}" in verdict.sentence
 

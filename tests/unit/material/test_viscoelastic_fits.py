@@ -46,7 +46,7 @@ def test_two_branches_are_found_and_a_third_is_not_asked_for() -> None:
 def test_elastic_data_do_not_ask_for_a_branch() -> None:
     asked = [required_branches(LAW, evidence(ELASTIC, seed), at_most=1) for seed in range(3)]
     assert [verdict.branches for verdict in asked] == [0, 0, 0]
-    assert all("do not ask" in verdict.sentence for verdict in asked)
+    assert all("do not need" in verdict.sentence for verdict in asked)
     factors = [verdict.fit.model.factor for verdict in asked]
     np.testing.assert_allclose(factors, 0.9, rtol=3e-3)  # 100 values, each to 60 Pa of 12 kPa
 

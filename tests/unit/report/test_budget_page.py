@@ -22,7 +22,7 @@ def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) ->
     page = tmp_path / "budget.html"
     write_budget(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
     text = page.read_text("utf-8")
-    assert "do not give the uncertainty of all at once" in text
+    assert "do not give the uncertainty with all sources at once" in text
     assert "No uncertainty is known of scale of the quasi-static curve" in text
     assert "1 of 7 tests with all errors at once gave no answer" in text
     assert "it was refused" in text
