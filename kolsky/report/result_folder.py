@@ -18,20 +18,19 @@ from dic.processes import background, cores
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_json, write_table, write_tables
-from kolsky.bodies import specimen_output
-from kolsky.bodies.specimen_studies import StudyRow
-from kolsky.equilibrium.solution import Solution
 from kolsky.inverse.result import Identification
-from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
     from dic.result import FullField
+    from kolsky.bodies.specimen_studies import StudyRow
+    from kolsky.equilibrium.solution import Solution
     from kolsky.pictures.measurement import Measurement
     from kolsky.prediction.design import Aim, Scan
     from kolsky.prediction.predict import Prediction
+    from kolsky.report.body_views import SheetView, SpecimenView
     from kolsky.report.figures.base import FigureKind
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
@@ -516,6 +515,7 @@ def write_specimen_results(
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
     ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
     """
+    from kolsky.bodies import specimen_output  # brings scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:
@@ -542,6 +542,7 @@ def write_sheet_results(
     stills: bool = False,
 ) -> None:
     """Write the results of a sheet, as `write_specimen_results` those of force curves."""
+    from kolsky.bodies import specimen_output  # brings scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:

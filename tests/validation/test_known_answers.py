@@ -81,7 +81,7 @@ def test_force_and_shape_agree_with_the_joint_optimum(case: tuple[Shot, Identifi
 
 def test_the_check_run_confirms_the_surrogate(case: tuple[Shot, Identification, float]):
     _, found, _ = case
-    # Surrogate and real run differ by less than 0.25 % of the largest force (24 N) and a point's noise (4 um).
+    # Surrogate and real run differ by less than 0.25 % of the largest force (24 N) and a point's noise, 4 um.
     assert found.surrogate["check_force"] < 0.06
     assert found.surrogate["check_shape"] < 1e-7
     assert found.response.energy.imbalance()[0] < 1e-3
