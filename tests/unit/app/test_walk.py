@@ -76,7 +76,8 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     assert -200.0 <= first < last < 0.0  # it was dragged: the survey's baseline ends after 0
     assert found["states"]["tabs"] == ["6.6 mm", "870 kg/m^3"]  # of the other tab, not of the refused one
     assert found["states"]["undone"] == ["6.5 mm", "870 kg/m^3"]
-    assert found["states"]["afterKill"].endswith((": running", ": finished"))  # the run went on meanwhile
+    state = found["states"]["afterKill"].split(": ")[1]
+    assert state in ("running", "finished")  # the run went on meanwhile
     assert "m = 1.1" in found["log"]
     assert "force explained" in found["log"]
     assert found["states"]["report"] == [200, "shot5"]

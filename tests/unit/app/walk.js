@@ -290,7 +290,7 @@ let second = null;
   await press(page, "Start");
   await see(page, "kolsky sweep, .*: running: sweep, \\d+ of 131072", 120);
   await press(page, "Cancel");
-  await see(page, "kolsky sweep, .*: cancelled", 60);
+  await see(page, "kolsky sweep, .*: cancelled", 240);
   await page.goto(`${origin}/pictures?shot=plane`, { waitUntil: "networkidle2" });
   await page.waitForSelector("img[alt='Picture of camera 0']");
   await looked(page, "pictures");
