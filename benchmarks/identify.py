@@ -27,7 +27,7 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
 PARTS = ("free", "held", "wrong")
-WRONG = 1.05
+WRONG = 2.0
 """Factor on the force of the part "wrong" [-]."""
 
 
