@@ -62,9 +62,11 @@ def traction_force(
     return np.einsum("nij,nj->i", P, edges.normals), np.array(slopes)
 
 
-def state_with_tractions(sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray) -> SheetState:
+def state_with_tractions(
+    sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
+) -> SheetState:
     """A simulated sheet whose force is that of the tractions; of the coupled law in plane strain."""
-    state = sheet_state(sheet, constants, free, pad)
+    state = sheet_state(sheet, constants, free, pad, near)
     assert not isinstance(state, str)
     edges, chain = boundary_edges(sheet.mesh, sheet.moving), constants.chain(free)
     mu, lam = (float(value) for value in state.solution.parameters[0])
