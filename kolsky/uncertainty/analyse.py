@@ -38,7 +38,7 @@ from kolsky.uncertainty.declarations import caution, declarations
 from kolsky.uncertainty.input_changes import InputDirections, input_directions
 from kolsky.uncertainty.profiles import (
     TOLERANCE,
-    WARN_ERROR,
+    WARN_WIDER,
     LinearisedOptimum,
     ParameterProfiles,
     profile_parameters,
@@ -336,7 +336,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
         ridge=None if found is None else found.map,
         posterior=sampled,
         found=found,
-        warnings=(*said, *cautions, *analysis_warnings(profiles, sampled)),
+        warnings=(*said, *cautions, *analysis_warnings(profiles, sampled, noise_shares(answer, systematic))),
         runs=len(runner.on_surrogate_mesh()[0]),
         variations=varied,
         directions=directions,
@@ -350,12 +350,30 @@ def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
     return posterior(found, seed=seed)
 
 
+def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...]) -> FloatArray:
+    """Share of the noise in each parameter's variance beside that of the declared inputs, shape [d]."""
+    noise = np.diag(answer.objective.covariance(answer.slope, answer.vector))
+    names = answer.local.names
+    declared = [sum(part.shifts.get(name, 0.0) ** 2 for part in systematic) for name in names]
+    return np.asarray(noise / (noise + declared))
+
+
+def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
+    """Width of the answer's interval over itself, were its part from the noise as wrong as the profile [-].
+
+    The rise goes with the square of the distance: a profile whose rise is too large by the share e of its
+    level ends at sqrt(1 - e) of where it should, and the noise's variance is larger by 1 / (1 - e).
+    """
+    e = profile.error / profile.level
+    return float(np.sqrt(1.0 + noise_share * e / (1.0 - e))) if e < 1.0 else np.inf
+
+
 def analysis_warnings(
-    profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None
+    profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None, shares: FloatArray
 ) -> Iterator[str]:
     """Say which profiles are not confirmed or not closed, and that chains are too short."""
-    for profile in profiles:
-        if profile.error > WARN_ERROR * profile.level:
+    for profile, share in zip(profiles, shares, strict=False):
+        if wider_interval(profile, float(share)) > WARN_WIDER:
             yield (
                 f"the profile likelihood of {profile.name} is not confirmed: runs along it differ by "
                 f"{profile.error:.2g} where the interval ends at a rise of {profile.level:.3g}; widen or "

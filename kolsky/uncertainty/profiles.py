@@ -97,9 +97,9 @@ def full_likelihood(
 
 TOLERANCE = 0.1
 """Error of the rise at the runs along a profile, over the level, at which the surrogate is believed."""
-WARN_ERROR = 1.0 - 0.75**2
-"""The same at which it is said: the rise goes with the square, so that an end of the interval may then stand
-a quarter too near the optimum, or a fifth too far. The answer's own interval does not rest on it."""
+WARN_WIDER = 4.0 / 3.0
+"""The answer's interval over itself, were the noise's part of it wrong by as much as its profile, at which it
+is said."""
 ROUNDS = 3
 """Most times that runs along the profiles are added to a surrogate."""
 ALONG = 6

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.result import POSTERIOR, PROFILE, Declaration, Identification
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.analyse import UncertaintyAnalysis
+from kolsky.uncertainty.analyse import UncertaintyAnalysis, noise_shares
 from kolsky.uncertainty.profiles import LinearisedOptimum, full_likelihood, reduced_likelihood
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
@@ -188,6 +190,14 @@ def test_declared_parts_add_in_quadrature() -> None:
     )
     assert analysis.sigma_systematic("stiffness_factor") == pytest.approx(0.13, rel=1e-12)
     assert analysis.sigma_systematic("friction") == 0.0
+    answer: Any = SimpleNamespace(
+        objective=SimpleNamespace(covariance=lambda slope, vector: np.array([[0.13**2 / 3.0]])),
+        slope=None,
+        vector=None,
+        local=Box.of({"stiffness_factor": (0.9, 1.4)}),
+    )
+    assert noise_shares(answer, analysis.systematic) == pytest.approx([0.25], rel=1e-12)
+    assert noise_shares(answer, ()) == pytest.approx([1.0])
 
 
 def test_correlation_is_the_sandwich_over_the_independent_variance_never_below_one() -> None:

@@ -338,23 +338,26 @@ def test_runs_that_would_do() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "kind", "said", "own"),
+    ("error", "share", "kind", "said", "own"),
     [
-        (0.38, "identified", 0, True),  # a tenth of 3.84
-        (0.39, "identified", 0, False),
-        (1.67, "identified", 0, False),  # 0.4375 of it: the end of a parabola a quarter too far in
-        (1.69, "identified", 1, False),
-        (0.1, "ridge", 1, True),
+        (0.38, 1.0, "identified", 0, True),  # a tenth of 3.84
+        (0.39, 1.0, "identified", 0, False),
+        (1.67, 1.0, "identified", 0, False),  # 0.4375 of it: the end of a parabola a quarter too far in
+        (1.69, 1.0, "identified", 1, False),
+        (2.88, 0.25, "identified", 0, False),  # 3/4 of it: four times the variance of a quarter, 1.32 U
+        (2.88, 0.26, "identified", 1, False),  # sqrt(1.78) = 1.334
+        (3.85, 0.01, "identified", 1, False),  # as large as its level: the profile tells nothing
+        (0.1, 1.0, "ridge", 1, True),
     ],
 )
-def test_a_profile_is_confirmed_within_a_tenth_of_its_level_and_said_beyond_a_quarter_of_its_reach(
-    error: float, kind: str, said: int, own: bool
+def test_a_profile_is_confirmed_within_a_tenth_of_its_level_and_said_where_the_interval_may_be_a_third_wider(
+    error: float, share: float, kind: str, said: int, own: bool
 ) -> None:
     x = np.linspace(1.0, 1.2, 5)
     profile = ParameterProfile(
         "stiffness_factor", x, 0.0 * x, x[:, None], 3.84, 1.0, (1.0, 1.2), (1.0, 1.2), kind, "it is so", error
     )
-    assert len(list(analysis_warnings((profile,), None))) == said
+    assert len(list(analysis_warnings((profile,), None, np.array([share])))) == said
     found = SimpleNamespace(optimum=np.array([1.1]))
     analysis: Any = SimpleNamespace(found=found, profiles=(profile,), runs=3, posterior=None)
     (method,) = UncertaintyAnalysis.methods(analysis, estimate().estimates)
