@@ -3,7 +3,7 @@
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
 
 "free" frees what the data constrain (the default of `kolsky identify`), "held" the stiffness factor alone,
-"wrong" is free with the force's sensitivity 5 % off. A line a stage and mesh tells batches, runs, element
+"wrong" is free with the force's sensitivity halved. A line a stage and mesh tells batches, runs, element
 updates and processor seconds, its last column the seconds over those of `benchmarks.problem` on 16 x 22
 bonded elements, 100 runs in fp64, in the same process; "host" is what is spent outside the solver. Ratios
 hold from machine to machine; let nothing else run meanwhile.

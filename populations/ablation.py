@@ -21,7 +21,7 @@ from unittest.mock import patch
 import numpy as np
 
 from kolsky.inverse.settings import Numerics, Settings
-from populations.driver import answers, command, write
+from populations.driver import USUAL, add_meshes, answers, command, write
 from populations.wrong_inputs import POPULATION, made
 
 NAMES = {"stiffness_factor": "m", "poisson": "poisson", "damping": "damping"}
@@ -110,13 +110,18 @@ SWITCHES: dict[str, Switch] = {
 }
 
 
-def answer(shot: Path, name: str) -> dict[str, Any]:
+def answer(
+    shot: Path,
+    name: str,
+    mesh: tuple[int, int] = USUAL.numerics.mesh,
+    refined: tuple[int, int] = USUAL.refined_mesh,
+) -> dict[str, Any]:
     """One identification with a switch off."""
     from benchmarks.identify import UPDATES, Ledger, unit
     from kolsky.identification import identify
 
     switch, truth = SWITCHES[name], json.loads((shot / "truth.json").read_text("utf-8"))
-    settings = switch.settings(Settings(numerics=Numerics(threads=1)))
+    settings = switch.settings(Settings(numerics=Numerics(mesh=mesh, threads=1), refined_mesh=refined))
     one, ledger, started = unit(1), Ledger(), time.process_time()
     try:
         with switch.off(), ledger.watching():
@@ -182,16 +187,18 @@ def main() -> None:
     parser.add_argument("--shots", type=int, default=12)
     parser.add_argument("--switches", nargs="+", choices=SWITCHES, default=list(SWITCHES))
     parser.add_argument("--table", type=Path, help="where the answers are written, as JSON")
+    add_meshes(parser)
     given = parser.parse_args()
     shots = made(argparse.Namespace(**vars(given), right=given.shots, least=0, threads=1))
     jobs = {
-        given.out / "jobs" / f"{shot.name}_{name}.json": (shot, name)
+        given.out / "jobs" / f"{shot.name}_{name}.json": (shot, name, given.mesh, given.refined_mesh)
         for name in given.switches
         for shot in shots[: given.shots]
     }
     rows = answers(answer, jobs, workers=given.workers)
     if given.table is not None:
-        write(given.table, {"seed": given.seed, "each": rows}, indent=1)
+        meshes = {"mesh": given.mesh, "refined_mesh": given.refined_mesh}
+        write(given.table, {"seed": given.seed, **meshes, "each": rows}, indent=1)
     print(table(rows))
 
 

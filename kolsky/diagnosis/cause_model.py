@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from explicit import Response
+from explicit import Response, Stepping
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import changed_vector, radii
@@ -25,6 +26,9 @@ MOST_POINTS = 800
 """Most outline points that are compared: neighbours in a frame tell the same."""
 MOST_KEPT = 128
 """Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
+MOST_STEPS = 12
+"""A run with more time steps than so many times those at the answer is lost: ten times the stiffness, the
+farthest value that is scanned, takes six times; what takes more crushes the specimen."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
 """Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
 
@@ -44,8 +48,8 @@ class CauseModel:
 
     ``runner``: of the identification. ``x``: where the run on the refined mesh was made, shape
     [d]. ``refined``: that run, a batch of one. ``first``: an input that is free beside the parameters, its
-    coordinate the last entry of every x; None for none. Raises ValueError if the run there does not complete
-    on the surrogate's mesh.
+    coordinate the last entry of every x; None for none. ``numerics``: another mesh than the surrogate's.
+    Raises ValueError if the run there does not complete on the surrogate's mesh.
     """
 
     def __init__(
@@ -54,8 +58,10 @@ class CauseModel:
         x: FloatArray,
         refined: Response,
         first: Cause | None = None,
+        numerics: Numerics | None = None,
     ) -> None:
         self.runner, self.x, self.refined, self.first = runner, x, refined, first
+        self.numerics = numerics or runner.problem.numerics
         box = runner.problem.box
         self.lower, self.upper = np.array(box.lower), np.array(box.upper)
         if first is not None:
@@ -64,10 +70,12 @@ class CauseModel:
         self.observations, self.offset = _thinned(runner.problem.observations, runner.front.noise.offset)
         self.runs = 0
         self._recent: dict[tuple[object, object], Response | None] = {}
+        self._most_steps = Stepping.max_steps
         reference = self.respond([Point(x)])[0]
         if reference is None:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
         self.reference: Response = reference
+        self._most_steps = MOST_STEPS * int(reference.steps[0])
         self._shifts: dict[tuple[float, ...], FloatArray] = {}
         self._radii: dict[tuple[float, ...], list[FloatArray]] = {}
 
@@ -90,6 +98,15 @@ class CauseModel:
                 made = changed_vector(change, response, self.observations, known=seen[key])
                 found[i] = made + self.shift(change)
         return found if self.offset is None else found - self.offset
+
+    @cached_property
+    def screen(self) -> CauseModel:
+        """The same on the mesh of the replicates, for values of which a few are tried again on this one."""
+        mesh = self.runner.problem.settings.replicate_mesh
+        if mesh[0] >= self.numerics.mesh[0]:
+            return self
+        numerics = self.numerics.with_mesh(mesh)
+        return CauseModel(self.runner, self.x, self.refined, self.first, numerics)
 
     def whole(self, point: Point) -> Point:
         """The point with the free input among its changes."""
@@ -159,7 +176,8 @@ class CauseModel:
         curve = forward.shot.curve
         laws = tuple(material_law(changed_curve(curve, dict(c))) if c else forward.laws[0] for c in curves)
         forward = replace(forward, paths=paths, laws=laws)
-        numerics = numerics or problem.numerics
+        if numerics is None:
+            numerics, forward = self.numerics, replace(forward, most_steps=self._most_steps)
         at = self.runner.solver_values(np.array([p.x for p in points]), numerics.mesh)
         rows = [{**problem.point(x), **p.changed.values} for p, x in zip(points, at, strict=True)]
         named = {name for row in rows for name in row}

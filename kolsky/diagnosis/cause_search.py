@@ -317,7 +317,7 @@ Value = tuple[Cause, float]
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
     """The best far values of every candidate, the free parameters by a linear step: starts.
 
-    All of them are one launch; finer values about the best of narrow basins follow.
+    All of them are one launch on a coarse mesh; finer values about the best of narrow basins follow.
     """
     values = _within_bounds([(c, u) for c in candidates for u in c.scan])
     trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
@@ -335,7 +335,7 @@ def _within_bounds(tried: Sequence[Value]) -> list[Value]:
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
     """Each value with the free parameters by a linear step; those whose runs are lost are left out."""
     found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
-    for (c, u), vector in zip(tried, search.model.vectors(points), strict=True):
+    for (c, u), vector in zip(tried, search.model.screen.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
             continue
         fit = solve_linear(search.residual(vector), search.slope, search.expected, search.allowed(c))
@@ -401,10 +401,12 @@ def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
 
 
 def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
-    """At most `FLOORS` floors about each start, the lowest first, the other parameters by a linear step."""
+    """At most `FLOORS` floors about each start on a coarse mesh, the lowest first, the other parameters by a
+    linear step."""
     i = search.problem.box.names.index(VALLEY)
     rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
-    vectors = search.model.vectors([Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows])
+    points = [Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows]
+    vectors = search.model.screen.vectors(points)
     others = np.arange(len(search.x)) != i
     trials: list[list[Trial]] = [[] for _ in starts]
     for (n, x), vector in zip(rows, vectors, strict=True):

@@ -260,6 +260,8 @@ class Forward:
     """The fitted flyer path first, then replicates of it."""
     laws: tuple[MaterialLaw, ...]
     """The law of the quasi-static curve first, then replicates of it."""
+    most_steps: int = explicit.Stepping.max_steps
+    """Steps after which a run is lost."""
 
     def run(
         self,
@@ -374,7 +376,9 @@ class Forward:
         )
         model = replace(self.model(numerics, sliding=any_slides(points)), relaxation=relaxing)
         sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
-        stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
+        stepping = explicit.Stepping(
+            safety=numerics.safety, precision=numerics.precision, max_steps=self.most_steps
+        )
         return explicit.Problem(model, samples, replace(sampling, all_nodes=all_nodes), stepping)
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
