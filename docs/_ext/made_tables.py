@@ -10,7 +10,6 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
-``<!-- ablated NAME -->`` what each mechanism of an identification costs,
 ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
@@ -286,14 +285,6 @@ def meshed(name: str) -> str:
     return _not_yet(name) if made is None else table(made["each"])
 
 
-def ablated(name: str) -> str:
-    """What each mechanism of `identify` costs and does, as `populations.ablation` prints it."""
-    from populations.ablation import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made["each"])
-
-
 def planted(name: str) -> str:
     """Planted shots that relax, or do not, as `populations.joint_coverage_counts` prints them."""
     from populations.joint_coverage_counts import table
@@ -402,7 +393,6 @@ TABLES = {
     "pooled": pooled,
     "coverage": coverage,
     "meshed": meshed,
-    "ablated": ablated,
     "planted": planted,
     "advised": advised,
     "equilibria": equilibria,

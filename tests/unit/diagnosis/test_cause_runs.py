@@ -1,14 +1,22 @@
 """What the causes simulate: a launch for each model, each run once, and none again that was made lately."""
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from explicit import Outcome, Stepping
 from kolsky.diagnosis import cause_model
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
+from kolsky.inverse.problem import prepare_shot
+from kolsky.inverse.settings import Numerics
 from kolsky.shot.input_records import Change
+from kolsky.shot.load import load_shot
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
 
 class Counted(CauseModel):
@@ -87,3 +95,29 @@ def test_a_changed_curve_has_a_launch_and_each_amount_a_run(launched: list[list[
     tilted, more = at(1.0, curve={"tilt": 0.1}), at(1.0, curve={"tilt": 0.2})
     assert model.respond([at(1.0), tilted, more, tilted, at(1.0, film=1.01)]) == [1.0] * 5
     assert launched == [[[1.0, 1.0], [1.0, 1.0]]]
+
+
+def test_a_run_that_takes_many_more_steps_than_the_answer_is_lost_but_not_on_the_refined_mesh() -> None:
+    class Known(CauseModel):
+        def respond(self, points: Any) -> Any:
+            return [SimpleNamespace(steps=np.array([100]))]
+
+    prepared = prepare_shot(load_shot(OPEN_01))
+    problem = SimpleNamespace(
+        observations=prepared.observations,
+        numerics=Numerics(mesh=(10, 14)),
+        box=SimpleNamespace(lower=(0.5,), upper=(2.0,)),
+        settings=SimpleNamespace(replicate_mesh=(16, 22)),
+        point=lambda x: {"stiffness_factor": float(x[0])},
+    )
+    front = SimpleNamespace(path=prepared.forward.paths[0], noise=SimpleNamespace(offset=None))
+    runner: Any = SimpleNamespace(
+        problem=problem, front=front, forward=prepared.forward, solver_values=lambda x, mesh: x
+    )
+    model = Known(runner, np.ones(1), SimpleNamespace())  # type: ignore[arg-type]
+    assert model.screen is model  # its mesh is not finer than the replicates'
+    many, refined = model._launch([at(1.0)]), model._launch([at(1.0)], Numerics(mesh=(20, 27)))
+    assert many.forward.most_steps == 1200
+    assert refined.forward.most_steps == Stepping.max_steps
+    few = replace(many.forward, most_steps=100).run(many.points, many.numerics)
+    assert few.outcomes[0] is Outcome.STEP_LIMIT

@@ -1,6 +1,7 @@
 """Far values of inputs: the same trials in one launch as one by one."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -95,3 +96,15 @@ def test_all_that_does_not_depend_on_others_is_one_launch() -> None:
     model.asked.clear()
     scan_inputs(one, inputs())
     assert model.asked == [[ALTERED, NARROW, WIDE], [NARROW]]
+
+
+def test_far_values_are_tried_on_the_coarse_mesh_alone() -> None:
+    one, model = search()
+    coarse = Asked(model.columns, model.data)
+    fine: Any = SimpleNamespace(
+        **{name: getattr(model, name) for name in ("x", "data", "lower", "upper", "observations")},
+        screen=coarse,
+    )
+    one.model = fine  # it has no vectors: asked for one, it fails
+    assert [t.u for t in scan_inputs(one, inputs())] == [t.u for t in scan_inputs(search()[0], inputs())]
+    assert coarse.asked == [[ALTERED, NARROW, WIDE], [NARROW]]

@@ -1,6 +1,5 @@
 """Other valleys of a free Poisson's ratio: in closed form, on a force that rings as a sine."""
 
-from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -71,10 +70,9 @@ class Ringing:
     def slopes(self, x: FloatArray, changed: Any) -> list[Any]:
         return [SimpleNamespace(x=x + step, changed=changed) for step in np.diag(self.steps(x))]
 
-    beside = False
-
-    def ahead(self, points: Any) -> Any:
-        return nullcontext()
+    @property
+    def screen(self) -> Any:
+        return self
 
     def vectors(self, points: Any) -> FloatArray:
         self.runs += len(points)

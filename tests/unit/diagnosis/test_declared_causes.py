@@ -1,6 +1,5 @@
 """Inputs within their declared uncertainty: what they explain is no misfit, and they are not named."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
@@ -124,10 +123,9 @@ class LinearModel:
     def slopes(self, x: FloatArray, changed: Change) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
 
-    beside = False
-
-    def ahead(self, points: Any) -> Any:
-        return nullcontext()
+    @property
+    def screen(self) -> Any:
+        return self
 
     def vectors(self, points: Any) -> FloatArray:
         return np.array(

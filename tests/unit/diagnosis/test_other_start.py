@@ -1,6 +1,5 @@
 """Causes searched from another point than the answer: in closed form, on predictions with two valleys."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -39,10 +38,9 @@ class TwoValleys:
     def slopes(self, x: np.ndarray, changed: Any) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
 
-    beside = False
-
-    def ahead(self, points: Any) -> Any:
-        return nullcontext()
+    @property
+    def screen(self) -> Any:
+        return self
 
     def vectors(self, points: Any) -> np.ndarray:
         found = []
