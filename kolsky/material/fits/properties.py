@@ -190,7 +190,9 @@ def healing(
                 remarks.append(f"{word}: {', '.join(lacking)} shows no {name} and is not in its mean")
         if before and after and np.mean(before) > 0.0:
             rows[name] = recovery(before, after)
-        elif not before or not after:
+        elif before and after:
+            remarks.append(f"{name} has no figure: the mean of the undamaged specimens is not above 0")
+        else:
             words = [word for seen, word in ((before, "undamaged"), (after, "healed")) if not seen]
             remarks.append(
                 f"{name} has no figure: no {' and no '.join(words)} specimen shows it{_reason(name)}"
