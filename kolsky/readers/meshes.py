@@ -176,8 +176,8 @@ class BodyMesh:
     groups: dict[str, IntArray]
     """Points on each named group."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]: among elements of all kinds in their order, from 1 in Gmsh's
-    files and from 0 in VTU, as these programs number them."""
+    """Number of each cell in the file, shape [m]: among elements of all kinds in their order, from 1 in files
+    of Gmsh and from 0 in VTU, as these programs number them."""
     sha256: str
     """SHA-256 of the file, hex."""
 

@@ -136,9 +136,13 @@ def test_a_bad_cell_has_the_number_of_the_file(kind: str, number: int, tmp_path:
     tags = {"gmsh:physical": [np.ones(2, int), np.ones(4, int)]}
     tags["gmsh:geometrical"] = tags["gmsh:physical"]
     body = meshio.Mesh(points.astype(float), cells, cell_data=tags if kind == "msh" else {})
-    body.write(tmp_path / f"a.{kind}", **({"file_format": "gmsh22", "binary": False} if kind == "msh" else {}))
+    body.write(
+        tmp_path / f"a.{kind}", **({"file_format": "gmsh22", "binary": False} if kind == "msh" else {})
+    )
     path = _spec(tmp_path, -1.0, mesh=f"a.{kind}", moving="front", fixed="back")
-    with pytest.raises(InputError, match=rf"cell {number} of tet4, around \(62.5, 2.5, 2.5\) mm, is inside out"):
+    with pytest.raises(
+        InputError, match=rf"cell {number} of tet4, around \(62.5, 2.5, 2.5\) mm, is inside out"
+    ):
         read_specification(path)
 
 
