@@ -129,7 +129,7 @@ def test_a_bad_cell_has_the_number_of_the_file(kind: str, number: int, tmp_path:
     # Elements 0 to 5 of the file, as ParaView counts; Gmsh counts from 1. Two triangles stand first, and the
     # last of four tetrahedra is inside out.
     corners = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])
-    points = np.concatenate([corners + [20 * k, 0, 0] for k in range(4)])
+    points = np.concatenate([corners + 20 * k * np.eye(1, 3, dtype=int) for k in range(4)])
     tetra = np.arange(16).reshape(4, 4)
     tetra[3] = tetra[3][[1, 0, 2, 3]]
     cells = [("triangle", np.array([[0, 1, 2], [0, 1, 3]])), ("tetra", tetra)]
