@@ -35,7 +35,7 @@ from kolsky.inverse.result import Route
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
-from kolsky.inverse.valleys import VALLEY, astray
+from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
@@ -177,10 +177,7 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
     if held is not None:
         runner.table.take(held.runner.table, held.values)
     runner = runner.under(fine.front, fine.offsets)
-    margin = meshes.valley_margin
-    if meshes.summit is not None and astray(runner, fine.x, meshes.summit):
-        margin = min(margin, 0.0)
-    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=margin)
+    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=meshes.valley_margin)
 
 
 def _search_held(runner: Runner) -> HeldSearch:

@@ -91,8 +91,6 @@ class MeshOptima:
     valley_margin: float = np.inf
     """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-], infinite where there
     is none."""
-    summit: FloatArray | None = None
-    """The likeliest place among the valleys, in parameter units, shape [d]; None where none was sought."""
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
@@ -106,11 +104,9 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
     points, objective = starts(runner, start, first)
     ends = _least_squares_on(runner, objective, first, points, FIRST_STEPS)
     begin, margin = ends[0].x, np.inf
-    place: FloatArray | None = None
     if VALLEY in problem.box.names:
         summit = likeliest_summit(runner, np.array([end.x for end in ends]), first, objective.counted)
-        begin = place = summit.x
-        margin = summit.margin
+        begin, margin = summit.x, summit.margin
         if problem.settings.replicates:
             # Without them least squares would go back to the floor.
             runner = runner.under(runner.front.with_noise(summit.patterns))
@@ -119,8 +115,7 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
     fine = best
     if surrogate.mesh != first.mesh:
         (fine,) = _least_squares_on(runner, objective, surrogate, best.x[None], MOST_STEPS)
-    found = follow_meshes(runner, objective, fine, best.x - fine.x)
-    return replace(found, valley_margin=margin, summit=place)
+    return replace(follow_meshes(runner, objective, fine, best.x - fine.x), valley_margin=margin)
 
 
 def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:

@@ -162,9 +162,6 @@ AHEAD = 2
 """Places that are run at once to a side: one oscillation."""
 OTHER_VALLEY = 2.0
 """Oscillations from a summit beyond which a floor is of another valley [-]."""
-ASTRAY = 1.0
-"""Oscillations between the answer and the summit from which on it lies in a neighbouring valley: the distance
-of valleys. The summit is found on a coarse mesh, which moves it by a few tenths of one."""
 FARTHEST = 8
 """Most places from the floor: the next valleys that the scan has found lie about there."""
 
@@ -243,15 +240,6 @@ def margin(values: FloatArray, apart: FloatArray) -> float:
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
-
-
-def astray(runner: Runner, answer: FloatArray, summit: FloatArray) -> bool:
-    """Whether an answer left the valley of the summit that its search began at; both of shape [d].
-
-    The outline's error on a coarse mesh, smooth and many times its noise, may draw least squares there.
-    """
-    first, last = _oscillations_at(runner, np.vstack([answer, summit]))
-    return bool(abs(first - last) >= ASTRAY)
 
 
 def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:

@@ -190,13 +190,13 @@ def healing(
                 remarks.append(f"{word}: {', '.join(lacking)} shows no {name} and is not in its mean")
         if before and after and np.mean(before) > 0.0:
             rows[name] = recovery(before, after)
-        elif before and after:
-            remarks.append(f"{name} has no figure: the mean of the undamaged specimens is not above 0")
-        else:
+        elif not before or not after:
             words = [word for seen, word in ((before, "undamaged"), (after, "healed")) if not seen]
             remarks.append(
                 f"{name} has no figure: no {' and no '.join(words)} specimen shows it{_reason(name)}"
             )
+        else:
+            remarks.append(f"{name} has no figure: the mean of the undamaged specimens is not above 0")
     for group, word in ((made[0], "undamaged"), (made[1], "healed")):
         if len(group) == 1:
             remarks.append(

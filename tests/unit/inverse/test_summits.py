@@ -12,7 +12,6 @@ from kolsky.inverse.valleys import (
     AHEAD,
     FARTHEST,
     STRIDE,
-    astray,
     climb_summit,
     likeliest_summit,
     margin,
@@ -92,9 +91,3 @@ def test_the_likeliest_floor_is_climbed_and_its_margin_told() -> None:
     found = likeliest_summit(made, floors, made.settings.numerics, np.empty(0, dtype=bool))
     assert turns(found.x) == pytest.approx(turns(TRUTH), abs=0.02)
     assert 100.0 < found.margin < np.inf
-
-
-@pytest.mark.parametrize(("share", "wanted"), [(0.9, False), (1.1, True), (-0.9, False), (-1.1, True)])
-def test_an_answer_one_oscillation_from_the_summit_is_of_another_valley(share: float, wanted: bool) -> None:
-    made: Any = Onset(np.array([2.0, -1.5]))
-    assert astray(made, off_by(share).x, TRUTH) is wanted
