@@ -18,6 +18,7 @@ from kolsky.bodies.specimen_reading import read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact, unit
+from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.readers.meshes import read_body
 from kolsky.schema import fields as f
@@ -488,4 +489,7 @@ def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> M
     assert section.mesh_unit is not None  # the schema saw to it
     raw = read_body(toml.path.parent / section.mesh)
     inputs[section.mesh] = raw.sha256
-    return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
+    mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)
+    with toml.refusing("geometry.mesh", "has a bad cell", cure="mesh the body again"):
+        geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
+    return mesh

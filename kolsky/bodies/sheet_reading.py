@@ -168,7 +168,7 @@ def _sheet(
             "field.moving", "shares points with field.fixed", cure="name two pads that are apart"
         )
     cells, turned = counterclockwise(raw.points, raw.cells)
-    mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], sets)
+    mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], sets, raw.numbers)
     regions = None
     held: dict[int, Solid] = {}
     if section.region is not None:

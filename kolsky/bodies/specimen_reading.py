@@ -136,11 +136,10 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
         ends[end] = known[name]
     if np.isin(ends["moving"], ends["fixed"]).any():
         raise toml.error(f"{key}.moving", f"shares points with {key}.fixed", cure="name two ends apart")
-    mesh = Mesh(points, raw.cells, raw.kind, {"bond_x+": ends["moving"], "bond_x-": ends["fixed"]})
-    try:
+    sets = {"bond_x+": ends["moving"], "bond_x-": ends["fixed"]}
+    mesh = Mesh(points, raw.cells, raw.kind, sets, raw.numbers)
+    with toml.refusing(f"{key}.mesh", "has a bad cell", cure="mesh the body again"):
         geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
-    except ValueError as error:
-        raise toml.error(f"{key}.mesh", f"has a bad cell: {error}", cure="mesh the body again") from None
     return mesh
 
 

@@ -6,6 +6,7 @@ temperature sweeps and shots on one axis of time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -259,9 +260,19 @@ def reference_curve(
     rows: dict[str, Any] = {}
     for pull, curve in made.items():
         rows |= _curve_rows(curve, f"{pull}: " if conditioned else "")
+    content: dict[str, Any] = {
+        "inputs": hashes,
+        "curves": {pull: curves.summary(curve) for pull, curve in made.items()},
+    }
+    if conditioned:
+        with texts.refused(cure=cure):
+            ratio, sigma = curves.softening(made["first"], made["conditioned"])
+        content["softening"] = {"value": ratio, "sigma": sigma if isfinite(sigma) else None}
+        doubt = f"± {2.0 * sigma:.2g} (k = 2)" if isfinite(sigma) else "(one specimen: no interval)"
+        rows["conditioned / first stress"] = f"{ratio:.4g} {doubt}, each specimen with itself"
     print_result(
         rows,
-        {"inputs": hashes, "curves": {pull: curves.summary(curve) for pull, curve in made.items()}},
+        content,
         files={"curve": out, "for shot.toml": folder / f"{out.stem}.toml"},
         warnings=list(dict.fromkeys(remark for curve in made.values() for remark in curve.remarks)),
     )

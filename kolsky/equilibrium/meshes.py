@@ -25,6 +25,8 @@ class Mesh:
     """The element, a name in `kolsky.equilibrium.elements.ELEMENTS`."""
     sets: Mapping[str, IntArray] = field(default_factory=dict)
     """Points by name, each of shape [...]."""
+    numbers: IntArray | None = None
+    """Number of each cell in the file that it was read from, for messages, shape [m]; None: its row."""
 
     def __post_init__(self) -> None:
         shape = self.element.n_nodes, self.element.dimension

@@ -65,9 +65,11 @@ def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None
     determinant = np.linalg.det(jacobian)
     if (determinant <= 0.0).any():
         worst = int(np.argmin(determinant.min(axis=1)))
+        number = worst if mesh.numbers is None else mesh.numbers[worst]
+        middle = ", ".join(f"{1e3 * x:.4g}" for x in corners[worst].mean(axis=0))
         raise ValueError(
-            f"cell {worst} of {mesh.kind} is inside out or flat (det = {determinant[worst].min():.3g} m^d); "
-            "check the order of its points"
+            f"cell {number} of {mesh.kind}, around ({middle}) mm, is inside out or flat "
+            f"(det = {determinant[worst].min():.3g} m^d); check the order of its points"
         )
     E = np.matmul(local[None], np.linalg.inv(jacobian))
     volumes = determinant * weights

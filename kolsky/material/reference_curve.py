@@ -29,6 +29,7 @@ from kolsky.material.uniaxial import (
     mean_of_repeats,
     remarks_of,
     resample,
+    student_factor,
 )
 from kolsky.readers.contents import Layout
 from kolsky.readers.measured_tables import WantedColumn, read_columns
@@ -158,6 +159,28 @@ def reference_curve(
         friction=friction,
         remarks=remarks,
     )
+
+
+def softening(first: ReferenceCurve, conditioned: ReferenceCurve) -> tuple[float, float]:
+    """Stress of the conditioned over that of the first pull, each specimen with itself.
+
+    Returns the mean over the strains of both curves and over the specimens [-], and its standard uncertainty,
+    widened for the degrees of freedom; that is NaN with one specimen. Raises ValueError if the curves share
+    no strain.
+    """
+    axis, other = first.apparent.strain, conditioned.apparent.strain
+    axis = axis[(axis >= other[0]) & (axis <= other[-1])]
+    if axis.size < 2:
+        raise ValueError("the first and the conditioned pull have no range of strain in common")
+    before, after = (
+        np.stack([resample(one.test.strain, one.test.stress, axis)[0] for one in made.tests])
+        for made in (first, conditioned)
+    )
+    ratio = (after / before).mean(axis=1)
+    if ratio.size < 2:
+        return float(ratio[0]), float("nan")
+    sigma = student_factor(ratio.size - 1) * ratio.std(ddof=1) / sqrt(ratio.size)
+    return float(ratio.mean()), float(sigma)
 
 
 def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[UniaxialTest, Hold | None]:

@@ -38,6 +38,8 @@ class GmshMesh:
     """Points on each named group of curves."""
     cell_groups: dict[str, IntArray]
     """Cells in each named group of surfaces."""
+    numbers: IntArray
+    """Number of each cell in the file, shape [m]."""
     sha256: str
     """SHA-256 of the file, hex."""
 
@@ -67,7 +69,9 @@ def read_gmsh(path: Path) -> GmshMesh:
         named = names.get((1, group), str(group))
         found = {place[n] for row in curves if group_of(row) == group for n in row[3 + row[2] :]}
         point_groups[named] = np.array(sorted(found), dtype=np.int64)
-    return GmshMesh(rows[:, 1:3], cells, point_groups, cell_groups, hashlib.sha256(raw).hexdigest())
+    numbers = np.array([row[0] for row in surfaces])
+    sha256 = hashlib.sha256(raw).hexdigest()
+    return GmshMesh(rows[:, 1:3], cells, point_groups, cell_groups, numbers, sha256)
 
 
 def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
@@ -171,6 +175,9 @@ class BodyMesh:
     """tet4, tet10, hex8 or hex27."""
     groups: dict[str, IntArray]
     """Points on each named group."""
+    numbers: IntArray
+    """Number of each cell in the file, shape [m]: among elements of all kinds in their order, from 1 in files
+    of Gmsh and from 0 in VTU, as these programs number them."""
     sha256: str
     """SHA-256 of the file, hex."""
 
@@ -213,6 +220,8 @@ def read_body(path: Path) -> BodyMesh:
     if points.shape[1:] != (3,) or not (np.abs(points) <= LARGEST_SAMPLE).all():
         raise InputError(path, "has points that are not three coordinates", cure="save it again")
     cells = np.concatenate([block.data for block in found.cells if block.type == kinds[0]])
+    of_kind = np.concatenate([np.full(len(block.data), block.type == kinds[0]) for block in found.cells])
+    numbers = np.flatnonzero(of_kind) + (path.suffix.lower() == ".msh")
     used, cells = np.unique(cells, return_inverse=True)
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
@@ -222,7 +231,8 @@ def read_body(path: Path) -> BodyMesh:
         if len(members)
     }
     shape = (-1, len(next(b for b in found.cells if b.type == kinds[0]).data[0]))
-    return BodyMesh(points[used], cells.reshape(shape).astype(np.int64), BODIES[kinds[0]], groups, sha256)
+    cells = cells.reshape(shape).astype(np.int64)
+    return BodyMesh(points[used], cells, BODIES[kinds[0]], groups, numbers, sha256)
 
 
 def _groups_of(found: Any) -> dict[str, IntArray]:

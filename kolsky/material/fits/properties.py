@@ -195,6 +195,8 @@ def healing(
             remarks.append(
                 f"{name} has no figure: no {' and no '.join(words)} specimen shows it{_reason(name)}"
             )
+        else:
+            remarks.append(f"{name} has no figure: the mean of the undamaged specimens is not above 0")
     for group, word in ((made[0], "undamaged"), (made[1], "healed")):
         if len(group) == 1:
             remarks.append(

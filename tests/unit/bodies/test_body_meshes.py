@@ -124,6 +124,28 @@ def test_a_body_that_cannot_be_used_is_refused(change: dict[str, str], words: st
     assert words in str(refused.value)
 
 
+@pytest.mark.parametrize(("kind", "number"), [("vtu", 5), ("msh", 6)])
+def test_a_bad_cell_has_the_number_of_the_file(kind: str, number: int, tmp_path: Path) -> None:
+    # Elements 0 to 5 of the file, as ParaView counts; Gmsh counts from 1. Two triangles stand first, and the
+    # last of four tetrahedra is inside out.
+    corners = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])
+    points = np.concatenate([corners + 20 * k * np.eye(1, 3, dtype=int) for k in range(4)])
+    tetra = np.arange(16).reshape(4, 4)
+    tetra[3] = tetra[3][[1, 0, 2, 3]]
+    cells = [("triangle", np.array([[0, 1, 2], [0, 1, 3]])), ("tetra", tetra)]
+    tags = {"gmsh:physical": [np.ones(2, int), np.ones(4, int)]}
+    tags["gmsh:geometrical"] = tags["gmsh:physical"]
+    body = meshio.Mesh(points.astype(float), cells, cell_data=tags if kind == "msh" else {})
+    body.write(
+        tmp_path / f"a.{kind}", **({"file_format": "gmsh22", "binary": False} if kind == "msh" else {})
+    )
+    path = _spec(tmp_path, -1.0, mesh=f"a.{kind}", moving="front", fixed="back")
+    with pytest.raises(
+        InputError, match=rf"cell {number} of tet4, around \(62.5, 2.5, 2.5\) mm, is inside out"
+    ):
+        read_specification(path)
+
+
 def test_a_side_of_the_box_is_an_end(tmp_path: Path) -> None:
     # A block of one law under a small pull between sliding ends would be uniform; with held ends its force
     # lies between that of a free and of a wholly constrained cross-section.

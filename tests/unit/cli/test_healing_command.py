@@ -133,6 +133,7 @@ def test_a_shot_reads_what_the_command_writes(tmp_path: Path):
     # The mean of the factors is 1 and E_a constant; a convex curve's mean over a spacing adds 2e-3 at most.
     assert said["curves"]["first"]["mean_E_a"]["value"] == pytest.approx(E, rel=2e-3)
     assert said["curves"]["conditioned"]["mean_E_a"]["value"] == pytest.approx(0.8 * E, rel=2e-3)
+    assert said["softening"]["value"] == pytest.approx(0.8, rel=1e-6)
     shot = load_shot(shot_with(tmp_path / "shot", tmp_path / "out"))
     curve = shot.curve
     lam = curve.stretch

@@ -75,7 +75,8 @@ def test_friction_is_not_varied_where_nothing_slides(
 def test_the_page_of_one_parameter_has_misfits_forces_and_cost(tmp_path: Path) -> None:
     shot = shot_in(tmp_path / "shot")
     arguments = ["--vary", "stiffness_factor=0.9:1.2:4", "--figures", "csv"]
-    run_kolsky("sweep", shot, *TINY, *arguments)
+    said = json.loads(run_kolsky("sweep", shot, *TINY, *arguments, "--json").stdout)
+    assert 0 < said["fewest_time_steps"] <= said["most_time_steps"]
     page = (shot / "results" / "sweep.html").read_text("utf-8")
     assert 'id="sweep-effects"' in page
     assert 'id="sweep-forces"' in page

@@ -6,7 +6,7 @@ from scipy.stats import t as student
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import curve_replicates
-from kolsky.material.reference_curve import Treatment, reference_curve
+from kolsky.material.reference_curve import Treatment, reference_curve, softening
 from kolsky.material.uniaxial import (
     CurveBand,
     Toe,
@@ -161,3 +161,20 @@ def test_tension_and_compression_do_not_mix():
     tension = UniaxialTest("t", STRAIN, STRAIN, compression=False)
     with pytest.raises(ValueError, match="one branch"):
         reference_curve([tension, specimen("c", STRAIN, gaussian(STRAIN))], Treatment())
+
+
+def test_softening_compares_each_specimen_with_itself():
+    # Specimens that differ by a tenth, each softer in its last ramp by a factor that differs by 0.02.
+    up = np.linspace(0.0, 0.5, 200)
+    strain = np.concatenate([up, up[::-1][1:], up[1:]])
+    part = np.repeat([1.0, 0.0, 0.0], [200, 199, 199])
+    tests = [
+        specimen(str(k), strain, scale * (part + (1.0 - part) * factor) * gaussian(strain))
+        for k, (scale, factor) in enumerate([(0.9, 0.78), (1.0, 0.80), (1.1, 0.82)])
+    ]
+    first, last = (reference_curve(tests, Treatment(), pull=pull) for pull in ("first", "conditioned"))
+    ratio, sigma = softening(first, last)
+    assert ratio == pytest.approx(0.8, rel=1e-9)  # the curve's shape cancels at every strain
+    assert sigma == pytest.approx(0.02 / 3**0.5 * student.ppf(0.977249868, 2) / 2.0, rel=1e-6)
+    one, other = (reference_curve(tests[:1], Treatment(), pull=pull) for pull in ("first", "conditioned"))
+    assert softening(one, other) == (pytest.approx(0.78), pytest.approx(float("nan"), nan_ok=True))

@@ -190,3 +190,12 @@ def test_a_figure_that_no_specimen_shows_is_named_with_its_cause():
     assert "3 points or more up to 5 % strain" in said
     assert "fracture stress has no figure" in said
     assert "falls by 20 % after its largest value" in said
+
+
+def test_a_constant_at_zero_has_no_efficiency_and_says_so():
+    stretch = np.linspace(1.005, 1.5, 40)
+    test = HomogeneousTest("a", Mode.UNIAXIAL, stretch, 1e5 * (stretch - stretch**-2.0) * stretch**0.5)
+    found = healing([test], [test], law="mooney_rivlin")  # stiffens: C01 ends at its bound 0
+    assert "C10" in found.rows
+    assert "C01" not in found.rows
+    assert "C01 has no figure: the mean of the undamaged specimens is not above 0" in found.remarks
