@@ -156,8 +156,10 @@ def test_a_force_with_the_wrong_sign_is_named(shared, tmp_path):
     ("old", "new", "words"),
     [
         ('unit = "mN"', 'unit = "N"', "field.pad.force times 0.001"),
-        ('unit = "mN"', 'unit = "gf"', "field.pad.force times 0.101972"),
-        ('mesh_unit = "mm"', 'mesh_unit = "cm"', "0.1 times its size"),
+        pytest.param('unit = "mN"', 'unit = "gf"', "field.pad.force times 0.101972", marks=pytest.mark.long),
+        pytest.param(  # 90 s of one core
+            'mesh_unit = "mm"', 'mesh_unit = "cm"', "0.1 times its size", marks=pytest.mark.long
+        ),
     ],
 )
 def test_a_wrong_unit_of_a_sheet_is_named(shared, tmp_path, old, new, words):

@@ -183,10 +183,12 @@ def test_rest_is_rest(case, clean):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("camera", [0, 1])
 @pytest.mark.parametrize(
-    ("change", "outcome"),
-    [(lambda picture: None, FrameOutcome.UNREADABLE), (lambda picture: picture // 16, FrameOutcome.BLACK)],
+    ("camera", "change", "outcome"),
+    [
+        (0, lambda picture: None, FrameOutcome.UNREADABLE),
+        (1, lambda picture: picture // 16, FrameOutcome.BLACK),
+    ],
     ids=["missing", "black"],
 )
 def test_a_missing_or_black_frame_is_a_gap(case, clean, camera, change, outcome):
@@ -219,9 +221,10 @@ def test_swapped_cameras_are_named(case):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("off", "words"), [((0.0, 5.0), "y by [-+]5"), ((0.0, -8.0), "y by [-+]8")])
-@pytest.mark.parametrize("camera", [0, 1])
-def test_a_wrong_crop_offset_is_named_with_its_size(case, off, words, camera):
+@pytest.mark.parametrize(
+    ("camera", "off", "words"), [(0, (0.0, 5.0), "y by [-+]5"), (1, (0.0, -8.0), "y by [-+]8")]
+)
+def test_a_wrong_crop_offset_is_named_with_its_size(case, camera, off, words):
     cameras = list(case.rig.cameras)
     cameras[camera] = cameras[camera].cropped(off)
     with pytest.raises(ChainError, match=rf"crop offset of .* is off.*{words}"):

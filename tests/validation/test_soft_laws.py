@@ -187,6 +187,8 @@ def side_stress_of_the_linear_rule() -> tuple[float, float, float, float]:
 DIGITS = 5e-5
 """Half a unit of the fourth digit. The curves differ by less: the authors' last strain is not printed."""
 QUICK = [name for name in FITTED if not name.startswith("Ogden")]
+SAMPLED = [pytest.param(x, marks=[pytest.mark.long] * (x not in ("EF10_0T", "EF50_0T"))) for x in PHANTOMS]
+"""The softest and the stiffest phantom in CI, all every week: the path is the same."""
 
 
 @pytest.fixture(autouse=True)
@@ -217,7 +219,8 @@ def test_published_fits_are_met(material, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("material", "name"), list(product(PHANTOMS, ("Ogden_o1", "Ogden_o2", "Ogden_o3"))))
+@pytest.mark.parametrize("material", SAMPLED)
+@pytest.mark.parametrize("name", ["Ogden_o1", "Ogden_o2", "Ogden_o3"])
 def test_published_ogden_fits_are_met_or_beaten(material, name):
     found = fitted(name, material, bounded=True)  # as theirs, whose moduli all have mu alpha > 0
     p = printed(material)[name]
@@ -235,7 +238,7 @@ def test_published_ogden_fits_are_met_or_beaten(material, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("material", PHANTOMS)
+@pytest.mark.parametrize("material", SAMPLED)
 def test_moduli_of_either_sign_fit_four_times_better(material):
     # What a better sum costs: without bounds two terms of opposite sign, and Drucker's criterion fails.
     free = fitted("Ogden_o2", material, bounded=False)

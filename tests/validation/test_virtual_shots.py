@@ -33,7 +33,10 @@ ALONE = {"stiffness_factor": None}
     "material",
     [
         'law = "gent"\nparameters = { mu = 1.0, Jm = 30.0 }\nstiffness_factor = 1.2',
-        'law = "arruda_boyce"\nparameters = { mu = 1.0, lambda_m = 3.0 }\nstiffness_factor = 0.95',
+        pytest.param(
+            'law = "arruda_boyce"\nparameters = { mu = 1.0, lambda_m = 3.0 }\nstiffness_factor = 0.95',
+            marks=pytest.mark.long,  # 25 s of one core
+        ),
     ],
 )
 def test_right_shot_gives_its_stiffness(tmp_path: Path, material: str) -> None:

@@ -755,14 +755,14 @@ def test_order_of_every_element(element: str) -> None:
     assert small_order(element).order > 2.0  # second order; steeper while 5 kHz is near a mesh's cut-off
 
 
-@pytest.mark.slow
+@pytest.mark.long  # 70 s of one core
 def test_fine_static_force_and_radius() -> None:
     found = static.compress((48, 66), element="fbar")
     assert np.abs(static.force_error(found)).max() < STATIC_TOLERANCE["fine"]
     assert np.abs(found.radius - static.reference().radius).max() < RADIUS_TOLERANCE["fine"]
 
 
-@pytest.mark.slow
+@pytest.mark.long  # eight slow compressions
 def test_extrapolated_static_forces() -> None:
     wanted = static.reference()
     for element in ELEMENTS:

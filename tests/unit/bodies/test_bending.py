@@ -190,7 +190,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gravity", ["downward", "upward"])
+@pytest.mark.parametrize("gravity", [pytest.param("downward", marks=pytest.mark.long), "upward"])
 def test_bend_is_that_of_dolfinx(gravity: str) -> None:
     read = read_actuator(ROOT / "runs" / "actuator" / "pneunet.toml")
     with (ROOT / "tests" / "reference" / "K_pneunet.csv").open(encoding="utf-8") as file:

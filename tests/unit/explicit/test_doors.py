@@ -180,7 +180,7 @@ def simulate(law: Any, element: str, precision: str, contact: str = "", **sample
     return impact((law,), samples, element=element, precision=precision, largest_step=4e-7, **faces)
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("precision", ["fp64", pytest.param("fp32", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("element", ["one_point", "fbar"])
 def test_a_material_law_runs_on_every_element(members: Any, element: str, precision: str) -> None:
     # With the exponent 1 it is neo-Hookean: the same run but for round-off over 1500 steps.
