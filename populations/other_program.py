@@ -196,9 +196,7 @@ def main() -> None:
     parser.add_argument("--compare", type=int, nargs="*", default=[], help="experiments, minutes each")
     parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
     given = parser.parse_args()
-    study = Study(
-        free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh
-    )
+    study = Study(free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh)
     # Truths are kept beside the answers' folder: in --out itself, apart from those of `populations.coverage`.
     folder, numbers = given.out / "answers", numbers_of(given.groups)
     hold(study, folder)
