@@ -36,7 +36,7 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25
-"""Share of the specimen past the curve's end from which on it is said."""
+"""Share of the specimen past the curve's end above which it is reported."""
 FEWEST_POINTS = 8
 """Fewest points of a curve; a law needs 5 away from rest."""
 

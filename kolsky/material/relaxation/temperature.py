@@ -250,7 +250,7 @@ def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
 
 def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
     """Covariance of a least squares problem, widened by its scatter; directions without information are
-    given a spread that no one takes for known."""
+    given a spread too large to constrain anything."""
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
 
