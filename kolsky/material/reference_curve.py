@@ -145,7 +145,7 @@ def reference_curve(
         if friction.past_data > PAST_DATA:
             remarks += (
                 f"at the largest strain {100.0 * friction.past_data:.0f} % of the barrelled specimen was"
-                " strained past the curve's own end: there the correction rests on how laws go on, and their"
+                " strained past the end of the curve: there the correction extrapolates the laws, and their"
                 " spread is in the band",
             )
     return ReferenceCurve(

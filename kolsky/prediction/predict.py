@@ -398,7 +398,7 @@ def doubts(found: Prediction) -> list[str]:
     if height is not None and found.numbers.shaper_strain > 0.8 * height:
         said.append(
             f"the shaper is compressed by {found.numbers.shaper_strain / height:.0%} of its height; its law "
-            "goes on along a straight line past 80 %"
+            "is a straight line past 80 %"
         )
     return said
 

@@ -236,7 +236,7 @@ class FlyerEvents:
         for event in self.events:
             if event.name == name:
                 return event
-        raise KeyError(f"{name!r} is none of {', '.join(event.name for event in self.events)}")
+        raise KeyError(f"{name!r} is not one of {', '.join(event.name for event in self.events)}")
 
     @property
     def usable(self) -> tuple[float, str]:

@@ -58,8 +58,8 @@ class TemperatureSweep:
         if np.abs(levels - self.reference).min() > EQUAL_TEMPERATURES:
             there = ", ".join(f"{t - 273.15:.1f}" for t in levels)
             raise ValueError(
-                f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is none of the measured"
-                f" temperatures, {there} °C"
+                f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is not one of the"
+                f" measured temperatures, {there} °C"
             )
 
     @property
