@@ -16,8 +16,8 @@ _SET_SIGNAL = 1
 def end_with(parent: int) -> None:
     """Have the system end this process when its parent does; on Linux, elsewhere nothing.
 
-    A thread that waits for the parent would be late where a library works for long without giving others
-    their turn. The system takes the thread that started this process for its parent: it must wait for it.
+    A thread that waits for the parent would be late while a library holds the interpreter's lock. For the
+    system, the parent is the thread that started this process: that thread must wait for it.
 
     ``parent``: number of the process that started this one; if that has ended already this one ends at once.
     """

@@ -28,7 +28,7 @@ from doe.arrays import FloatArray
 
 SMALLEST_SHARE = 1e-12
 """Smallest over largest eigenvalue of the information in unit-box parameters: with derivatives good to
-1e-8, a smaller one is not told from zero."""
+1e-8, a smaller one is not distinguished from zero."""
 
 
 class SingularInformationError(ValueError):
@@ -145,11 +145,11 @@ class LinearData:
 Criterion = Literal["D", "A"]
 
 ALL = 20_000
-"""Up to so many subsets all are compared; beyond, points are exchanged until none gains."""
+"""Up to this many subsets all are compared; beyond, points are exchanged until none gains."""
 
 
 class UndecidedError(ValueError):
-    """No choice of so many groups decides all parameters."""
+    """No choice of this many groups decides all parameters."""
 
 
 @dataclass(frozen=True)

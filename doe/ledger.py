@@ -225,7 +225,7 @@ class Ledger:
                 theirs = _run_of(row)
                 if theirs is None:
                     raise LedgerError(
-                        f"{path}: run {row[0].hex()[:12]} is damaged; run its sweep again: it is made anew"
+                        f"{path}: run {row[0].hex()[:12]} is damaged; run its sweep again: it is made again"
                     )
                 mine = self._sql.execute(f"SELECT {COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
                 if mine is not None and (ours := _run_of(mine)) is not None:

@@ -89,7 +89,7 @@ SHRINK = 0.35
 SMALLEST = 0.02
 """Smallest edge of a region in the unit box."""
 WIDTHS = 6.0
-"""Edge of a region is at least so many standard deviations of the optimum: a smaller one would follow what
+"""Edge of a region is at least this many standard deviations of the optimum: a smaller one would follow what
 the function's roughness, not the data, says."""
 GAIN = 0.7
 """A smaller region is kept if the surrogate's leave-one-out error falls to less than this share there: where

@@ -5,7 +5,7 @@ support) and `Samples`, one row of parameters a simulation, go into `run`; a `Re
 forces, outlines, an `EnergyLedger` and the `Outcome` of each. `Sampling` says what is recorded when,
 `Stepping` how time is stepped; `run_side_by_side` takes
 batches of different models. Laws are in `explicit.materials` and `explicit.contact`, elements in
-`explicit.elements`, what relaxes in `explicit.relaxation`, elastic bars in `explicit.bars`. Each name is
+`explicit.elements`, the relaxation in `explicit.relaxation`, elastic bars in `explicit.bars`. Each name is
 loaded when it is first used.
 """
 

@@ -224,7 +224,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         nargs="+",
         metavar="KIND[:BRANCHES]",
         default=["none"],
-        help=f"what relaxes: none, {', '.join(RELAXATIONS)}, with the branches of a batch's longest\n"
+        help=f"relaxation: none, {', '.join(RELAXATIONS)}, with the branches of a batch's longest\n"
         "series, 1 if left out; default none",
     )
     parser.add_argument("--precision", nargs="+", default=list(PRECISIONS))
@@ -258,7 +258,7 @@ def _relaxation(text: str) -> Relaxation | None:
     if text == "none":
         return None
     if kind not in RELAXATIONS:
-        raise ValueError(f"what relaxes must be none or one of {sorted(RELAXATIONS)}, got {kind!r}")
+        raise ValueError(f"the relaxation must be none or one of {sorted(RELAXATIONS)}, got {kind!r}")
     if colon and not (branches.isdecimal() and int(branches) > 0):
         raise ValueError(f"branches must be a number above 0, such as prony:2, got {text!r}")
     return RELAXATIONS[kind].kind(int(branches) if colon else 1)

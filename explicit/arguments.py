@@ -130,7 +130,7 @@ def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
 
 
 def fits_on_several(mesh: Mesh, blocks: int) -> bool:
-    """True if it fits into the shared memories of so many blocks."""
+    """True if it fits into the shared memories of this many blocks."""
     _, n_inner, first_boundary = node_order(mesh)
     return fits_on_chips(mesh.n_elements, first_boundary, mesh.n_nodes - n_inner, blocks)
 
@@ -195,7 +195,7 @@ def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
 
 
 APART = 256
-"""Every array begins at a multiple of so many bytes, as one of its own would."""
+"""Every array begins at a multiple of this many bytes, as one of its own would."""
 
 
 def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> dict[str, Any]:
@@ -298,7 +298,7 @@ def batch_of(
 
 
 def _branch_table(model: Model) -> FloatArray:
-    """The rows of what relaxes, as long as the longest asks for; one number where nothing does."""
+    """The rows of the relaxation, as long as the longest asks for; one number where nothing does."""
     if not model.relaxation:
         return np.zeros((1, 1))
     most = max(len(branches) for branches in model.relaxation)

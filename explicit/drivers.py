@@ -103,7 +103,7 @@ def _buffers(device: str) -> list[Any]:
 
 
 STEP = 1 << 17
-"""Pieces are multiples of so many numbers of float64, 1 MiB."""
+"""Pieces are multiples of this many numbers of float64, 1 MiB."""
 LIMIT = 1 << 25
 """Most numbers of float64 that a process locks, 256 MiB: other processes have no use of locked memory."""
 
@@ -148,9 +148,9 @@ class Pool:
         self._room, self._pinned, self._lock = limit, pinned, Lock()
 
     def lend(self, count: int) -> tuple[Piece, FloatArray] | None:
-        """A piece for `count` numbers and these numbers, or None where all that may be locked is in use.
+        """A piece of memory for `count` numbers, and the numbers; None if no more memory may be locked.
 
-        The piece is lent again when neither the numbers nor a view of them live any more.
+        The piece is reused once neither the numbers nor a view of them exist.
         """
         with self._lock:
             # Only appended to by others meanwhile, so that a place in the list stays what it is.

@@ -70,7 +70,7 @@ class Model:
         if self.past_data not in ("continue", "stop"):
             raise ValueError(f"past_data must be 'continue' or 'stop', got {self.past_data!r}")
         if len({type(branches) for branches in self.relaxation}) > 1:
-            raise ValueError("what relaxes in a model is all of one class")
+            raise ValueError("all relaxation laws in a model must be of one class")
         if not self.hourglass >= 0.0:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
         if self.hourglass_form not in ("stiffness", "viscous"):

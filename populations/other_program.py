@@ -31,7 +31,7 @@ from populations.coverage_problem import (
     middle,
     simulate,
 )
-from populations.driver import answers, command, hold, write
+from populations.driver import add_meshes, answers, command, hold, write
 from populations.truth_meshes import COARSE, STEPS
 
 SCRIPT = Path(__file__).resolve().parents[1] / "tests" / "reference" / "M_dolfinx.py"
@@ -188,6 +188,7 @@ def record(study: Study, folder: Path, numbers: list[int]) -> dict[str, Any]:
 def main() -> None:
     """Run the study, or what is left of it, and sum it up."""
     parser = command(__doc__, seed=61)
+    add_meshes(parser)
     parser.add_argument("--groups", type=int, default=10, help="of two experiments each")
     parser.add_argument("--python", default="/usr/bin/python3", help="an interpreter that has DOLFINx 0.5")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
@@ -195,7 +196,7 @@ def main() -> None:
     parser.add_argument("--compare", type=int, nargs="*", default=[], help="experiments, minutes each")
     parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
     given = parser.parse_args()
-    study = Study(free=tuple(STEPS), seed=given.seed)
+    study = Study(free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh)
     # Truths are kept beside the answers' folder: in --out itself, apart from those of `populations.coverage`.
     folder, numbers = given.out / "answers", numbers_of(given.groups)
     hold(study, folder)

@@ -228,7 +228,7 @@ CLEAR_OF_EDGE = 3.0
 BLOCK = 8.0
 """Width of the blocks of columns that count as independent [px]: more than a speckle."""
 BANDS = 6
-"""Groups of frames with like bands that are told apart."""
+"""Groups of frames with like bands that are distinguished."""
 ALIKE = 0.05
 """Bands that differ by less are alike [px]."""
 

@@ -85,9 +85,9 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
 
 
 def least_zncc(values: Sequence[float]) -> float:
-    """Least ZNCC at which a strip is taken for the body.
+    """Least ZNCC at which a strip is accepted as the body's.
 
-    ``values``: those of frames in which its translation is known.
+    ``values``: ZNCC in the frames in which the body's translation is known.
     """
     if not values:
         return LEAST_ZNCC

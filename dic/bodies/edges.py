@@ -28,19 +28,19 @@ LARGEST_SPAN = 0.3
 LEAST_ZNCC = 0.85
 """Least correlation of the flyer's rows from frame to frame."""
 RIGID = 1.4
-"""Rows of the flyer, held still, vary by less than so many standard deviations of the noise,"""
+"""Rows of the flyer, held still, vary by less than this many standard deviations of the noise,"""
 PLACED = 0.1
 """beside what they vary by for being held still to so much only: warm air, interpolation, the shift's own
 error [px]. The flanks of sharp speckles turn a twentieth of a pixel into more than the noise."""
 DEPARTS = 2.0
-"""The first row that varies so many times what the flyer's rows do is at its edge."""
+"""The first row that varies this many times what the flyer's rows do is at its edge."""
 EDGE_SHARE = 0.3
 """Share of what the rows beyond it vary by at which the edge is put: on the flyer's side, as the specimen's
 rows next to it move nearly as one with it."""
 WIDTH = 3
 """Rows beyond it within which the pictures differ as the specimen's speckles do at the edge."""
 CLEAR = 3.0
-"""Rows just beyond the flyer's edge vary by so many times what its own rows vary by."""
+"""Rows just beyond the flyer's edge vary by this many times what its own rows vary by."""
 SPANS = 16
 """Travels that are tried, from the longest to the least."""
 MOST_ROWS = 40
@@ -327,7 +327,7 @@ NARROWEST = 8
 RIM_CLEARANCE = 4
 """Rows between the edge that is known roughly and those that are surely the platen's [px]."""
 FEWEST = 3
-"""Rows of the platen that tell its grey level."""
+"""Rows of the platen that give its grey level."""
 SHARE = 0.5
 """Share of what the specimen's rows depart from the platen's grey level by at which the edge is put."""
 SPREAD = 0.4

@@ -229,7 +229,7 @@ def follow_bodies(
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
-    ``progress``: told of the frames done; of those of camera 1 when all are.
+    ``progress``: notified of the frames done; of those of camera 1 when all are.
     """
     report = progress or (lambda stage, done, total: None)
 

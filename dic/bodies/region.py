@@ -135,7 +135,7 @@ class FoundRegions:
     edge: tuple[float, float]
     """End of the specimen at the transmission platen at rest (x, y) [px]."""
     why: str = ""
-    """How the flyer was told from the specimen, in words."""
+    """How the flyer was distinguished from the specimen, in words."""
 
 
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
@@ -209,7 +209,7 @@ def _stack(
 
 
 def _even(picture: FloatArray) -> FloatArray:
-    """A picture without the uneven light, in so many of its columns as tell enough."""
+    """A picture without the uneven light, in this many of its columns as tell enough."""
     flat = picture - gaussian_filter1d(picture, EVEN, axis=1)
     return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
 
@@ -217,7 +217,7 @@ def _even(picture: FloatArray) -> FloatArray:
 def _noise(pictures: Pictures, rest_frames: Sequence[int], toward: str, inner: slice) -> float:
     """Standard deviation of the pictures at rest."""
     if len(rest_frames) < 2:
-        raise ValueError("a single static picture tells no noise")
+        raise ValueError("the noise cannot be estimated from a single static picture")
     still = _stack(pictures, rest_frames[-MOST_STATIC_FRAMES:], toward, inner)[0]
     return float(np.sqrt(still.var(axis=0, ddof=1).mean()))
 

@@ -33,12 +33,12 @@ WITHIN, BEYOND = 16, 10
 """Rows about the region's end in which the specimen's side is looked for, toward the flyer and beyond
 [px]."""
 CLEAR = 4.0
-"""The specimen varies by so many times what the flyer does."""
+"""The specimen varies by this many times what the flyer does."""
 REACH = 1.0
 """Largest distance of the rim from where the first row that varies and the band put it, and half of what the
 band changes on top of it [px]."""
 VARIES = 5.0, 0.12
-"""The first row that varies does so many times as the flyer's rows, and by so much of the specimen's
+"""The first row that varies does this many times as the flyer's rows, and by so much of the specimen's
 variation."""
 LARGEST_SHARE = 0.0025
 """Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on

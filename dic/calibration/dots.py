@@ -22,7 +22,7 @@ CENTROID_PIXELS_AT_ONCE = 60_000
 """Pixels looked at in one go: many, so that pictures in other threads get on meanwhile, but so few that
 memory is not asked of the system for each array anew."""
 RING_PIXELS = 1000
-"""Pixels around a dot that are enough for a plane; of more, every so many are taken."""
+"""Pixels around a dot that are enough for a plane; of more, every this many are taken."""
 
 
 def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArray:
@@ -31,7 +31,7 @@ def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArr
     ``image``: grey values, dots dark, shape [rows, columns]. ``ellipses``: outlines: centre x, y, diameters
     along both axes [px] and angle of the first [degrees], shape [n, 5]. ``noise``: standard deviation of the
     grey values. Returns: x, y and their standard deviation [px], mass [px²] and darkness [-] of each dot,
-    shape [n, 5]; NaN where the surroundings of a dot cannot be told from it.
+    shape [n, 5]; NaN where the surroundings of a dot cannot be distinguished from it.
     """
     result = np.full((len(ellipses), 5), np.nan)
     reach = np.ceil(0.5 * ellipses[:, 2:4].max(axis=1, initial=0.0) * RING + 2.0 * MARGIN).astype(int) + 2

@@ -65,7 +65,7 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     ----------
     path
         A VIC-3D project, a DICe camera system (XML or text), a MatchID .caldat, an OpenCV storage file or
-        OpenCorr's camera parameters; told apart by what they hold.
+        OpenCorr's camera parameters; distinguished by what they hold.
     length_unit
         The file's unit of length [m], that of the calibration target. Files that name theirs are believed.
 

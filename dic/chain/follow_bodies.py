@@ -70,7 +70,7 @@ MOST_FRAMES = 400
 """Frames whose poses are solved for together; of more, evenly chosen ones."""
 MOST_POINTS = 2000
 """Points from which they are solved for; of more, evenly chosen ones. The memory grows with frames times
-points, and beyond so many subsets overlap and tell little more."""
+points, and beyond this many subsets overlap and tell little more."""
 WIDE = 0.25
 """Share of the points of the best frame that a frame must see.
 
@@ -132,7 +132,7 @@ def flyer_poses(
 
 
 def subsample(body: TrackedBody, most: int) -> TrackedBody:
-    """A body with at most so many of its points, evenly chosen; itself if it has no more."""
+    """A body with at most this many of its points, evenly chosen; itself if it has no more."""
     n = len(body.points)
     if n <= most:
         return body

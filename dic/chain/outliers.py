@@ -29,7 +29,7 @@ from dic.tracking import Track
 MARGIN = 0.5
 """Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
 SMALL = 1e-5
-"""Distance of the places that tell a picture's scale [m]."""
+"""Distance of the places that give a picture's scale [m]."""
 AT_ONCE = 50_000
 """Points of all frames that are looked at in one go: of few points many frames, as a call takes its time."""
 SLACK = 0.8
@@ -48,7 +48,7 @@ def past_the_ends(
 ) -> BoolArray:
     """Valid points whose subset reaches past an end, so that a camera sees part of it no longer.
 
-    The part of a subset that its mask holds reaches so many pixels from the point toward either end in the
+    The part of a subset that its mask holds reaches this many pixels from the point toward either end in the
     material picture. Deformed with the point's own warp it must fit, in each camera's picture, between the
     point and that end, or the platen's rim where it hides the end.
     """
@@ -150,7 +150,7 @@ def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
 
 
 REACH = 2
-"""Neighbours are points up to so many cells away."""
+"""Neighbours are points up to this many cells away."""
 SIGMAS = 5.0
 """Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
 BENDING = 0.035
@@ -274,7 +274,7 @@ TOUCHED = 1.5
 BETTER = 25.0
 """Percentile of the frame's residuals that stands for them [%]."""
 TOUCH_REACH = 2
-"""Points of a patch lie within so many cells of each other."""
+"""Points of a patch lie within this many cells of each other."""
 
 
 def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:

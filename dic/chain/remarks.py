@@ -191,7 +191,7 @@ STEADY = 0.2
 AROUND = 3
 """Steps on either side that a step is compared with."""
 MOST_AHEAD = 1.05
-"""The specimen's fastest points move at most so many times as far as the flyer that pushes them."""
+"""The specimen's fastest points move at most this many times as far as the flyer that pushes them."""
 FASTEST = 95.0
 """Percentile of the points' displacements that stands for the fastest."""
 FEWEST_POINTS = 10

@@ -162,7 +162,7 @@ MOST_AVERAGED = 50
 """Static pictures that are averaged to find the specimen's edge."""
 
 FEWEST_POINTS = 10
-"""Points of the flyer that tell its radius."""
+"""Points of the flyer that give its radius."""
 
 
 @dataclass(frozen=True)

@@ -209,7 +209,7 @@ def _open_format(path: Path | str | Sequence[Path | str], pattern: str | None) -
     if path.suffix.lower() in numbered.SUFFIXES:
         return numbered.read_files([path])
     names = ", ".join(picture_format.name for picture_format in FORMATS)
-    raise PictureError(path, f"is none of {names}, PNG, JPEG, BMP", cure="export it as TIFF")
+    raise PictureError(path, f"is not one of {names}, PNG, JPEG, BMP", cure="export it as TIFF")
 
 
 __all__ = [

@@ -47,7 +47,7 @@ class FrameHealth:
     flash: FloatArray
     """Share of pixels brighter than the brightest spots of the frames around, flicker taken off, or
     saturated beyond what is usual there; NaN where more than `flash_share` is saturated as a rule, so that a
-    flash cannot be told from it. Shape [n_frames]."""
+    flash cannot be distinguished from it. Shape [n_frames]."""
     flashed: NDArray[np.bool_]
     """Frames with a specular flash; their points elsewhere stand. Shape [n_frames]."""
     ceiling: int

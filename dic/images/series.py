@@ -125,7 +125,7 @@ def checked_count(path: Path, frames: int) -> int:
 
 
 def checked_bits(path: Path, bits: int, container: int) -> int:
-    """The bits that carry the grey value, if they fit into a `container` of so many bits.
+    """The bits that carry the grey value, if they fit into a `container` of this many bits.
 
     Raises PictureError if they do not.
     """
@@ -152,7 +152,7 @@ def checked_index(n_frames: int, index: int) -> int:
 def checked_frame(
     path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int], bits: int
 ) -> Grey:
-    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of so many bits.
+    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of this many bits.
 
     Raises PictureError if it does not.
     """
@@ -307,7 +307,7 @@ class DecodedPictures:
 
 
 def packed_size(values: int, bits: int) -> int:
-    """Bytes that so many grey values take, the last byte filled up with zeros."""
+    """Bytes that this many grey values take, the last byte filled up with zeros."""
     return (values * bits + 7) // 8
 
 

@@ -27,7 +27,7 @@ INDEPENDENT = 100
 DETERMINED = 8.0
 """Standard deviation up to which a component is determined [px]."""
 SURE, LEAST_FAINT = 3.5, 4.0
-"""An offset along the epipolar lines is at least so many standard deviations and pixels [-, px]."""
+"""An offset along the epipolar lines is at least this many standard deviations and pixels [-, px]."""
 CALIBRATED = 2.0
 """Standard deviation of such an offset that a good calibration leaves [px]."""
 REMAINING_SHARE = 0.5
@@ -289,11 +289,11 @@ def _cauchy(values: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
 
 
 LEAST_PAIRS = 20
-"""Point pairs without which nothing is said."""
+"""Point pairs without which nothing is reported."""
 
 
 LEAST_FAINT_COUNTS = 3, 60
-"""Frames and points without which nothing is said of an offset along the epipolar lines."""
+"""Frames and points without which nothing is reported of an offset along the epipolar lines."""
 
 
 class Fault(IntEnum):

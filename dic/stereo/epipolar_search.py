@@ -234,7 +234,7 @@ def _unit(v: FloatArray) -> FloatArray:
 MARGIN = 0.5
 """Distances found are widened on both sides by this share of their span in the search of second peaks ..."""
 LEAST_SUBSETS_ALONG = 2.0
-"""... and by at least so many subsets along the curve."""
+"""... and by at least this many subsets along the curve."""
 
 
 @dataclass(frozen=True)

@@ -318,9 +318,9 @@ def _steps(rig: StereoRig) -> FloatArray:
 MOST_POINTS = 200
 """Points that are compared with one another, even over the grid."""
 FEWEST_POINTS, FEWEST_FRAMES = 6, 12
-"""With fewer nothing is said."""
+"""With fewer nothing is reported."""
 NEAR = 2.0
-"""Pairs up to so many subsets apart tell the memory [-]."""
+"""Pairs up to this many subsets apart tell the memory [-]."""
 LAGS = 0.4
 """Longest lag over the number of frames [-]."""
 STEPS = 25

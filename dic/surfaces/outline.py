@@ -125,7 +125,7 @@ LATERAL = 1.5, 3.5
 """Distances from the centre plane between which points lie beside the strip, in its half widths [-]: clear of
 it, and where the radius is still seen nearly along itself."""
 FEWEST_POINTS = 2
-"""Points of a row on one side that tell its radius there."""
+"""Points of a row on one side that give its radius there."""
 FEWEST_ROWS = 3
 """Rows on each side that tell the radius between them."""
 

@@ -171,7 +171,7 @@ class StrainGauge:
 
     @property
     def size(self) -> float:
-        """Its side [px]: (window - 1) step + subset."""
+        """Side of the gauge [px]: (window - 1) step + subset."""
         return (self.window - 1) * self.step + self.subset
 
 

@@ -64,7 +64,7 @@ class SurfaceHistory(ResultViews):
         unknown = ~np.isin(self.outcome, [int(member) for member in PointOutcome])
         if np.any(unknown):
             names = ", ".join(f"{member.value} {member.name}" for member in PointOutcome)
-            raise ValueError(f"outcome {self.outcome[unknown][0]} is none of {names}")
+            raise ValueError(f"outcome {self.outcome[unknown][0]} is not one of {names}")
         bad = self.valid & ~np.all(np.isfinite(self.u) & np.isfinite(self.sigma) & (self.sigma > 0.0), axis=2)
         if np.any(bad):
             frame, point = np.argwhere(bad)[0]

@@ -25,7 +25,7 @@ PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
 class Predictor:
     """Extrapolates the warps of the last three frames in which each point was found.
 
-    The order of the extrapolation is that which would have foretold the last frame best, by the median over
+    The order of the extrapolation is that which would have predicted the last frame best, by the median over
     the points, for displacements and their derivatives each: a series that starts from rest, moves steadily
     or is shaken chooses its own. A point with too short a past takes the highest order it has.
     """

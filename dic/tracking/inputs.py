@@ -97,7 +97,7 @@ CONTRAST = 0.1
 ROUGHNESS = 0.8
 """Noise alone has neighbouring pixels that differ as much as any two: this share of it is noise."""
 THINNED = 4
-"""Every so many rows and columns are enough to see whether neighbours differ."""
+"""Every this many rows and columns are enough to see whether neighbours differ."""
 CLIPPED = 0.5
 """Share of the pixels at the largest grey value from which a picture is saturated."""
 

@@ -7,16 +7,16 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver,
 ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
-budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
-changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
+budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` answers of
+known shots, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
 ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` what an answer costs,
 ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
-NAME.json of benchmarks/results or populations/results, ``<!-- named inputs -->`` inputs that were once
-answered wrongly (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
+NAME.json of benchmarks/results or populations/results, ``<!-- named inputs -->`` inputs with a test of
+their own (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import importlib
@@ -250,17 +250,6 @@ def answers(name: str) -> str:
     return _not_yet(name) if made is None else table({one["name"]: one for one in made["answers"]})
 
 
-def changes(name: str) -> str:
-    """What a change of the program has done to them."""
-    from populations.answers import changes
-
-    made = _results(name)
-    if made is None or "before" not in made:
-        return _not_yet(name)
-    now, before = ({one["name"]: one for one in made[key]} for key in ("answers", "before"))
-    return changes(now, before)
-
-
 def pooled(name: str) -> str:
     """Shots of one known stiffness factor and their mean, as `populations.pooled_shots` prints them."""
     from populations.pooled_shots import table
@@ -371,7 +360,7 @@ def fuzzed(name: str) -> str:
 
 
 def named(what: str) -> str:
-    """Inputs that were once answered wrongly, each with what tries it."""
+    """Inputs with a test of their own, each with its tests."""
     from tests.fuzz.named import table
 
     if what != "inputs":
@@ -389,7 +378,6 @@ TABLES = {
     "campaigns": campaigns,
     "fuzzed": fuzzed,
     "answers": answers,
-    "changes": changes,
     "pooled": pooled,
     "coverage": coverage,
     "meshed": meshed,

@@ -277,7 +277,7 @@ class ProcessSurrogate:
     """Predicts the response vector and its standard deviation, entry by entry.
 
     The standard deviation is that of the interpolation between the runs under the hyperparameters that
-    the runs make most likely; what truncation lost is not in it.
+    the runs make most likely; the error of truncation is not included.
     """
 
     box: Box

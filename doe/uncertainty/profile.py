@@ -290,7 +290,7 @@ def _ends(profile: Profile, centre: float) -> list[int]:
 
 
 INFLATION = 3.0
-"""Length of an interval over its length with the other parameters known, from which on it is said that
+"""Length of an interval over its length with the other parameters known, above which it is reported that
 it rests on them: a correlation above 0.94 for a quadratic."""
 
 

@@ -199,7 +199,7 @@ class LaneFunctions:
 
 @cache
 def lane_functions(cluster: int = 1) -> LaneFunctions:
-    """Generate the lane functions; on a GPU for a `cluster` of so many blocks.
+    """Generate the lane functions; on a GPU for a `cluster` of this many blocks.
 
     On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
     there, in one order whatever the lanes are, so that forces keep their bits.
@@ -471,7 +471,7 @@ _TAKE = f"""
 
 @cache
 def lanes_of_chips(blocks: int) -> LaneFunctions:
-    """The lane functions of so many blocks that have a simulation in their shared memories."""
+    """The lane functions of this many blocks that have a simulation in their shared memories."""
     parts_of: Any = wp.array(dtype=wp.float64)
 
     def native(snippet: str, **names: str) -> str:

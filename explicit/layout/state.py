@@ -213,7 +213,7 @@ def spread_corners(element: IntArray, corner: IntArray, precision: Precision) ->
 
 
 def fits_on_chips(n_elements: int, first_boundary: int, n_boundary: int, blocks: int) -> bool:
-    """True if the state of a simulation fits into the shared memories of so many blocks."""
+    """True if the state of a simulation fits into the shared memories of this many blocks."""
     return max(n_elements, first_boundary) <= (blocks - 1) * BLOCK and n_boundary <= BOUNDARY
 
 
@@ -246,7 +246,7 @@ def _first_field(dtype: Any, room: int) -> Any:
 
 @cache
 def layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> StateLayout:
-    """Generate the layout of the state for so many blocks."""
+    """Generate the layout of the state for this many blocks."""
     n_control, n_partials = int(CONTROL_SIZE), int(Total.COUNT * WARPS)
     field = _first_field(precision.real, 4 * BLOCK + 2 * (4 * BLOCK + 1))
     sums = row_function(wp.float64, 3 * BOUNDARY + n_control + n_partials, True)

@@ -264,7 +264,7 @@ class Total(IntEnum):
     STIFFEST = 14
     """Largest omega^2 of the law, of even and of odd steps [1/s^2]."""
     STIFFER = 16
-    """Largest omega^2 of what relaxes, of even and of odd steps [1/s^2]."""
+    """Largest omega^2 of the relaxation, of even and of odd steps [1/s^2]."""
     VISCOUS = 18
     """Work done on the branches that relax [J]."""
     COUNT = 19

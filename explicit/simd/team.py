@@ -218,7 +218,7 @@ TOTALS = int(Total.COUNT)
 
 
 class Seats:
-    """Seats at a simulation of so many elements on a device."""
+    """Seats at a simulation of this many elements on a device."""
 
     def __init__(self, n_elements: int, seats: int, where: Any) -> None:
         self.seats, self.room = seats, n_elements + 2 * SPARE
@@ -284,7 +284,7 @@ class SharedRun:
         self._begun: Future[tuple[Callable[[Any], None], Seats] | None] = Future()
 
     def offer(self, threads: int) -> Sequence[Callable[[], None]]:
-        """Let so many threads share it: what those do that join, before or after it begins."""
+        """Let this many threads share it: what those do that join, before or after it begins."""
         self._seats = max(1, min(threads, self._n_elements // ELEMENTS_EACH, MOST_SEATS))
         return [lambda seat=seat: self._join(seat) for seat in range(1, self._seats)]  # type: ignore[misc]
 

@@ -280,7 +280,7 @@ def with_one(path: Path, text: str, dotted: str, value: str) -> str:
             return fill_in(text, {dotted: value})
         return with_values(text, table, {key: value})
     except (CannotEdit, KeyError, tomllib.TOMLDecodeError) as error:
-        cure = "edit the text beside the form"
+        cure = "edit the text next to the form"
         raise InputError(path.name, f"{dotted} cannot be edited here: {error}", cure=cure) from None
 
 

@@ -209,7 +209,7 @@ def serve(folder: Path, *, port: int | None = None, browser: bool = True, first:
     pages(folder)
     url = door.url(first)
     print(
-        f"kolsky open: {folder.resolve()}\n{url}\nCtrl+C ends it. Runs that were started go on.",
+        f"kolsky open: {folder.resolve()}\n{url}\nCtrl+C ends it. Runs that were started continue.",
         flush=True,
     )
     if browser:

@@ -55,7 +55,7 @@ TITLES = {
     "law": "Law",
     "model": "Model",
     "window": "Window that is compared",
-    "uncertainty": "Uncertainty of what is declared",
+    "uncertainty": "Uncertainty of the declared inputs",
 }
 PLOTTED = {"force": signals.force_signal, "frames": signals.motion_signal, "curve": signals.curve_signal}
 """Tables with a plot, and what it shows."""

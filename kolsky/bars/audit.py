@@ -24,7 +24,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "reflected alignment": (False, "reflected wave moved to its observed arrival"),
         "transmitted alignment": (False, "transmitted wave moved to its observed arrival"),
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
-        "mass": (True, "inertia of what lies between sensor and specimen"),
+        "mass": (True, "inertia of the parts between sensor and specimen"),
         "radial inertia": (False, "pressure of the specimen's own radial acceleration"),
         "axial inertia": (False, "momentum of the specimen itself"),
     }

@@ -157,7 +157,7 @@ class Statement:
     """A header of a table, or a key with its value, as a file writes it."""
 
     table: str
-    """Dotted name of the table that it begins or stands in; empty above the first."""
+    """Dotted name of the table that it begins or belongs to; empty before the first."""
     key: str
     """Dotted key in that table; empty for a header."""
     line: int
@@ -171,7 +171,7 @@ class Statement:
 
 
 def statements(text: str) -> Iterator[Statement]:
-    """The statements of a text in their order; what stands inside a value is none."""
+    """The statements of a text in their order; the inside of a value has none."""
     start, line, table = 0, 1, ""
     while start < len(text):
         row = text[start : _next_line(text, start)].rstrip("\r\n")
@@ -393,7 +393,7 @@ def _with_value(text: str, table: str, key: str, value: str, newline: str) -> st
     text = _without_table(text, f"{table}.{key}")
     inside = [s for s in statements(text) if s.table == table]
     if not any(s.key == "" for s in inside):
-        raise CannotEdit(f"the table [{table}] has no header of its own")
+        raise CannotEdit(f"the table [{table}] has no header")
     own = [s for s in inside if s.key.split(".")[0] == key]
     if len(own) == 1 and own[0].key == key:
         return f"{text[: own[0].value]} {value}{text[own[0].end :]}"

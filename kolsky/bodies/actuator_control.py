@@ -4,9 +4,9 @@ The controller converts the measured bend to a pressure by the inverse of the re
 
     s <- s + K (Theta_d - Theta_m),   p = Theta_model^-1(Theta_d + s)                           (A.3)
 
-at every tick, with the wanted angle, the measured one and the gain K. The sum s is what the model is wrong
-by and does not grow while the pressure stands at a bound. With a plant whose slope is gamma times the model's
-and a measurement that is d ticks late the loop is stable for
+at every tick, with the wanted angle, the measured one and the gain K. The sum s estimates the model's error
+and does not grow while the pressure is at a bound. With a plant whose slope is gamma times the model's and a
+measurement delayed by d ticks, the loop is stable for
 
     K gamma < 2 sin(pi / (2 (2 d + 1)))                                                        (A.4)
 
@@ -368,7 +368,7 @@ def run_loop(
 
 
 FORMAT = Format("kolsky actuator basis")
-CURE = "delete it: it is made anew from the SPEC"
+CURE = "delete it: it is made again from the SPEC"
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def changed_vector(
     *,
     known: FloatArray | None = None,
 ) -> FloatArray:
-    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known.
+    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where a radius is unknown.
 
     ``known``: the `radii` of the same run under a change of the same `sight`, if they are known.
     """
@@ -186,7 +186,7 @@ def leaves_length(runner: Runner, change: Change) -> bool:
 
 
 WITHOUT_TRACE = (
-    "The scale of the quasi-static curve leaves no residual: m times the curve is all that is seen. A curve "
+    "The scale of the quasi-static curve leaves no residual: the data show only m times the curve. A curve "
     "5 % too low gives an m 5 % too high, and nothing here can tell.",
 )
 """What no table of causes can show."""

@@ -37,7 +37,7 @@ LEVEL = 0.01
 EVIDENCE = 100.0
 """Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
-"""Inputs whose losses differ by less cannot be told apart: likelihoods within a factor of exp(5)."""
+"""Inputs whose losses differ by less cannot be distinguished: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
 """Where keys of assumptions begin: values that are taken from elsewhere, not from the specimen."""
 LEAST_SHARE = 0.25
@@ -47,7 +47,7 @@ FREED_TOGETHER = (POISSON, DAMPING)
 
 
 def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
-    """The findings in order, with probabilities for all tests together and what cannot be told apart.
+    """The findings in order, with probabilities for all tests together and what cannot be distinguished.
 
     An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
     is listed with what it explains alone.
@@ -90,7 +90,7 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
 
     A closed test: that both values are right has been refuted with the evidence and the share of the first,
     which are those of the pair at least; that this one is right is refuted by its own probability, the first
-    one free, where the likelihoods can be told apart at all.
+    one free, where the likelihoods can be distinguished at all.
     """
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
@@ -98,7 +98,7 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
 
 
 def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
-    """Places of inputs, the most evidence first; of those that cannot be told apart assumptions first.
+    """Places of inputs, the most evidence first; of those that cannot be distinguished assumptions first.
 
     What `ASSUMED` has in its key nobody has measured on the specimen; a length that is off by as much as the
     data would have it is a measurement gone wrong. Evidences that differ by less than `ALIKE` do not tell one
@@ -148,7 +148,7 @@ def _unusual(search: CauseSearch, t: Trial) -> float:
 
 
 MISTAKE = 2.0
-"""A usual mistake, a factor of two or another definition, is as strange as so many standard uncertainties:
+"""A usual mistake, a factor of two or another definition, is as strange as this many standard uncertainties:
 one input in twenty."""
 NEAR = 0.05
 """Share of a mistake's size within which a value is that mistake: other inputs are off by as much."""
@@ -560,7 +560,7 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
         other = f" (equally explained by {' or '.join(finding.alike)})" if finding.alike else ""
         also, whole = ("", "the misfit")
         if finding.beside:
-            also, whole = f"beside {finding.beside}, ", "what is left of it"
+            also, whole = f"beside {finding.beside}, ", "its remaining misfit"
         if explained:
             yield (
                 f"the model explains the data, and {sentence(finding)} would fit them better by more than "

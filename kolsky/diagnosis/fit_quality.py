@@ -71,9 +71,9 @@ SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 ALONE = 0.1
 """A channel with less than this share of the information on a parameter has no say in its value."""
 CHECKS = 2.0
-"""But by itself it checks the value if its standard uncertainty is at most so many times the answer's."""
+"""But by itself it checks the value if its standard uncertainty is at most this many times the answer's."""
 CONTRADICTION = 4.0
-"""Force and outline contradict each other beyond so many standard uncertainties of their difference."""
+"""Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
 """Misfit of a channel from which on causes far away are tried; 1 is the residual of a correct model, and
 below this a tangent reaches whatever is wrong."""
@@ -298,7 +298,7 @@ UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}
 
 
 def with_verdicts(result: Identification) -> Identification:
-    """The result with verdicts that its goodness of fit allows."""
+    """The result, with its verdicts changed where the fit is not good enough."""
     estimates = {name: replace(e, outcome=verdict(result, e)) for name, e in result.estimates.items()}
     return replace(result, estimates=estimates)
 

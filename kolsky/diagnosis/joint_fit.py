@@ -76,7 +76,7 @@ LEAST_GAIN = 16.0
 """Fall of -2 ln L by one input of one shot from which on it is named [-]: four standard deviations, for the
 likeliest of four inputs of a dozen shots."""
 LEAST_SHARE = 0.5
-"""Share of a channel's squared residual below which an input is said to be one of several causes [-]."""
+"""Share of a channel's squared residual below which an input is named as one of several causes [-]."""
 
 
 def residual_changes(

@@ -167,7 +167,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
     known = 0 if prior is None else len(prior.rows())
 
     def run(points: FloatArray) -> FloatArray:
-        runner.work.progress("what relaxes", 0, len(points))
+        runner.work.progress("relaxation", 0, len(points))
         columns = dict(zip(box.names, points.T, strict=True))
         response = relaxing.run({**runner.problem.settings.held, **columns}, numerics)
         found = np.full((len(points), k + known), np.nan)
@@ -178,7 +178,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
             found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
             if prior is not None:
                 found[rows, k:] = prior.residuals(points[rows, :d])
-        runner.work.progress("what relaxes", len(points), len(points))
+        runner.work.progress("relaxation", len(points), len(points))
         return found
 
     def weighting(residual: FloatArray) -> Whitening:
@@ -273,7 +273,7 @@ def shot_branch_test(
     ``runner``: a run a time is added on the surrogate's mesh. ``x``: the
     optimum, shape [d]. ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there,
     shape [k, d]. ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the
-    shot declares what relaxes, or a run does not complete.
+    shot declares the relaxation, or a run does not complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -289,9 +289,9 @@ def shot_branch_test(
     columns["prony_time_1"] = np.append(times[0], times)
     if VALLEY in runner.problem.box.names:
         columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns["prony_strength_1"])
-    runner.work.progress("what relaxes", 0, TESTED_TIMES + 1)
+    runner.work.progress("relaxation", 0, TESTED_TIMES + 1)
     response = relaxing.run(columns, numerics)
-    runner.work.progress("what relaxes", TESTED_TIMES + 1, TESTED_TIMES + 1)
+    runner.work.progress("relaxation", TESTED_TIMES + 1, TESTED_TIMES + 1)
     if not response.completed.all():
         return None
     vectors = objective.vectors(predict(response, objective.observations))
@@ -324,7 +324,7 @@ TRY = (
 def rate_advice(
     test: BranchTest | None, fit: BranchFit | None = None, *, least: float = 0.0
 ) -> tuple[str, ...]:
-    """Say that a branch would explain what an elastic material leaves; nothing where chance does.
+    """Say that a branch would explain the misfit of an elastic material; nothing where chance does.
 
     ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, where that is not
     significant. ``least``: share of the misfit that a likely input explains, which that branch must exceed.
@@ -332,13 +332,13 @@ def rate_advice(
     if test is not None and test.significant:
         chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
         return (
-            f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of what this "
-            f"elastic material leaves ({chance}): {TRY}",
+            f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of the "
+            f"misfit of this elastic material ({chance}): {TRY}",
         )
     if fit is not None and fit.asked_for and fit.share > least:
         return (
             f"with a branch of the strength {fit.strength:.2g} that relaxes in about {1e6 * fit.time:.2g} us "
-            f"the model explains {100.0 * fit.share:.0f} % of what this elastic material leaves (AIC "
+            f"the model explains {100.0 * fit.share:.0f} % of the misfit of this elastic material (AIC "
             f"{fit.aic:+.0f}): {TRY}",
         )
     return ()
@@ -370,7 +370,7 @@ Poisson's ratio is held, and the bulk modulus grows by as much."""
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
     """The elastic optimum as one with a strength of nothing; None if bounds of the strengths leave that out.
 
-    ``problem``: with what relaxes. ``elastic``, ``without``: the same without, and its optimum.
+    ``problem``: with the relaxation. ``elastic``, ``without``: the same without, and its optimum.
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
@@ -388,9 +388,9 @@ def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without
 def weak_branch(
     problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_STRENGTHS
 ) -> FloatArray:
-    """A point without what relaxes, with a weak branch beside it: where that is no worse than nothing.
+    """A point without the relaxation, with a weak branch beside it: where that is no worse than nothing.
 
-    ``problem``: with what relaxes. ``elastic``: the same without. ``at``: a point of it, shape [d].
+    ``problem``: with the relaxation. ``elastic``: the same without. ``at``: a point of it, shape [d].
     ``strength``: of the branch [-].
     """
     names, box = list(problem.unknowns.names), problem.unknowns.box
@@ -411,7 +411,7 @@ not reached its optimum: searches end within a part of a standard uncertainty, w
 def choose_model(
     problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum
 ) -> ModelChoice:
-    """Hold the optimum with what relaxes against the one without it, both on the refined mesh.
+    """Hold the optimum with the relaxation against the one without it, both on the refined mesh.
 
     ``problem``, ``found``: with what relaxes, and its optimum. ``elastic``, ``without``: the same shots, slow
     tests and free parameters without, and its optimum. Raises ValueError if no weak branch has an effect of

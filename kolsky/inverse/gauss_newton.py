@@ -37,7 +37,7 @@ from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 START_ORDER = 2.0
-"""Order of the mesh error with which the first point is foretold: a start needs no better one."""
+"""Order of the mesh error with which the first point is predicted: a start needs no better one."""
 LONGEST = 2.5
 """Most by which a step is lengthened."""
 
@@ -136,7 +136,7 @@ class RefinedRun:
     step: Step
     """To where the optimum should be instead."""
     missed: FloatArray
-    """The run minus what the slopes had foretold, shape [k]."""
+    """The run minus what the slopes had predicted, shape [k]."""
     factor: float = 1.0
     """By how much the steps that led there were lengthened [-]."""
 

@@ -45,7 +45,7 @@ class JointSettings:
     gain_each: float = 0.0
     """Standard uncertainty of each shot's own force scale, beside a calibration that shots share [-]."""
     choose: bool = True
-    """Whether what relaxes is held against the same shots without it."""
+    """Whether the relaxation is held against the same shots without it."""
     seed: int = 1
     """Seed of every random draw."""
 
@@ -322,7 +322,7 @@ RANGE = "range of the search"
 
 
 def is_strength(name: str) -> bool:
-    """Whether a parameter says how strong what relaxes is."""
+    """Whether a parameter says how strong the relaxation is."""
     return name.startswith(STRENGTHS)
 
 
@@ -357,7 +357,7 @@ def interval(e: Estimate, half: float) -> tuple[float, float]:
 def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
     """What it would take to see constants that were not seen, a sentence a branch.
 
-    Of a branch whose strength is none of the reasons (its time ends at a bound) nothing is said here.
+    Of a branch whose strength is none of the reasons (its time ends at a bound) nothing is reported here.
     """
     said = []
     for name, e in estimates.items():

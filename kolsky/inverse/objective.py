@@ -123,7 +123,7 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 ROUNDS = 6
-"""Rounds in which the discrepancies and the front face's share of the residual are told apart; each leaves
+"""Rounds in which the discrepancies and the front face's share of the residual are distinguished; each leaves
 about a tenth of the error."""
 
 

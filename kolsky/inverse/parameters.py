@@ -82,19 +82,19 @@ class Parameter:
     logarithmic: bool = False
     """Whether a search moves its logarithm: its range spans decades."""
     relaxes: bool = False
-    """Whether it is a constant of what relaxes, which only a shot with such a [relaxation] has."""
+    """Whether it is a constant of the relaxation, which only a shot with such a [relaxation] has."""
 
     def entered(self, fields: Fields, value: Any) -> Fields:
         """The solver's samples with a value of the parameter."""
         return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
 
     def belongs_to(self, shot: Shot) -> bool:
-        """True if a simulation of the shot has it: all have but for the constants of what relaxes."""
+        """True if a simulation of the shot has it: all have but for the constants of the relaxation."""
         return not self.relaxes or (shot.relaxation is not None and self.name in shot.relaxation.values)
 
 
 def _declared_constant(name: str) -> Callable[[Shot], float]:
-    """The declared value of a constant of what relaxes; NaN for a shot that has no such constant."""
+    """The declared value of a constant of the relaxation; NaN for a shot that has no such constant."""
     return lambda shot: (
         float("nan") if shot.relaxation is None else shot.relaxation.values.get(name, float("nan"))
     )
@@ -185,7 +185,7 @@ RELAXING: tuple[Parameter, ...] = (
     _creep("creep_chain_exponent", "exponent of the creep that has been", "C", least=-1.0, most=0.0),
     _creep("creep_first", "stretch that keeps the first creep finite", "xi", least=1e-9, most=1.0),
 )
-"""Constants of what relaxes; a shot has those of its own [relaxation]."""
+"""Constants of the relaxation; a shot has those of its own [relaxation]."""
 
 
 MOVED = "stiffness_factor"
@@ -314,7 +314,7 @@ def any_slides(names: Iterable[str]) -> bool:
 
 
 def require_declared(names: Iterable[str], shot: Shot) -> None:
-    """Refuse constants of what relaxes that the shot does not have.
+    """Refuse constants of the relaxation that the shot does not have.
 
     Raises ValueError if one is named and the shot's [relaxation] has no such constant.
     """
@@ -390,7 +390,7 @@ START_STRESS = 0.5
 
 
 def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
-    """Take the constants of what relaxes out of the samples' fields, and put a choice among materials in.
+    """Take the constants of the relaxation out of the samples' fields, and put a choice among materials in.
 
     ``fields``: fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of
     `relaxation`. ``relaxation``: of the shot; None leaves the fields as they are. Returns: with the field
@@ -419,7 +419,7 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with what relaxes free, whatever it declares: starting values from its window and curve.
+    """The shot with the relaxation free, whatever it declares: starting values from its window and curve.
 
     ``shot``: the shot. ``kind``: Prony series or network. ``branches``: of a series, 1 to
     `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if there can be no such number of branches.

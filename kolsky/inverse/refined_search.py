@@ -34,7 +34,7 @@ from kolsky.inverse.settings import Numerics
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
-"""Or by less than so many standard deviations of the response's roughness, which is in the interval."""
+"""Or by less than this many standard deviations of the response's roughness, which is in the interval."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ SMALLEST = 0.01
 MOST_MOVES = 4
 """Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
 REACH = 4.0
-"""A narrow box is moved further, where a Gauss-Newton step leads: by so many of its edges at most."""
+"""A narrow box is moved further, where a Gauss-Newton step leads: by this many of its edges at most."""
 
 
 @dataclass(frozen=True)

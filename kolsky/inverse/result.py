@@ -116,7 +116,7 @@ FLYER, CURVE = "flyer motion", "material curve"
 DECLARED = "declared inputs"
 """Everything that [uncertainty] of the shot file declares."""
 LATE = 3.0
-"""A clock is wrong beyond so many standard uncertainties of its lag."""
+"""A clock is wrong beyond this many standard uncertainties of its lag."""
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ class ClockLag:
 
 
 COVERAGE = 2.0
-"""An input within so many of its declared standard uncertainties is not wrong."""
+"""An input within this many of its declared standard uncertainties is not wrong."""
 
 
 @dataclass(frozen=True)
@@ -514,7 +514,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Contribution:
-    """The part of one source in standard uncertainties."""
+    """Contribution of one source to the standard uncertainties."""
 
     source: str
     """ "force and shape", "flyer motion", "material curve", "force scale", "motion scale", "mesh",

@@ -39,7 +39,7 @@ from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
-"""A parameter whose standard deviation times this is wider than its design is not told by the data."""
+"""A parameter whose standard deviation times this is wider than its design is not constrained by the data."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Search:
 def search_shot(problem: InverseProblem, work: Work) -> Search:
     """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
 
-    ``work``: is told of the stages. Raises ValueError if too few runs complete.
+    ``work``: is notified of the stages. Raises ValueError if too few runs complete.
     """
     while True:
         compile_for(problem, work)
@@ -195,7 +195,7 @@ def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, st
         if name == MOVED:
             continue
         if not LEAST_RESOLUTION * sigma[i] <= box.upper[i] - box.lower[i]:
-            found[name] = "held because the data do not tell it"
+            found[name] = "held because the data do not constrain it"
         elif edge[i]:
             found[name] = f"held because its optimum lies at the bound {x[i]:.5g} of its design"
     return found

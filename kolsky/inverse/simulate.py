@@ -159,7 +159,7 @@ def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatA
 SLOW_POINTS = 60
 """Strains of the table."""
 INERTIA = 0.01
-"""Kinetic over elastic energy, or difference of the faces over their force, from which on it is said."""
+"""Kinetic over elastic energy, or difference of the faces over their force, above which it is reported."""
 
 
 def slow_test_of(
@@ -216,7 +216,7 @@ def slow_test_warnings(found: SlowCompression) -> list[str]:
         )
     if test.past_data > PAST_CURVE:
         said.append(
-            f"{test.past_data:.0%} of the specimen's volume was strained past the quasi-static curve; from "
-            "there the law goes on without a test that supports it"
+            f"{test.past_data:.0%} of the specimen's volume was strained past the quasi-static curve; "
+            "the law is extrapolated there"
         )
     return said

@@ -269,7 +269,7 @@ def slow_predicted(
 ) -> FloatArray:
     """The same values for a material, shape [n].
 
-    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: what relaxes as it is
+    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the relaxation as it is
     declared; None if nothing does. ``values``: constants by parameter name; the declared ones where a name is
     missing, and factor 1. Raises ValueError if a network of Bergstrom and Boyce is to be held against an
     oscillation.

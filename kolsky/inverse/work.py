@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int], None]
 class Work:
     """Tells the progress of stages and keeps their seconds.
 
-    ``progress``: told of every stage; nobody is if it is left out.
+    ``progress``: notified of every stage; nobody is if it is left out.
     """
 
     def __init__(self, progress: Progress | None = None) -> None:

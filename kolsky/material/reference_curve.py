@@ -37,7 +37,7 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25
-"""Share of the specimen past the curve's end from which on it is said."""
+"""Share of the specimen past the curve's end above which it is reported."""
 FEWEST_POINTS = 8
 """Fewest points of a curve; a law needs 5 away from rest."""
 
@@ -146,7 +146,7 @@ def reference_curve(
         if friction.past_data > PAST_DATA:
             remarks += (
                 f"at the largest strain {100.0 * friction.past_data:.0f} % of the barrelled specimen was"
-                " strained past the curve's own end: there the correction rests on how laws go on, and their"
+                " strained past the end of the curve: there the correction extrapolates the laws, and their"
                 " spread is in the band",
             )
     return ReferenceCurve(

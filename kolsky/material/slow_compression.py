@@ -207,7 +207,7 @@ def slow_compression(
     Parameters
     ----------
     law
-        Any material law; what relaxes beside it has no part in a slow test.
+        Any material law; the relaxation in parallel has no part in a slow test.
     specimen
         Its undeformed size; the density has no part in it.
     strain

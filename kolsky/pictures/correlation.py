@@ -127,7 +127,7 @@ class Places:
     found: tuple[str, ...]
     """Keys of [dic] that were not declared and were found."""
     why: str = ""
-    """How the flyer was told from the specimen, if anything was found."""
+    """How the flyer was distinguished from the specimen, if anything was found."""
 
     @property
     def words(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from kolsky.schema.measured import FlyerSection
 from kolsky.schema.shot_file import ShotToml
 
 STRAY_SIGMAS = 20.0
-"""A displacement so many standard deviations away from what its neighbours say is stray, if it is also
+"""A displacement this many standard deviations away from what its neighbours say is stray, if it is also
 `STRAY_STEPS` away."""
 STRAY_STEPS = 3.0
 """The same in the largest step of the flyer from frame to frame: what sets it in motion bends its path by

@@ -117,7 +117,7 @@ def measure_file(
     """Correlate the pictures of a measurement.
 
     ``measurement``: as `read_measurement` gives it. ``device``: where pictures are correlated, "cpu" or a
-    CUDA device. ``progress``: told of the frames done, stage by stage. Raises InputError if region, mask,
+    CUDA device. ``progress``: notified of the frames done, stage by stage. Raises InputError if region, mask,
     calibration or settings do not fit the pictures, or nothing can be measured.
     """
     result = _measure(measurement, device=device, progress=progress)

@@ -178,7 +178,7 @@ def check_frames(pictures: PictureSet) -> None:
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
-    """Complaint about a crop on a sensor of so many columns and rows; None if it fits."""
+    """Complaint about a crop on a sensor of this many columns and rows; None if it fits."""
     if sensor is None:
         return None
     (x, y), (rows, columns) = pictures.crop_offset, pictures.shape

@@ -290,7 +290,7 @@ def png_of(pictures: Pictures, frame: int) -> bytes | str:
 LINES = 20
 """Lines of the grid across the longer side, about."""
 LEAST_SIDE = 1000
-"""The picture is enlarged by a whole factor until its longer side has so many pixels."""
+"""The picture is enlarged by a whole factor until its longer side has this many pixels."""
 
 
 def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:

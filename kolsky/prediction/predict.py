@@ -392,13 +392,13 @@ def doubts(found: Prediction) -> list[str]:
         if widest > platen:
             said.append(
                 f"the specimen grows to a diameter of {2e3 * widest:.1f} mm before the second impact, beyond "
-                f"the {2e3 * platen:.1f} mm of the narrowest part beside it; the model's platens are wider"
+                f"the {2e3 * platen:.1f} mm of the narrowest part next to it; the model's platens are wider"
             )
     height = test.shaper.height
     if height is not None and found.numbers.shaper_strain > 0.8 * height:
         said.append(
             f"the shaper is compressed by {found.numbers.shaper_strain / height:.0%} of its height; its law "
-            "goes on along a straight line past 80 %"
+            "is a straight line past 80 %"
         )
     return said
 

@@ -113,7 +113,7 @@ class Clock:
     """Times of the samples where the steps between them vary [s], shape [samples]; None if they do not."""
 
     def times(self, samples: int) -> FloatArray:
-        """Times of so many samples [s], shape [samples]."""
+        """Times of this many samples [s], shape [samples]."""
         return self.start + self.interval * np.arange(samples, dtype=np.float64)
 
 

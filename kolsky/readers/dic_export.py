@@ -170,12 +170,12 @@ def read(
     of length of coordinates and displacements; None for that of the headings, or mm where they have none.
     ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; found if None. Raises InputError if a
     file cannot be read or lacks a column, a heading has another unit than the declared one, names have no
-    frame numbers, a point is there twice, rows cannot be told apart, or coordinates are of neither kind.
+    frame numbers, a point is there twice, rows cannot be distinguished, or coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(
             paths[0],
-            f"is said to be of '{layout}'" + (f" in '{unit}'" if unit is not None else ""),
+            f"is declared to be of '{layout}'" + (f" in '{unit}'" if unit is not None else ""),
             allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
         )
     numbers = _frame_numbers(paths)

@@ -411,7 +411,7 @@ def _of_channel(
     units = [clock_unit(word) for word in words]
     for word, clock in zip(words, units, strict=True):
         if clock is None:
-            return f"{key} = {fields[0][:60]} has the unit '{word}', which is none of a clock"
+            return f"{key} = {fields[0][:60]} has the unit '{word}', which is not a unit of time"
         if clock != units[0]:
             return f"{key} = {fields[0][:60]} has two units, {' and '.join(words)}"
     return replace(chosen, unit=units[0] if units else None)

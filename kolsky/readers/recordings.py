@@ -241,14 +241,14 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
 def _check_layout(path: Path, layout: Layout) -> None:
     if layout.format is not None and layout.format not in FORMATS:
         raise InputError(
-            path, f"is said to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
+            path, f"is declared to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
         )
     if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
         raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
     if layout.start is not None and not np.isfinite(layout.start):
-        raise InputError(path, f"is said to start at {layout.start} s", allowed="finite")
+        raise InputError(path, f"is declared to start at {layout.start} s", allowed="finite")
     if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
-        raise InputError(path, f"is said to have the full scale {layout.full_scale}", allowed="> 0")
+        raise InputError(path, f"is declared to have the full scale {layout.full_scale}", allowed="> 0")
 
 
 def _find(contents: Contents, wanted: str) -> Channel:

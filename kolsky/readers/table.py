@@ -344,7 +344,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
     if delimiter == decimal:
         raise InputError(
             path,
-            f"is said to have {decimal!r} as delimiter and as decimal sign",
+            f"is declared to have {decimal!r} as delimiter and as decimal sign",
             cure='give the other one too, e.g. delimiter = ";"',
         )
     return Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)

@@ -57,7 +57,7 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError(
             path,
-            f"is said to be encoded as '{encoding}'",
+            f"is declared to be encoded as '{encoding}'",
             allowed=f"one of {', '.join(ENCODINGS)}",
             cure="leave encoding out: UTF-8, UTF-16 and cp1252 are found",
         )
@@ -505,7 +505,7 @@ def declared_delimiter(path: Path, value: str) -> str:
     if found is None:
         allowed = [d.name for d in DELIMITERS] + [c for c in _characters() if c.strip()]
         names = ", ".join(f'"{name}"' for name in allowed)
-        raise InputError(path, f"is said to have the delimiter {value!r}", allowed=f"one of {names}")
+        raise InputError(path, f"is declared to have the delimiter {value!r}", allowed=f"one of {names}")
     return found.character
 
 
@@ -515,7 +515,7 @@ def declared_decimal(path: Path, value: str) -> str:
     Raises InputError if it is none.
     """
     if value not in (".", ","):
-        raise InputError(path, f"is said to have the decimal {value!r}", allowed='one of ".", ","')
+        raise InputError(path, f"is declared to have the decimal {value!r}", allowed='one of ".", ","')
     return value
 
 

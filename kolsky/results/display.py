@@ -136,7 +136,7 @@ QUALITY = {
     "branch_probability": ("planted elastic data that a weak branch improves as much", 1.0, ""),
     "branch_strength": ("strength of the branch that was searched for", 1.0, ""),
     "branch_time": ("its relaxation time", 1e6, "µs"),
-    "branch_share": ("share of what is left that it explains", 1.0, ""),
+    "branch_share": ("share of the remaining misfit that it explains", 1.0, ""),
     "branch_aic": ("Akaike’s criterion with it, less that without", 1.0, ""),
     "valley_margin": ("next valley of Poisson’s ratio, −2 ln L above this one", 1.0, ""),
     "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),

@@ -44,7 +44,7 @@ class ForceSection(Section):
                 and (key == "unit" or self.time is not None)
             ):
                 raise f.problem(
-                    f"is said twice, in layout.{key} too",
+                    f"is given twice, in layout.{key} too",
                     key="voltage" if key == "unit" else "time",
                     cure=f"leave layout.{key} out",
                 )

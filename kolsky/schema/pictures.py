@@ -149,7 +149,7 @@ def _outline(value: object) -> object:
 
 
 class DicSection(Section):
-    """[dic]: what is correlated, and how. Regions that are not given are found in the pictures."""
+    """[dic]: regions and settings of the correlation. Regions not given are found in the pictures."""
 
     kind: Annotated[str, BeforeValidator(_flyer_test)] = "flyer test"
     specimen: Annotated[RegionSection | None, BeforeValidator(_outline)] = None

@@ -28,7 +28,7 @@ MOST_MODES = 1000
 SMALLEST_CURVE = 5
 """Points away from rest that a curve needs."""
 PAST_CURVE = 0.01
-"""Share of the specimen past the curve from which on it is said [-]."""
+"""Share of the specimen past the curve above which it is reported [-]."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:

@@ -65,7 +65,7 @@ class Change:
     motion: float = 1.0
     """Factor on the motion of the front face."""
     force_factor: float = 1.0
-    """The force is so many times the simulated one [-]."""
+    """The force is this many times the simulated one [-]."""
     force_offset: float = 0.0
     """And so much larger [N]."""
     force_lag: float = 0.0

@@ -581,7 +581,7 @@ INPUTS: dict[str, Input] = {
         _of_curve(
             "curve_end",
             key="curve past its end",
-            words="a curve that goes on stiffer past its last point by a share",
+            words="a curve that is stiffer past its last point by a share",
             check="measure the curve to larger strain, or end the window before the curve ends",
             form="past end",
             scan=(-1.0, 3.0, 10.0),

@@ -1,6 +1,6 @@
 """Fields of an image correlation: points of one surface with what was measured there, in every frame.
 
-The same for the bodies of a shot and for a measurement by image correlation alone, read from `dic.h5`.
+Used for the bodies of a shot and for an image correlation without a shot, both read from `dic.h5`.
 """
 
 from __future__ import annotations

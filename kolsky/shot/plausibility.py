@@ -67,7 +67,7 @@ UNUSUAL = (0.2, 10.0)
 """Dynamic over quasi-static stress outside which a warning is given [-]: soft materials stiffen at most 10
 times, and soften at most 5 times with conditioning."""
 NOISE_SIGMAS = 10.0
-"""A force that does not rise above so many standard deviations of its baseline was not transmitted yet."""
+"""A force that does not rise above this many standard deviations of its baseline was not transmitted yet."""
 CROSSINGS = 2.0
 """Transits of the specimen by its wave after which the force has arrived and stress is nearly uniform."""
 SENSITIVITIES = (1e-6, 10.0)

@@ -343,7 +343,7 @@ def screening(
     shot, box, held, numerics
         As in `solver_sensitivity`.
     trajectories
-        How many; they cost so many times one more run than there are parameters.
+        How many; they cost this many times one more run than there are parameters.
     rng
         Seed.
 

@@ -381,7 +381,7 @@ def _friction(answer: PaperAnswer) -> str:
     case = "no slip" if answer.friction is None else f"{answer.friction:.3g}"
     if FRICTION not in answer.surfaces[0].fit.box.names or answer.friction_told:
         return case
-    return f"{case}, as the data do not tell it"
+    return f"{case}, as the data do not constrain it"
 
 
 def paper_warnings(answer: PaperAnswer) -> list[str]:

@@ -289,7 +289,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
     Parameters
     ----------
     results
-        Joint identifications by the name of what relaxes.
+        Joint identifications by the name of the relaxation.
 
     Raises
     ------

@@ -163,7 +163,7 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
 
 
 def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
-    """Dotted key -> remark: how the cameras were told apart, and what was cut from what."""
+    """Dotted key -> remark: how the cameras were distinguished, and what was cut from what."""
     notes = {}
     for camera, one in enumerate(pictures.test):
         notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"

@@ -151,7 +151,7 @@ def invisible_inputs(parts: Sequence[Declaration]) -> Iterator[str]:
     for part in parts:
         if isfinite(part.visible) and part.visible < INVISIBLE:
             words = INPUTS[part.key].words
-            reason = "m times the curve is all that is seen" if part.key == "curve_scale" else "m follows it"
+            reason = "the data show only m times the curve" if part.key == "curve_scale" else "m follows it"
             yield (
                 f"{words} is invisible to the data: {reason}, and an error of it leaves no residual; only a "
                 f"declared uncertainty ({part.key}) covers it"

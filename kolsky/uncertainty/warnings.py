@@ -105,7 +105,7 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
             yield (
                 f"the run at the answer on the graded mesh of {across} x {along} elements was lost{why}, so "
                 "that the correction for the mesh and its part of the interval come from the coarser mesh of "
-                f"{coarse[0]} x {coarse[1]} elements, by which that part is longer as a rule: give another "
+                f"{coarse[0]} x {coarse[1]} elements, which usually makes that part longer: give another "
                 "--refined-mesh, or end the [window] before it"
             )
         else:
@@ -121,7 +121,7 @@ FOLDED = -0.4
 """Area at an element's corner over the undeformed one below which the edge is called folded over [-]: chosen
 on impacts with friction of 0.1, 0.3 and 0.5, judged on drawn ones (docs/validation/folding)."""
 ARTIFICIAL = 0.01
-"""Energy of hourglass control over the strain energy from which on it is said."""
+"""Energy of hourglass control over the strain energy above which it is reported."""
 
 
 def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
@@ -136,7 +136,7 @@ def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]
         yield (
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
-            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
+            f"{strain:+.2g}); the law is extrapolated there. "
             f"A curve to a nominal strain of {equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
@@ -239,7 +239,7 @@ def equivalent_strain(s: float, branch: float) -> float:
 
 
 DISAGREE = 2.5
-"""Force and outline disagree beyond so many standard uncertainties of their difference: at two, one right
+"""Force and outline disagree beyond this many standard uncertainties of their difference: at two, one right
 shot in twenty with one parameter would be called so, and one in seven with three."""
 HALF = 0.5
 """A mesh without which the interval would be shorter than this share of it is said."""

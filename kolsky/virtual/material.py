@@ -1,4 +1,4 @@
-"""The specification's material: its law, what relaxes, its quasi-static curve."""
+"""The specification's material: its law, the relaxation, its quasi-static curve."""
 
 from collections.abc import Mapping, Sequence
 

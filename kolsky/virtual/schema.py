@@ -302,7 +302,7 @@ class SpecimenTable(Section):
 
 
 class MaterialTable(Section):
-    """[material]: a hyperelastic law times m, damped, and what relaxes beside it."""
+    """[material]: a hyperelastic law times m, damped, and the relaxation in parallel."""
 
     law: f.Name = "yeoh"
     """A name of `explicit.materials.laws.LAWS`."""

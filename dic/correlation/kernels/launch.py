@@ -27,7 +27,7 @@ LANES = 3
 """Parts under way at a time: one is filled, one is searched, one is read."""
 
 Launch = Callable[["Lane", int], None]
-"""Launches the search of so many points of a lane on its stream."""
+"""Launches the search of this many points of a lane on its stream."""
 
 
 def fill(buffer: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
@@ -74,7 +74,7 @@ class Lane:
     """Points that are under way; None: none."""
 
     def make_room(self, points: int) -> None:
-        """Have memory for so many points, and some more."""
+        """Have memory for this many points, and some more."""
         if points <= self.room:
             return
         self.room = max(points, 2 * self.room)

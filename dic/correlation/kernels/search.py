@@ -641,7 +641,7 @@ _SEARCH = """
 
 
 def search_source(parameters: int) -> str:
-    """The body of the native function for a shape function of so many parameters."""
+    """The body of the native function for a shape function of this many parameters."""
     text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:

@@ -99,7 +99,7 @@ RINGING = 20e-6
 _CERTAIN = 25.0
 """Fall of chi-square from which on a kink is one: five standard deviations."""
 EXCURSION = 3.0
-"""A jump of the transducer's signal is an impact when it is so many times the largest of the flight."""
+"""A jump of the transducer's signal is an impact when it is this many times the largest of the flight."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class FlyerEvents:
         for event in self.events:
             if event.name == name:
                 return event
-        raise KeyError(f"{name!r} is none of {', '.join(event.name for event in self.events)}")
+        raise KeyError(f"{name!r} is not one of {', '.join(event.name for event in self.events)}")
 
     @property
     def usable(self) -> tuple[float, str]:

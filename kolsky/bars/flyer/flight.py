@@ -50,7 +50,7 @@ class Flight:
 
         ``phi = atan2(|v across|, v toward the specimen)``, 0 along the axis, its cosine is the paper's
         Fig. 6. The sigma is the noise of the velocity across over the speed, the root mean square of all
-        its directions: an angle below it is not told from 0, and an angle is never negative.
+        its directions: an angle below it is not distinguished from 0, and an angle is never negative.
         """
         v, s = self.velocity(time)
         speed = np.linalg.norm(v, axis=-1)

@@ -58,7 +58,7 @@ def face_waves(
     result. The beginning of the incident window if it is left out. ``delays``: times by which the reflected
     and the transmitted wave are later at their gauges than travel times say [s]: for waves that are aligned
     by their arrivals. ``apart``: the incident, reflected and transmitted wave each by itself at its gauge,
-    where they were told apart; the windows then only say which stretch is wanted.
+    where they were distinguished; the windows then only say which stretch is wanted.
     """
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:

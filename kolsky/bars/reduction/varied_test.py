@@ -199,7 +199,7 @@ class VariedTest:
         )
 
     def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:
-        """The waves at the specimen as they are reduced; overlapping ones told apart."""
+        """The waves at the specimen as they are reduced; overlapping ones distinguished."""
         found = self.carried(values, dispersive=self.given.switches["dispersion"])
         if FAR not in self.given.stations:
             return found

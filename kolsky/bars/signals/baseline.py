@@ -109,7 +109,7 @@ RESTING_SHARE = 8.0
 _FEWEST_BLOCKS = 8
 """Fewest parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
-"""Probability with which a baseline without drift is said to have one."""
+"""Probability of a false drift: a baseline without drift is called drifting."""
 
 
 @dataclass(frozen=True)

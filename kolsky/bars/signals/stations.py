@@ -230,7 +230,7 @@ def _zeroed(
     values: Mapping[str, float],
     until: float,
 ) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
-    """Drift taken out or reported; zero and drift as quantities of the budget, at their values.
+    """Remove or report the drift; give zero and drift as quantities of the budget, with their values.
 
     The zero is the baseline's mean. Its error at the baseline's end is that of the mean and, of a random walk
     of the strength D over the baseline T, D T / 3; from there the walk goes on in its modes.

@@ -27,7 +27,7 @@ ITERATIONS = 500
 STRONG = 0.03
 """Couplings |k_ij| below this share of sqrt(k_ii k_jj) join no points in an aggregate [-]."""
 AGED = 3.0
-"""A hierarchy serves until a solution takes so many times the iterations of its first [-]."""
+"""A hierarchy serves until a solution takes this many times the iterations of its first [-]."""
 
 
 class Hierarchy:

@@ -54,7 +54,7 @@ from kolsky.material.uniaxial import CurveBand
 LARGEST_MISFIT = 0.03
 """Root mean square misfit of the best law from which on a correction is refused [-]."""
 DISAGREE = 0.02
-"""Difference of two laws that meet the test alike from which on it is said [-]."""
+"""Difference of two laws that meet the test alike above which it is reported [-]."""
 
 
 def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:

@@ -266,7 +266,7 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:
-    """The tests with names of their own: files of one name are told apart by mode and number."""
+    """The tests with names of their own: files of one name are distinguished by mode and number."""
     made: list[HomogeneousTest] = []
     for test in tests:
         name = test.name

@@ -58,8 +58,8 @@ class TemperatureSweep:
         if np.abs(levels - self.reference).min() > EQUAL_TEMPERATURES:
             there = ", ".join(f"{t - 273.15:.1f}" for t in levels)
             raise ValueError(
-                f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is none of the measured"
-                f" temperatures, {there} °C"
+                f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is not one of the"
+                f" measured temperatures, {there} °C"
             )
 
     @property
@@ -250,7 +250,7 @@ def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
 
 def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
     """Covariance of a least squares problem, widened by its scatter; directions without information are
-    given a spread that no one takes for known."""
+    given a spread too large to constrain anything."""
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
 

@@ -35,6 +35,8 @@ UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
 """Misfits in captions, in formulas, and their units."""
 MOST_PAIRS = 3
 """Most pairs of parameters on a page; three parameters have as many."""
+LEAST_SPAN = 1e-3
+"""Range of a misfit's logarithm below which a map has one colour: 0.2 %, below what a surrogate resolves."""
 COLUMN_HEIGHT = 56.0
 
 
@@ -77,7 +79,9 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     measured = result.outputs[name].values
     floor = np.nanmin(measured)  # an interpolant may dip below every run, where a logarithm ends
     level = np.log10(np.maximum(values, 0.5 * floor))
-    drawn = ax.contourf(fx * x, fy * y, level, levels=14, cmap="cividis")
+    middle = float(level.mean())
+    levels = 14 if np.ptp(level) > LEAST_SPAN else [middle - LEAST_SPAN, middle + LEAST_SPAN]
+    drawn = ax.contourf(fx * x, fy * y, level, levels=levels, cmap="cividis")
     colour_bar(drawn, ax, rf"$\log_{{10}}\,{TEX_SYMBOLS[name]}$ ({UNITS[name]})", pad=0.02)
     i, j = result.box.names.index(first), result.box.names.index(second)
     at = result.table.points

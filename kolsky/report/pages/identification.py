@@ -524,7 +524,7 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
             )
         )
     if result.choice is not None:
-        rows.append(("with what relaxes, and without", result.choice.sentence))
+        rows.append(("with and without relaxation", result.choice.sentence))
     rows += [
         (f"slow test {name}: mean squared residual over noise", numbers.plain(value, 3))
         for name, value in result.slow.items()

@@ -205,7 +205,7 @@ def scene_of(
     ``result``: its response must hold the nodes, its provenance the specimen's size; else SceneDataMissing is
     raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are stresses or energies.
     ``surface``: measured points of the whole surface, beside the outline. ``chosen``: gives the indices of
-    the pictures among so many times; default all. The colour scale is that of all. Raises ValueError if the
+    the pictures among this many times; default all. The colour scale is that of all. Raises ValueError if the
     field is unknown or lacks the solid.
     """
     from explicit.mesh import deformation_gradient

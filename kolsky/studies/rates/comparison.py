@@ -28,7 +28,7 @@ from kolsky.studies.rates.scatter import FEWEST_POOLED, TREND_SHARE, Pooled, poo
 STEP = 1e-4
 """Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
 DRAWS = 100
-"""Curves drawn from the curve's own noise; a standard deviation of so many is known to 7 %."""
+"""Curves drawn from the curve's own noise; a standard deviation of this many is known to 7 %."""
 HEIGHTS = 41
 """Relative heights at which outlines are compared."""
 BASELINE = 61
@@ -347,7 +347,7 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
     if len(counted) < FEWEST_POOLED:
         found.append(f"a mean needs {FEWEST_POOLED} shots that count, there are {len(counted)}")
     for what in dict.fromkeys(key for shot in counted for key in shot.conditions):
-        found += _differing(what, [(s.name, s.conditions.get(what, "not said")) for s in counted])
+        found += _differing(what, [(s.name, s.conditions.get(what, "not stated")) for s in counted])
     found += _differing("quasi-static curve", [(s.name, s.quasi_static.source) for s in counted])
     for what, index in (("diameter", 0), ("length", 1)):
         sizes = np.array([shot.specimen[index] for shot in counted])

@@ -176,10 +176,10 @@ def conditions(found: Identification) -> dict[str, str]:
         **words,
         "freed parameters": ", ".join(free) or "none",
         "mesh": f"{found.refined_mesh[0]} x {found.refined_mesh[1]}",
-        "element": str(numerics.get("element", "not said")),
-        "interface, end faces": str(laws.get("faces", "not said")),
-        "interface, side surface": str(laws.get("side", "not said")),
-        "support": str(found.provenance.get("support", "not said")),
+        "element": str(numerics.get("element", "not stated")),
+        "interface, end faces": str(laws.get("faces", "not stated")),
+        "interface, side surface": str(laws.get("side", "not stated")),
+        "support": str(found.provenance.get("support", "not stated")),
     }
 
 

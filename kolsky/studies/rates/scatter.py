@@ -22,7 +22,7 @@ METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
 POWER = 0.9
 """Probability with which a slope of the size `MixedFit.noticeable` is found."""
 QUANTILES = 400
-"""Quantiles of an estimated uncertainty; a power by so many is right to a thousandth."""
+"""Quantiles of an estimated uncertainty; a power by this many is right to a thousandth."""
 MOST_FREEDOM = 1e4
 """Degrees of freedom from which on Student's t is normal, to four digits of its quantiles."""
 

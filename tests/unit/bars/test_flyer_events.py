@@ -57,7 +57,7 @@ def test_every_event_with_all_instruments(everything):
     assert sorted(order, key=lambda name: everything[name].time) == list(order)
     assert everything.usable == (everything["second impact"].time, "second impact")
     assert everything.path.end < IMPACT
-    with pytest.raises(KeyError, match="is none of"):
+    with pytest.raises(KeyError, match="is not one of"):
         everything["landing"]
 
 

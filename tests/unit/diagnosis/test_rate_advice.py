@@ -35,7 +35,7 @@ def test_it_is_given_for_what_chance_does_not_explain() -> None:
 def test_it_is_given_for_a_branch_that_explains_half_of_what_is_left() -> None:
     (text,) = rate_advice(CHANCE, FIT)
     assert "strength 0.3 that relaxes in about 2e+02 us" in text
-    assert "60 % of what this elastic material leaves (AIC -50)" in text
+    assert "60 % of the misfit of this elastic material (AIC -50)" in text
     assert "--relaxation prony" in text
     assert rate_advice(WEAK, FIT) == rate_advice(WEAK)  # the first question was answered
 

@@ -166,7 +166,7 @@ def test_a_picture_format_gets_the_whole_battery(tmp_path, monkeypatch):
     monkeypatch.setitem(picture_battery.WRITERS, "a.made", write_made_up)
     picture_battery.test_damage_anywhere(tmp_path, "a.made")
     (tmp_path / "other").write_bytes(b"nothing known")
-    with pytest.raises(PictureError, match=r"is none of TIFF, .*Made-up, PNG"):
+    with pytest.raises(PictureError, match=r"is not one of TIFF, .*Made-up, PNG"):
         open_pictures(tmp_path / "other")
 
 

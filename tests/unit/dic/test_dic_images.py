@@ -380,7 +380,7 @@ def test_hdf5_cut_off_is_named(tmp_path, pages):
 
 
 def test_what_is_no_picture_is_named(tmp_path):
-    with pytest.raises(PictureError, match="is none of TIFF, HDF5"):
+    with pytest.raises(PictureError, match="is not one of TIFF, HDF5"):
         open_pictures(written(tmp_path, b"hello", "a.xyz"))
     with pytest.raises(PictureError, match="No such file"):
         open_pictures(tmp_path / "gone.tif")

@@ -13,6 +13,7 @@ WRITTEN_BY = {
     '<aside class="toc-drawer': "page.html",
     '<button class="theme-toggle"': "page.html",
     "</form>": "sidebar/search.html",
+    '<table style="width: 100%" class="indextable genindextable">': "genindex.html",
 }
 """Text that the theme's own templates hold; the rest is written by docutils."""
 BY_DOCUTILS = {
@@ -58,4 +59,5 @@ def test_names_and_levels_are_given() -> None:
     assert 'aria-label="Documentation"' in new['<aside class="sidebar-drawer">']
     assert 'aria-label="On this page"' in new['<aside class="toc-drawer']
     assert new['<th class="head">'] == '<th class="head" scope="col">'
+    assert "overflow-wrap: anywhere" in new['<table style="width: 100%" class="indextable genindextable">']
     assert new["<pre>"] == '<pre tabindex="0">'  # what scrolls is reached by the keyboard

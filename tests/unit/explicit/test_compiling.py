@@ -342,7 +342,7 @@ def test_ptx_names_its_target(tmp_path, monkeypatch):
         (["--contacts", "bonded/glued"], "contact law must be one of .*'glued'"),
         (["--precision", "fp16"], "precision must be one of"),
         (["--element", "cax8"], "element must be one of"),
-        (["--relaxation", "maxwell"], "what relaxes must be none or one of .*'maxwell'"),
+        (["--relaxation", "maxwell"], "the relaxation must be none or one of .*'maxwell'"),
         (["--relaxation", "prony:0"], "number above 0, .*'prony:0'"),
     ],
 )

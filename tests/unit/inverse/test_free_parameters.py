@@ -75,11 +75,12 @@ def test_what_the_user_says_counts() -> None:
 
 
 def test_a_parameter_that_is_held_after_all_is_said() -> None:
-    found = choose(Settings(), shot()).holding({"damping": "held because the data do not tell it"}, {})
+    found = choose(Settings(), shot()).holding({"damping": "held because the data do not constrain it"}, {})
     assert list(found.free) == ["stiffness_factor", "poisson"]
     (said,) = found.said(shot())
     assert said == (
-        "damping = 25 µs as declared, held because the data do not tell it: the answer holds if that is right"
+        "damping = 25 µs as declared, held because the data do not constrain it: the answer holds if that is "
+        "right"
     )
 
 
@@ -102,7 +103,7 @@ def test_what_the_data_do_not_tell() -> None:
     seen = np.array([9.0, 1e-5, 2.49e-5])  # four sigma are just the range; the stiffness is never held
     assert not_identifiable(box, x, seen) == {}
     assert not_identifiable(box, x, np.array([9.0, 1e-5, 2.51e-5])) == {
-        "damping": "held because the data do not tell it"
+        "damping": "held because the data do not constrain it"
     }
     assert "poisson" in not_identifiable(box, x, np.array([9.0, np.inf, 1e-6]))
     at = not_identifiable(box, np.array([1.0, 0.4999, 2e-5]), seen)

@@ -115,7 +115,7 @@ def test_temperatures_near_each_other_are_one_and_the_reference_is_measured():
     near = TemperatureSweep(KELVIN + np.array([0.0, 20.1, 19.9]), test, KELVIN)
     np.testing.assert_allclose(near.levels - KELVIN, [0.0, 20.0])
     np.testing.assert_array_equal(near.level, [0, 1, 1])
-    with pytest.raises(ValueError, match=r"the reference, 5\.0 °C, is none of the measured"):
+    with pytest.raises(ValueError, match=r"the reference, 5\.0 °C, is not one of the measured"):
         TemperatureSweep(KELVIN + np.array([0.0, 20.0, 40.0]), test, KELVIN + 5.0)
     with pytest.raises(ValueError, match="needs two temperatures"):
         TemperatureSweep(np.full(3, KELVIN), test, KELVIN)

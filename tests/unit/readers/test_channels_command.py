@@ -57,8 +57,8 @@ def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
     ("options", "words"),
     [
         (["--interval", "fast"], "--interval: 'fast' is not a number with a unit"),
-        (["--format", "wav"], "is said to have the format 'wav'"),
-        (["--delimiter", "slash"], "is said to have the delimiter 'slash'"),
+        (["--format", "wav"], "is declared to have the format 'wav'"),
+        (["--delimiter", "slash"], "is declared to have the delimiter 'slash'"),
         (["--time", "CH9"], "time column 'CH9' is missing"),
     ],
 )
@@ -100,7 +100,7 @@ def test_the_force_of_a_german_export_is_that_of_the_plain_one(shot):
 
 def test_a_layout_beside_the_time_column_needs_no_second_word_for_it(shot):
     declare(shot, TIME, TIME + 'layout = { time = "Time (s)" }\n')
-    with pytest.raises(InputError, match=r"force.time .*is said twice, in layout.time too"):
+    with pytest.raises(InputError, match=r"force.time .*is given twice, in layout.time too"):
         load_shot(shot)
 
 

@@ -223,7 +223,7 @@ def test_a_damaged_first_line_is_not_taken_for_a_header(tmp_path):
 
 def test_an_unknown_encoding_and_a_wrong_one(tmp_path):
     path = files.german(tmp_path / "a.csv")
-    with pytest.raises(InputError, match=r"is said to be encoded as 'klingon'; it must be one of utf-8"):
+    with pytest.raises(InputError, match=r"is declared to be encoded as 'klingon'; it must be one of utf-8"):
         read_recordings(path, ["CH1 [V]"], layout=Layout(encoding="klingon"))
     with pytest.raises(InputError, match=r"line 1: is not utf-8 text: byte 0xfc at byte offset 2"):
         read_recordings(path, ["CH1 [V]"], layout=Layout(encoding="utf-8"))
@@ -318,7 +318,7 @@ def test_a_file_of_no_format(tmp_path):
     path.write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match=r"is of no known format"):
         list_channels(path)
-    with pytest.raises(InputError, match=r"is said to have the format 'wav'; it must be one of"):
+    with pytest.raises(InputError, match=r"is declared to have the format 'wav'; it must be one of"):
         list_channels(path, layout=Layout(format="wav"))
     with pytest.raises(InputError, match=r"there is no such file"):
         list_channels(tmp_path / "b.csv")

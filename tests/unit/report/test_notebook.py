@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
+from matplotlib.axis import Axis
 from shot_folders import OPEN_01
 from synthetic import synthetic
 from test_rates_report import five
@@ -190,6 +192,13 @@ def test_a_result_draws_itself(which: str) -> None:
     with pytest.raises(ValueError, match=f"there is no figure 'none'; choose from .*{name}"):
         found.plot("none")
     assert len(repr(found)) < 500
+
+
+def test_the_ticks_of_a_figure_do_not_depend_on_the_users_style() -> None:
+    drawn = made_result().plot()
+    ticks = [list(axis.get_majorticklocs()) for axis in drawn.findobj(Axis)]
+    with rc_context({"xtick.labelsize": 40.0, "ytick.labelsize": 40.0}):  # would leave room for fewer
+        assert [list(axis.get_majorticklocs()) for axis in drawn.findobj(Axis)] == ticks
 
 
 def test_without_kolsky_a_result_says_who_draws(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -175,3 +175,10 @@ def test_long_tables_are_cut_and_say_so() -> None:
     text = render_sweep(analysed(n=512, lost=(5,)))
     assert "200 of 512 runs" in text
     assert text.count('<th scope="row">') < 300
+
+
+def test_a_map_without_variation_has_labels_that_can_be_read() -> None:
+    # In the made-up sweep Phi_S does not depend on friction and damping: its map of the two is even.
+    figure = build(SWEEPS["sweep-maps"], analysed(n=512))
+    labels = [label.get_text() for ax in figure.axes for label in ax.get_yticklabels()]
+    assert max(map(len, labels)) <= 10  # a sign, six digits and "10^" of a logarithmic axis; 21 of noise

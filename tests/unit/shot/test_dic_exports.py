@@ -230,7 +230,7 @@ def test_names_without_a_frame_number(tmp_path):
         read(moved, "dice")
     with pytest.raises(InputError, match="matches no file"):
         matching(tmp_path, "b_*.csv")
-    with pytest.raises(InputError, match="is said to be of 'paint'; it must be one of vic3d, aramis"):
+    with pytest.raises(InputError, match="is declared to be of 'paint'; it must be one of vic3d, aramis"):
         read(moved, "paint")
 
 

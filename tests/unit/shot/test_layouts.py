@@ -130,10 +130,10 @@ def test_damage_is_named_by_the_line_of_the_file(case: str, german: Path, tmp_pa
 @pytest.mark.parametrize(
     ("layout", "fragments"),
     [
-        ('{ delimiter = "," , decimal = "," }', ["is said to have ',' as delimiter and as decimal sign"]),
-        ('{ delimiter = "x" }', ["is said to have the delimiter 'x'", '"semicolon"']),
-        ('{ decimal = ";" }', ["is said to have the decimal ';'"]),
-        ('{ encoding = "klingon" }', ["is said to be encoded as 'klingon'"]),
+        ('{ delimiter = "," , decimal = "," }', ["is declared to have ',' as delimiter and as decimal sign"]),
+        ('{ delimiter = "x" }', ["is declared to have the delimiter 'x'", '"semicolon"']),
+        ('{ decimal = ";" }', ["is declared to have the decimal ';'"]),
+        ('{ encoding = "klingon" }', ["is declared to be encoded as 'klingon'"]),
         ("{ header_line = 900000 }", ["header_line = 900000", "the file's lines"]),
         ("{ header_line = 3, first_line = 2 }", ["first_line = 2", "below the header in line 3"]),
         ('{ delimiter = ";" }', ["'frame' is missing", "separated by semicolons"]),

@@ -142,7 +142,7 @@ def test_untold_friction_is_no_slip_and_the_optimum_moves_to_the_refined_mesh(
     assert made.runs[-1] == ({"stiffness_factor": found.factor}, FINE)
     assert found.cost == pytest.approx(made.cost({"stiffness_factor": found.factor}, FINE))
     said = paper_method.rows(found)
-    assert said["f, paper's"] == "no slip, as the data do not tell it"
+    assert said["f, paper's"] == "no slip, as the data do not constrain it"
     assert ("force alone" in said["Phi, paper's"]) is not outline
 
 

@@ -73,6 +73,6 @@ def test_what_leaves_no_residual_is_said_once() -> None:
     density = part("specimen_density", 0.01, 0.012, visible=0.0011, alike=("sensitivity",))
     force = part("sensitivity", 0.01, 0.0, alike=("specimen_density",))
     first, second = invisible_inputs((curve, density, force))
-    assert "m times the curve is all that is seen" in first
+    assert "the data show only m times the curve" in first
     assert "scale the force: a wrong specimen_density is a force gain" in second
     assert list(invisible_inputs((replace(curve, visible=float("nan")),))) == []
