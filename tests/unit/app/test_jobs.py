@@ -157,7 +157,7 @@ def test_a_run_outlives_a_killed_server(tmp_path: Path) -> None:
 ENDLESS = """
 import os, runpy, signal, sys, time
 from kolsky.app import jobs
-runpy.run_module = lambda *words, **named: [print("began", flush=True), [time.sleep(0.1) for _ in range(1000)]]
+runpy.run_module = lambda *words, **named: [print("began", flush=True), *map(time.sleep, [0.1] * 999)]
 signal.signal(signal.SIGTERM, {handler})
 jobs.run_here(["identify", "one", "--mesh", "8x8"])
 """
