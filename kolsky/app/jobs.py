@@ -12,10 +12,12 @@ import runpy
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from threading import Thread
 
 from kolsky.base.errors import InputError
 
@@ -66,7 +68,7 @@ class Job:
     stages: tuple[Stage, ...]
     """The stages so far, the current one at the end."""
     exit_code: int | None
-    """Its exit code; None if it runs, or ended when no server watched it."""
+    """Its exit code; None if it runs, or ended in a way that nobody saw."""
     running: bool
     """True while it runs."""
 
@@ -76,7 +78,7 @@ class Job:
         if self.running:
             return "running"
         if self.exit_code is None:
-            return "ended without a server that watched it; the log has what it printed"
+            return "ended without its last line, as a killed process does; the log has what it printed"
         if self.exit_code == 0:
             return "finished"
         return "cancelled" if self.exit_code in _CANCELLED else f"failed with exit code {self.exit_code}"
@@ -84,6 +86,8 @@ class Job:
 
 _CANCELLED = (128 + signal.SIGTERM, 130)
 """Exit codes of a command that a signal ended."""
+GRACE = 10.0
+"""Seconds that a cancelled command has to end by itself; `kolsky.cli` cuts a long simulation off after 3."""
 
 
 def log_of(folder: Path, command: str) -> Path:
@@ -142,10 +146,30 @@ def run_here(words: list[str]) -> None:
 
 
 def cancel(job: Job) -> None:
-    """End a running command as Ctrl+C would: it cleans up, and earlier results stay."""
+    """End a running command as Ctrl+C would: it cleans up, and earlier results stay.
+
+    One that does not end within `GRACE` is killed with its forks. A command that is cut off in a simulation
+    cannot write the last line of its log: it is written for it.
+    """
     if job.running:
         with suppress(ProcessLookupError):
             os.kill(job.process, signal.SIGTERM)
+        Thread(target=_see_end, args=(job,), daemon=True).start()
+
+
+def _see_end(job: Job) -> None:
+    """Wait for the end of a cancelled command, kill it if it is late, and complete its log."""
+    until = time.monotonic() + GRACE
+    while _alive(job.process, job.log):
+        if time.monotonic() > until:
+            for kill in (os.kill, os.killpg):
+                with suppress(ProcessLookupError):
+                    kill(job.process, signal.SIGKILL)
+        time.sleep(0.05)
+    text = job.log.read_text("utf-8", errors="replace")
+    if f", process {job.process}, started" in text and f"\n{END}" not in text:
+        with job.log.open("a", encoding="utf-8") as file:
+            file.write(f"\n{END}{_CANCELLED[0]}\n")
 
 
 def read_job(log: Path) -> Job:
@@ -159,12 +183,14 @@ def read_job(log: Path) -> Job:
         file.seek(max(file.tell(), size - _LONGEST))
         tail = file.read().decode("utf-8", "replace").split("\n")
     found, child = _HEAD.match(head), _CHILDREN.get(log)
-    if found is None and child is not None and child.poll() is None:  # it has not begun to write
-        return Job(log, log.stem, child.pid, "just now", "", (), None, True)
+    if found is None and child is not None:  # it has not begun to write, or ended before
+        code = _code_of(child)
+        return Job(log, log.stem, child.pid, "just now", "\n".join(tail).strip(), (), code, code is None)
     if found is None:
         raise InputError(log, "is no log of a command", cure="remove it")
     ends = [line for line in tail if line.startswith(END)]
     process = int(found["process"])
+    code = _code_of(child) if child is not None and child.pid == process else None
     return Job(
         log=log,
         command=found["command"],
@@ -174,9 +200,15 @@ def read_job(log: Path) -> Job:
             line for line in tail if not _PROGRESS.fullmatch(line) and not line.startswith(END)
         ).strip(),
         stages=_stages(tail),
-        exit_code=int(ends[-1].removeprefix(END)) if ends else None,
+        exit_code=int(ends[-1].removeprefix(END)) if ends else code,
         running=not ends and _alive(process, log),
     )
+
+
+def _code_of(child: subprocess.Popen[bytes]) -> int | None:
+    """The exit code of a process as shells give it, though it wrote no last line; None while it runs."""
+    code = child.poll()
+    return code if code is None or code >= 0 else 128 - code
 
 
 def _stages(lines: list[str]) -> tuple[Stage, ...]:

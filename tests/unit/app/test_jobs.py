@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import shutil
+import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 
+from laboratory_files import OPEN_05
 from nicegui.testing import User
 from simulated import walk
 
@@ -74,7 +79,7 @@ def test_progress_is_the_last_line_and_no_part_of_the_text(tmp_path: Path) -> No
     assert job.text == "warning: odd"
     assert job.started == "2026-01-02 03:04"
     assert not job.running  # process 1 is no command of ours
-    assert "without a server" in job.state
+    assert "without its last line" in job.state
 
 
 def test_a_stage_that_comes_back_is_the_current_one(tmp_path: Path) -> None:
@@ -150,20 +155,30 @@ def test_a_run_outlives_a_killed_server(tmp_path: Path) -> None:
 
 
 ENDLESS = """
-import runpy, sys, time
+import os, runpy, signal, sys, time
 from kolsky.app import jobs
-runpy.run_module = lambda *words, **named: [print("began", flush=True), time.sleep(100)]
-signal = __import__("signal")
-signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+runpy.run_module = lambda *words, **named: [print("began", flush=True), *map(time.sleep, [0.1] * 999)]
+signal.signal(signal.SIGTERM, {handler})
 jobs.run_here(["identify", "one", "--mesh", "8x8"])
 """
+ENDS = {
+    "cleans up": "lambda number, frame: sys.exit(128 + number)",
+    "cut off in a simulation": "lambda number, frame: os._exit(128 + number)",
+    "takes no signal": "signal.SIG_IGN",
+}
+"""How a command takes SIGTERM; the last must be killed."""
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_cancel_ends_a_command_and_its_log_says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize("handler", ENDS.values(), ids=ENDS)
+def test_cancel_ends_a_command_and_its_log_says_so(
+    handler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of a server that did not start it."""
+    monkeypatch.setattr(jobs, "GRACE", 0.5)
     log = written(shot(tmp_path / "one"), "")
     with log.open("wb") as file:
-        child = subprocess.Popen([sys.executable, "-c", ENDLESS], stdout=file)
+        child = subprocess.Popen([sys.executable, "-c", ENDLESS.format(handler=handler)], stdout=file)
     while "began" not in log.read_text("utf-8"):
         assert child.poll() is None
         time.sleep(0.05)
@@ -171,8 +186,40 @@ def test_cancel_ends_a_command_and_its_log_says_so(tmp_path: Path) -> None:
     assert job.running
     assert (job.process, job.command) == (child.pid, "identify")
     jobs.cancel(job)
-    assert child.wait(20.0) == 143
-    assert jobs.read_job(log).state == "cancelled"
+    assert child.wait(20.0) == (-9 if "IGN" in handler else 143)
+    _until(lambda: jobs.read_job(log).state == "cancelled", 5.0)
+    assert log.read_text("utf-8").count(jobs.END) == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_command_that_is_cancelled_at_once(tmp_path: Path) -> None:
+    """Before it has written anything."""
+    job = jobs.start(shot(tmp_path / "one"), "check", [])
+    jobs.cancel(job)
+    _until(lambda: jobs.read_job(job.log).state == "cancelled", 20.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_cancel_of_a_sweep_keeps_its_runs(tmp_path: Path) -> None:
+    """Cancelled while it simulates a batch."""
+    folder = tmp_path / "one"
+    shutil.copytree(OPEN_05, folder, ignore=shutil.ignore_patterns("results"))
+    job = jobs.start(folder, "sweep", ["--design", "sobol", "--runs", "65536", "--mesh", "8x11"])
+    _until(lambda: any(one.done for one in jobs.read_job(job.log).stages), 120.0)
+    done = jobs.read_job(job.log).stages[-1].done
+    jobs.cancel(jobs.read_job(job.log))
+    _until(lambda: jobs.read_job(job.log).state == "cancelled", jobs.GRACE)
+    with closing(sqlite3.connect(folder / "results" / "sweep.sqlite")) as ledger:
+        assert ledger.execute("select count(*) from runs").fetchone()[0] >= done
+
+
+def _until(true: Callable[[], bool], seconds: float) -> None:
+    """Wait until something is true."""
+    until = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until
+        time.sleep(0.05)
 
 
 def test_the_page_shows_a_run(tmp_path: Path) -> None:

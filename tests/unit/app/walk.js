@@ -20,11 +20,19 @@ async function tab(browser) {
   return page;
 }
 
+// Waits for words; a page that is built anew meanwhile, as after a lost connection, is looked at again.
 async function see(page, words, seconds = 120) {
-  const text = typeof words === "string" ? words : words.source;
-  await page
-    .waitForFunction((t) => new RegExp(t).test(document.body.innerText), { timeout: 1000 * seconds }, text)
-    .catch(() => { throw new Error(`did not see: ${text}`); });
+  const until = Date.now() + 1000 * seconds;
+  for (;;) {
+    const left = until - Date.now();
+    if (left <= 0) break;
+    const seen = await page
+      .waitForFunction((t) => new RegExp(t).test(document.body.innerText), { timeout: left, polling: 200 }, words)
+      .then(() => true, () => false);
+    if (seen) return;
+    await pause(500);
+  }
+  throw new Error(`did not see: ${words}: ${await page.evaluate(() => document.body.innerText.slice(0, 1500)).catch(String)}`);
 }
 
 async function looked(page, name, widths = [1280, 390]) {
