@@ -80,7 +80,7 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     assert state in ("running", "finished")  # the run went on meanwhile
     assert "m = 1.1" in found["log"]
     assert "force explained" in found["log"]
-    assert found["states"]["report"] == [200, "shot5"]
+    assert found["states"]["report"] == [200, "shot5: identification"]
     assert found["states"]["filtered"] == ["shot5, longer"]
     assert found["hostile"] == {
         "read": "refused",
