@@ -273,11 +273,17 @@ PLANE_SIDE = 128
 
 
 def plane(folder: Path) -> Path:
-    """Three pictures of a plane, two of them at rest."""
+    """Three pictures of a plane, two of them at rest, the last bent: Exx goes from -2 to 2 % along x."""
     folder.mkdir(parents=True)
-    pattern = speckle_pattern((PLANE_SIDE, PLANE_SIDE), seed=3)
+    pattern, middle = speckle_pattern((PLANE_SIDE, PLANE_SIDE), seed=3), 0.5 * PLANE_SIDE
+
+    def bent(places: FloatArray) -> FloatArray:
+        x = places[..., 0] - middle
+        return np.stack([middle + x - 1e-2 * x**2 / middle, places[..., 1]], axis=-1)
+
     for k in range(3):
-        picture = render(pattern, (PLANE_SIDE, PLANE_SIDE), noise=2.0, bits=8, seed=k)
+        shape, inverse = (PLANE_SIDE, PLANE_SIDE), bent if k == 2 else None
+        picture = render(pattern, shape, material=inverse, noise=2.0, bits=8, seed=k)
         cv2.imwrite(str(folder / f"cam0_{k:03d}.png"), picture.astype(np.uint8))
     (folder / "dic.toml").write_text(PLANE_TOML, encoding="utf-8")
     return folder

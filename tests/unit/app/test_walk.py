@@ -29,7 +29,7 @@ OPTIONS = ["--mesh", "12x16", "--refined-mesh", "18x24", "--replicates", "2"]
 """Coarse meshes: 40 s of a processor for an answer, 1.129 ± 0.015; the truth is 1.12."""
 COARSER = ["--mesh", "12x16", "--refined-mesh", "16x22", "--replicates", "2"]
 """Of the shot that is only compared."""
-PICTURES = ("shots", "setup", "run", "look", "pictures", "compare")
+PICTURES = ("shots", "setup", "run", "look", "pictures", "fields", "compare")
 FILM = (800, 532)
 """Columns and rows of the film [px], the caption included."""
 
@@ -81,6 +81,8 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
     assert "m = 1.1" in found["log"]
     assert "force explained" in found["log"]
     assert found["states"]["report"] == [200, "shot5: identification"]
+    # Three quarters along the picture u = 1e-2 x^2 / 64 from its middle has a slope of 1 %; noise, subsets.
+    assert float(found["states"]["point"].split()[2]) == pytest.approx(1.0, abs=0.3)
     assert found["states"]["filtered"] == ["shot5, longer"]
     assert found["hostile"] == {
         "read": "refused",
