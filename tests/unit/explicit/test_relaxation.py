@@ -53,7 +53,7 @@ def test_the_step_is_that_of_the_instantaneous_modulus() -> None:
 
 
 def test_what_makes_no_sense_is_refused() -> None:
-    with pytest.raises(ValueError, match="all of one class"):
+    with pytest.raises(ValueError, match="all relaxation laws in a model must be of one class"):
         replace(MODEL, relaxation=(SERIES, BergstromBoyce(1.0, 1e3)))
     with pytest.raises(ValueError, match="names relaxation 1, the model has 0 to 0"):
         run(replace(MODEL, relaxation=(SERIES,)), Samples.of(relaxation=1), SAMPLING)

@@ -282,7 +282,7 @@ def test_a_law_is_the_lists_or_the_shots(tmp_path):
         ('unit = "degC"', 'unit = "F"', "is not a unit of temperatures"),
         ('reference = "25 degC"', 'reference = "25"', "is not a temperature"),
         ('reference = "25 degC"', 'reference = "-300 degC"', "above absolute zero"),
-        ('reference = "25 degC"', 'reference = "5 degC"', "none of the measured temperatures"),
+        ('reference = "25 degC"', 'reference = "5 degC"', "not one of the measured temperatures"),
         ('reference = "25 degC"\n', "", "is missing"),
     ],
 )
