@@ -54,7 +54,7 @@ class Format:
     readable: tuple[int, ...] = (1,)
     """Versions that are read."""
     largest: int = 2**30
-    """Most bytes that are read from a file [bytes]."""
+    """Upper limit of the size that is read from a file [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ class Place:
     version: int
     """Version of the file's format."""
     largest: int
-    """Most bytes that are read from the file [bytes]."""
+    """Upper limit of the size that is read from the file [bytes]."""
     sizes: dict[str, int] = field(default_factory=dict)
-    """Sizes of the named dimensions met so far; a dimension of one name has one size."""
+    """Sizes of the named dimensions found so far; a dimension of one name has one size."""
     unit: str = ""
     """Unit of the record it belongs to, see `kolsky.base.hdf5_records.RECORD_UNIT`."""
     taken: list[int] = field(default_factory=lambda: [0])

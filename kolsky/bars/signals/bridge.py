@@ -24,8 +24,9 @@ KINDS: Mapping[str, tuple[str, str, str, str]] = {
 }
 """Strain of arms 1 to 4, in their order round the bridge: 1 and 3 face each other.
 
-"half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which takes
-bending out; the others see it. Gauges in series in one arm count as one that sees their mean.
+"half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which
+cancels bending; the others measure it too. Gauges in series in one arm count as one gauge that measures their
+mean.
 """
 
 
@@ -81,7 +82,7 @@ class Bridge:
 
     @property
     def arms(self) -> Arms:
-        """Strain that arms 1 to 4 see per axial strain [-]."""
+        """Strain of arms 1 to 4 per axial strain [-]."""
         seen = {AXIAL: 1.0, ACROSS: -(self.poisson or 0.0), REST: 0.0}
         a, b, c, d = (seen[what] for what in KINDS[self.kind])
         return a, b, c, d
@@ -124,7 +125,7 @@ class Bridge:
         return np.asarray(x / self.arm_factor)
 
     def linear_strain(self, volts: ArrayLike) -> FloatArray:
-        """The same with the slope at zero, which is what most instruments take for granted."""
+        """The same with the slope at zero, which most instruments assume."""
         return self.strain_per_volt * np.asarray(volts, dtype=float)
 
     def volts(self, strain: ArrayLike) -> FloatArray:
