@@ -406,9 +406,9 @@ def pulse_on_bars(
     """The response of one-dimensional bars, free at their far end.
 
     ``sections``: bars bonded in series, the loaded one first. ``step``: distance of the times [s]. ``n``:
-    number of times. ``sensor``, ``seen``: distance of the transducer's section and of the place that is seen
-    from the loaded face [m]. Raises ValueError if a distance is outside the bars, or a section is shorter
-    than half a wave's way in a time step.
+    number of times. ``sensor``, ``seen``: distance from the loaded face of the transducer's section and of
+    the observed point [m]. Raises ValueError if a distance is outside the bars, or a section is shorter than
+    half the travel of a wave in a time step.
     """
     least = max(2, int(np.ceil(step / FINEST)))
     travel = np.array([section.travel_time for section in sections])

@@ -1,6 +1,6 @@
-"""Values by which a test is quoted, with their budget, facts of the recording, and remarks with their cures.
+"""Reported results of a test with their budget, facts of the recording, and remarks with remedies.
 
-Means hold over a plateau, a modulus in equilibrium only.
+Means are taken over a plateau; a modulus only in equilibrium.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,7 +33,7 @@ from kolsky.base.arrays import FloatArray
 RISING_SHARE = 0.5
 """Share of the largest stress up to which a loading modulus is fitted."""
 FEWEST_SAMPLES = 10
-"""Samples that a loading modulus takes."""
+"""Fewest samples for a loading modulus."""
 
 
 @dataclass(frozen=True)
@@ -49,20 +49,20 @@ class EnergyBalance:
     absorbed: float
     """Incident less reflected less transmitted: work of both faces on the specimen [J]."""
     deformation: float
-    """Volume times the integral of stress over strain, by three waves [J]; what is missing to `absorbed` is
-    the work of the force's imbalance on the specimen's motion as a whole."""
+    """Volume times the integral of stress over strain, by three waves [J]. The difference from `absorbed` is
+    the work of the force imbalance on the rigid motion of the specimen."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Numbers of one test by one analysis; compression positive, sigmas from the gauges' noise alone."""
+    """Results of one test by one analysis; compression positive, sigmas only from the gauges' noise."""
 
     analysis: str
     """The analysis: "one wave", "two waves" or "three waves"."""
     maximum_strain: Quantity
     """Nominal strain of largest magnitude, with its sign [-]."""
     plateau: Plateau
-    """Span that the means are taken over, or why there is none."""
+    """Time span of the means, or the reason why there is none."""
     mean_stress: Quantity | None
     """Mean nominal stress over the plateau [Pa]; None without one."""
     mean_rate: Quantity | None
