@@ -317,8 +317,8 @@ def check_windows(
 ) -> tuple[PulseCheck, PulseCheck]:
     """Predicted and observed arrivals of the reflected and the transmitted pulse.
 
-    A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
-    touch the bars, or is slow to load, delays the transmitted one.
+    A delayed or early reflected pulse indicates a wrong distance or wave speed. A specimen that does not
+    touch the bars, or loads slowly, delays the transmitted one.
 
     Returns: of the reflected and of the transmitted pulse.
     """
