@@ -281,7 +281,7 @@ class Share(IntEnum):
 
 
 class Ending(IntEnum):
-    """Slots of what is known of a simulation at its end."""
+    """Slots of the final data of a simulation."""
 
     STATUS = 0
     FAILED_ELEMENT = 1

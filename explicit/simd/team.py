@@ -1,4 +1,4 @@
-"""Threads of a CPU that share one simulation: their parts, their meetings, who joins and who leaves.
+"""Threads of a CPU that share one simulation: their parts, their synchronisation, and changes of the team.
 
 Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in the
 first seat keeps the books: totals, records, the next step, the boundary. It begins without the others, and
