@@ -15,7 +15,7 @@ import warp as wp
 WORKER = "WORKER_NUMBER"
 """Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 RESERVED = 1 << 30
-"""Unused memory of a device that a process keeps [bytes]."""
+"""Unused device memory that a process keeps [bytes]."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 GENERATING = RLock()

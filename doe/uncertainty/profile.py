@@ -261,8 +261,8 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
     """Parameters that compensate for a change of another one along its profile, the most important first.
 
     The test is made at both ends of the interval, or of the box where the interval is open. There each other
-    parameter is changed on its own by the amount it moved along the profile. It compensates if this raises -2
-    ln L by more than the level.
+    parameter is changed on its own by the amount it moved along the profile. It compensates if this raises
+    the deviance by more than the level.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)

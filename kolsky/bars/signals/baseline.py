@@ -287,7 +287,7 @@ def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 CONTRASTS = 3
-"""Number of slowest cosine parts of the baseline from which the drift's strength is estimated."""
+"""Number of the slowest cosine components of the baseline from which the drift's strength is estimated."""
 WEAKEST = 1.0
 """Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
 is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
