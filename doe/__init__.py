@@ -49,13 +49,13 @@ _HOME = {
     "sobol_indices": "doe.sensitivity",
     "verdicts": "doe.uncertainty",
 }
-"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+"""Where each public name is defined. The imports above repeat it for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name on first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'doe' has no attribute {name!r}; it offers {', '.join(_HOME)}")
     from importlib import import_module

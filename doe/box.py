@@ -1,7 +1,6 @@
-"""A box of named parameters, and constraints of a design as a user writes them.
+"""A box of named parameters, and design constraints written by a user.
 
-The box is the only thing a design, a surrogate or a search knows about a problem. A constraint is text,
-such as
+A design, a surrogate or a search depends on a problem only through its box. A constraint is text, such as
 "friction <= 2 * stiffness_factor - 1".
 """
 
@@ -18,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from doe.arrays import FloatArray
 
 ROUND_OFF = 1e-12
-"""Distance in the unit box below which a point outside a face counts as on it: a trip from units to
-the unit box and back costs a few 1e-16, magnified by |bound| / edge."""
+"""Distance in the unit box below which a point outside a face counts as on it. Conversion from units to the
+unit box and back has an error of a few 1e-16, magnified by |bound| / edge."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Box:
     upper: tuple[float, ...]
     """Upper bounds in parameter units, length d."""
     logarithmic: tuple[bool, ...] = ()
-    """Which parameters are uniform in their logarithm, length d; left out, none is."""
+    """Which parameters are uniform in their logarithm, length d; none if left out."""
 
     def __post_init__(self) -> None:
         if isinstance(self.names, str):
@@ -92,7 +91,8 @@ class Box:
 
     @classmethod
     def of(cls, bounds: Mapping[str, tuple[float, float]], *, logarithmic: Sequence[str] = ()) -> Box:
-        """A box from lower and upper bounds by name, and the names of what is uniform in its logarithm.
+        """A box from lower and upper bounds by name, and the names of the parameters that are uniform in
+        their logarithm.
 
         Raises ValueError if `logarithmic` names a parameter that `bounds` does not, or the box is not valid.
         """
@@ -152,7 +152,7 @@ class Box:
         return np.asarray(self._inside(self._checked(points)).all(axis=-1))
 
     def require(self, points: ArrayLike, *, what: str) -> FloatArray:
-        """The points as an array [n, d], refused if one lies outside the box.
+        """The points as an array [n, d], after a check that all lie in the box.
 
         ``what``: what a row is, for the message, e.g. "run". Raises ValueError if the shape is not [n, d], a
         value is not finite, or a point lies outside; the message names the row, the parameter, the value and
@@ -214,7 +214,7 @@ class Box:
 
 
 LONGEST = 500
-"""Most characters of a constraint: what a person writes, and nothing that exhausts a parser."""
+"""Most characters of a constraint: enough for any written by hand, too few to exhaust a parser."""
 ARITHMETIC: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -233,9 +233,10 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[FloatArray, FloatArray], NDArray[np
 class Constraint:
     """A comparison of two arithmetic expressions in parameters and numbers.
 
-    ``text``: such as "friction * damping < 1e-5"; chains as "0.1 < friction < stiffness_factor" are allowed.
-    Nothing but ``+ - * / **``, brackets, numbers and names: it is read, not run. ``names``: the parameters
-    that may stand in it. Raises ValueError if the text is not of this kind or names something else.
+    ``text``: such as "friction * damping < 1e-5"; chains such as "0.1 < friction < stiffness_factor" are
+    allowed. Only ``+ - * / **``, brackets, numbers and names are accepted; the text is parsed, not executed.
+    ``names``: the parameters that it may use. Raises ValueError if the text is not of this kind or uses
+    another name.
     """
 
     def __init__(self, text: str, names: tuple[str, ...]) -> None:
@@ -255,8 +256,8 @@ class Constraint:
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
         """Points that meet the constraint.
 
-        ``points``: values in SI, shape [n, d], a column a name. Returns: shape [n]; False also where the
-        arithmetic has no finite result.
+        ``points``: values in SI, shape [n, d], one column for each name. Returns: shape [n]; False also where
+        the arithmetic has no finite result.
         """
         return _compare(self._comparison, dict(zip(self.names, points.T, strict=True)))
 
@@ -281,7 +282,7 @@ def _value(node: ast.expr, values: Mapping[str, FloatArray]) -> FloatArray:
                 raise ValueError(f"{name} is not varied; varied are {', '.join(values)}")
             return values[name]
         case ast.BinOp(left=left, op=op, right=right) if type(op) in ARITHMETIC:
-            with np.errstate(all="ignore"):  # what is not finite meets no constraint
+            with np.errstate(all="ignore"):  # a value that is not finite meets no constraint
                 return np.asarray(ARITHMETIC[type(op)](_value(left, values), _value(right, values)))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_value(operand, values)

@@ -5,10 +5,10 @@ change of the estimate by a change of the data is
 
     dp = G dR,      G = H^-1 J^T diag(s^-2),
 
-so that Cov p = G diag(s^2) G^T = H^-1. A datum's share G_pi^2 s_i^2 / (H^-1)_pp of the variance of p is its
-share in the information about p as well, because what the other parameters explain has been taken out.
+so that Cov p = G diag(s^2) G^T = H^-1. A datum's share of the variance of p is G_pi^2 s_i^2 / (H^-1)_pp. It
+is also its share in the information about p, because the part explained by the other parameters is removed.
 
-Independent data add their information. D-optimal data have the largest det H, the smallest volume of the
+The information of independent data adds up. D-optimal data have the largest det H, the smallest volume of the
 joint interval; A-optimal data the smallest trace of H^-1, the mean variance of the parameters in units of
 their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
 """
@@ -32,13 +32,14 @@ SMALLEST_SHARE = 1e-12
 
 
 class SingularInformationError(ValueError):
-    """Some direction of the parameters does not move the data; a covariance does not exist."""
+    """The data do not depend on some direction of the parameters, so there is no covariance."""
 
 
 def inverse_information(jacobian: FloatArray) -> FloatArray:
     """(J^T J)^-1 of a whitened Jacobian, shape [k, d] -> [d, d].
 
-    Raises SingularInformationError if a direction of the parameters is not seen; the message names it.
+    Raises SingularInformationError if the data do not depend on a direction of the parameters; the message
+    names it.
     """
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     values = singular**2
@@ -52,7 +53,7 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LinearData:
-    """Data with their derivatives by some parameters."""
+    """Data with their derivatives with respect to some parameters."""
 
     names: tuple[str, ...]
     """Parameters, length d."""
@@ -61,8 +62,8 @@ class LinearData:
     sigma: FloatArray
     """Standard deviations of the data, in their units, shape [k]."""
     scale: FloatArray
-    """A change of each parameter that counts as large, in its unit, shape [d]: an eigenvector and the sum of
-    variances need a common measure."""
+    """Reference change of each parameter, in its unit, shape [d]: an eigenvector and the sum of variances
+    need a common measure."""
 
     def __post_init__(self) -> None:
         k, d = len(self.sigma), len(self.names)
@@ -105,7 +106,9 @@ class LinearData:
 
     @property
     def conditional_deviations(self) -> FloatArray:
-        """Of each, if the others were known, shape [d]; infinite for one that the data do not see."""
+        """Standard deviation of each parameter if the others were known, shape [d]; infinite if the data do
+        not depend on it.
+        """
         size = np.sqrt(np.diag(self.information))
         return np.divide(self.scale, size, out=np.full_like(size, np.inf), where=size > 0.0)
 
@@ -123,7 +126,8 @@ class LinearData:
 
     @property
     def shares(self) -> FloatArray:
-        """Share of each datum in what is known of a parameter, all estimated together [-], shape [k, d].
+        """Share of each datum in the information about a parameter, all parameters estimated together [-],
+        shape [k, d].
 
         Columns add up to one.
         """
@@ -132,29 +136,32 @@ class LinearData:
 
     @property
     def conditional_shares(self) -> FloatArray:
-        """The same if the other parameters were known, shape [k, d]; 0 for one that the data do not see."""
+        """The same if the other parameters were known, shape [k, d]; 0 for a parameter on which no datum
+        depends.
+        """
         squares = self.rows**2
         total = squares.sum(axis=0)
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
     def select(self, rows: NDArray[np.bool_]) -> LinearData:
-        """Some of the data, `rows` of shape [k]."""
+        """A subset of the data, by the mask `rows` of shape [k]."""
         return LinearData(self.names, self.jacobian[rows], self.sigma[rows], self.scale)
 
 
 Criterion = Literal["D", "A"]
 
 ALL = 20_000
-"""Up to this many subsets all are compared; beyond, points are exchanged until none gains."""
+"""Up to this number, all subsets are compared; above it, points are exchanged until no exchange improves the
+result."""
 
 
 class UndecidedError(ValueError):
-    """No choice of this many groups decides all parameters."""
+    """No choice of this number of groups determines all parameters."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """The groups chosen, and what they leave undecided."""
+    """The chosen groups, with the cost and the information that they give."""
 
     chosen: tuple[int, ...]
     """Indices of the groups, ascending."""
@@ -181,11 +188,11 @@ def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
 def best_groups(
     groups: FloatArray, count: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
 ) -> Placement:
-    """The `count` groups of data that with the base leave least undecided.
+    """The `count` groups of data that, together with the base, minimise the criterion.
 
-    ``groups``: information of each group, e.g. of all that is seen at one height [-], shape [n, d, d].
-    ``count``: how many to choose, 1 to n. ``base``: information that is there anyway [-], shape [d, d]; none
-    if left out. ``criterion``: "D" or "A".
+    ``groups``: information of each group, e.g. of all data measured at one height [-], shape [n, d, d].
+    ``count``: how many to choose, 1 to n. ``base``: information that is available in any case [-], shape [d,
+    d]; none if left out. ``criterion``: "D" or "A".
     """
     n, d, _ = groups.shape
     count = index(count)
@@ -204,7 +211,7 @@ def best_groups(
 def best_window(
     groups: FloatArray, length: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
 ) -> Placement:
-    """The `length` neighbouring groups, e.g. frames, that with the base leave least undecided.
+    """The `length` neighbouring groups, e.g. frames, that together with the base minimise the criterion.
 
     Parameters and errors as in `best_groups`.
     """
@@ -220,7 +227,8 @@ def best_window(
 
 
 def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Criterion) -> list[int]:
-    # A little of everything makes the first choices comparable where few groups are singular.
+    # A small multiple of the total makes the first choices comparable, where few groups give a singular
+    # matrix.
     ridge = 1e-6 * np.trace(groups.sum(axis=0)) / len(start) * np.eye(len(start))
     chosen: list[int] = []
     information = start + ridge

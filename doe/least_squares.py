@@ -1,14 +1,14 @@
-"""Bounded least squares on the expensive function, from several starts, one batch a step for all.
+"""Bounded least squares on the expensive function, from several starts, with one batch of runs per step for
+all.
 
 Levenberg and Marquardt's steps, each a bounded linear least-squares problem (SciPy's `lsq_linear`). Every
-trial point is run with its neighbours for central differences, so that a step of all searches together
+trial point is run together with its neighbours for central differences. One step of all searches therefore
 costs one batch.
 
-`Whitening` has weights of data whose errors are independent but for a few common patterns. The covariance
-is
-C = D + M' M: a diagonal of variances, and rows M that move many data together by one standard deviation
-each. With
-B = M D^(-1/2), its products B B' = U L U', A = U' B and R = (1 + L)^(1/2),
+`Whitening` holds the weights of data whose errors are independent except for a few common patterns. The
+covariance is C = D + M' M. D is a diagonal of variances; each row of M is the change of many data by one
+standard deviation of a common error. With B = M D^(-1/2), its products B B' = U L U', A = U' B and R = (1 +
+L)^(1/2),
 
     C^(-1/2) = (1 - A' (R (1 + R))^-1 A) D^(-1/2),    ln det C = ln det D + sum ln(1 + L),
 
@@ -74,9 +74,9 @@ class Whitening:
 
 
 BatchRun = Callable[[FloatArray], FloatArray]
-"""Responses of points in parameter units, [n, d] -> [n, k]; the row of a run that failed holds NaN."""
+"""Responses at points in parameter units, [n, d] -> [n, k]; the row of a failed run holds NaN."""
 Weighting = Callable[[FloatArray], Whitening]
-"""Weights of the entries given the residual there, shape [k]."""
+"""Weights of the entries for a given residual, shape [k]."""
 
 STEP = 5e-3
 """Half the distance of central differences in the unit box."""
@@ -85,7 +85,7 @@ CONVERGED_STEP = 0.1
 LONGEST = 0.25
 """Longest step of a coordinate in the unit box."""
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e3
-"""Marquardt's damping: first, least, and beyond which no step has lowered the deviance."""
+"""Marquardt's damping: the first value, the smallest, and the largest, above which the search stops."""
 FLAT = 1e-3
 """Least scale of a coordinate's damping over the largest one's."""
 
@@ -104,17 +104,17 @@ class LeastSquaresResult:
     at_bound: tuple[str, ...]
     """Parameters on a face of the box."""
     converged: bool
-    """Whether the search came to rest."""
+    """True if the search converged."""
     ended: str
-    """How it ended, in words."""
+    """Reason for the end of the search, in words."""
     runs: int
-    """Runs it made."""
+    """Number of runs of the search."""
     steps: int
-    """Trial points, those that were refused included."""
+    """Number of trial points, including rejected ones."""
 
 
 class _Search:
-    """One search: where it stands, and the point it wants to see next."""
+    """One search: its current point and its next trial point."""
 
     def __init__(
         self, box: Box, u: FloatArray, data: FloatArray, weighting: Weighting, step: float, at_rest: float
@@ -137,7 +137,7 @@ class _Search:
         return self.box.scale(np.concatenate([self.trial[None], *self.neighbours]))
 
     def take(self, responses: FloatArray) -> None:
-        """Judge the trial point, and choose the next."""
+        """Accept or reject the trial point, and choose the next one."""
         self.runs, self.steps = self.runs + len(responses), self.steps + 1
         d = self.box.dimension
         if np.isfinite(responses).all():
@@ -146,7 +146,7 @@ class _Search:
             weighed = weights.apply(residual)
             deviance = float((weighed**2).sum()) + weights.log_determinant
         else:
-            deviance = np.inf  # a run that failed is no better point; the next step is shorter
+            deviance = np.inf  # a failed run is rejected; the next step is shorter
         if deviance < self.deviance:
             up, down = self.neighbours
             slope = (responses[1 : d + 1] - responses[d + 1 :]) / (up - down).sum(axis=1)[:, None]
@@ -170,13 +170,14 @@ class _Search:
             self.trial = np.clip(self.u + self._bounded(self.damping), 0.0, 1.0)
 
     def _bounded(self, damping: float) -> FloatArray:
-        """The step that the linear model asks for, inside the box and no longer than `LONGEST`, shape [d]."""
+        """The step of the linear model, inside the box and no longer than `LONGEST`, shape [d]."""
         size = np.sqrt((self.jacobian**2).sum(axis=0))
         scale = np.sqrt(damping) * np.maximum(size, max(FLAT * float(size.max()), np.finfo(float).tiny))
         matrix = np.concatenate([self.jacobian, np.diag(scale)])
         right = np.concatenate([-self.residual, np.zeros(len(size))])
         low, high = np.maximum(-self.u, -LONGEST), np.minimum(1.0 - self.u, LONGEST)
-        # A coordinate on a face has one side; the other is a bound of zero, which must not meet the first.
+        # A coordinate on a face can move to one side only. Its bound on the other side is zero, and must not
+        # equal the first.
         bounds = np.minimum(low, -1e-15), np.maximum(high, 1e-15)
         return np.asarray(lsq_linear(matrix, right, bounds, method="bvls").x, dtype=np.float64)
 
@@ -208,19 +209,19 @@ def least_squares(
     max_steps: int = 40,
     at_rest: float = CONVERGED_STEP,
 ) -> tuple[LeastSquaresResult, ...]:
-    """Search a box for the response that is nearest to the data, from several starts side by side.
+    """Search a box for the response that is nearest to the data, from several starts in parallel.
 
     The deviance, r' C^-1 r + ln det C with the covariance C(r) from `weighting`, never rises. With a constant
-    C this is least squares; with C the most likely one given r, the most likely point.
+    C this is least squares. With the most likely C for each r, the result is the most likely point.
 
     ``starts``: in parameter units, shape [n, d]. ``data``: shape [k]. ``weighting``: weights of the entries,
     given a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
     ``max_steps``: most trial points of a search. ``at_rest``: length of the next undamped step, in standard
     deviations, at which a search has converged, > 0.
 
-    Returns one result a start, smallest deviance first. A search that a failed run or the number of steps cut
-    short has `converged` False, says so in `ended`, and holds the best point it met. ValueError if no search
-    had a run at its start.
+    Returns one result for each start, smallest deviance first. A search that ended by a failed run or by the
+    step limit has `converged` False, gives the reason in `ended`, and holds its best point. Raises ValueError
+    if the runs at all starts failed.
     """
     if not 0.0 < step <= 0.1:
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")
@@ -246,7 +247,7 @@ def least_squares(
 
 
 def _sigma(jacobian: FloatArray) -> FloatArray:
-    """Standard deviations in the unit box, shape [d]; infinite for a direction that nothing sees."""
+    """Standard deviations in the unit box, shape [d]; infinite for a direction that changes no entry."""
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     determined = singular > 1e-12 * max(float(singular[0]), np.finfo(float).tiny)
     shares = (right[determined] / singular[determined][:, None]) ** 2

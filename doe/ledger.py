@@ -1,12 +1,9 @@
-"""A design run in chunks, here or through any executor, with a ledger that survives the process.
+"""Runs of a design in chunks, in this process or through any executor, recorded in a ledger on disk.
 
-The workers know nothing of the ledger: the parent gives out chunks, takes results back and records each
-chunk as
-it comes, in one SQLite table. A run's key is the SHA-256 of the model's hash and the parameters' bytes, so
-the
-same question has the same key in every process and on every machine, and two ledgers can be merged. A
-function
-must give every point the same numbers whatever else is in its chunk.
+Workers do not access the ledger: the parent sends out chunks, receives results and records each chunk on
+arrival, in one SQLite table. A run's key is the SHA-256 of the model's hash and the parameters' bytes. The
+same run therefore has the same key in every process and on every machine, and two ledgers can be merged. The
+result of a point must not depend on the other points of its chunk.
 """
 
 from __future__ import annotations
@@ -47,7 +44,7 @@ LITTLE = np.dtype("<f8")
 COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
 """Columns of the table, in their order."""
 MARKS = ", ".join("?" * 9)
-"""Places of a row's entries in a statement."""
+"""Placeholders of a row's entries in an SQL statement."""
 
 
 def row_of(*entries: Any) -> tuple[Any, ...]:
@@ -65,7 +62,7 @@ def digest_of(entries: Iterable[Any]) -> bytes:
 
 
 def _bytes_of(values: ArrayLike) -> bytes:
-    """Numbers as they stand in a row."""
+    """Numbers as bytes, in the form stored in a row."""
     return np.ascontiguousarray(values, dtype=LITTLE).tobytes()
 
 
@@ -74,15 +71,16 @@ class Run:
     """The record of one run."""
 
     completed: bool
-    """Whether it ended as it should."""
+    """True if the run completed."""
     outcome: str
-    """How it ended, one word."""
+    """Outcome of the run, one word."""
     results: FloatArray
-    """Its numbers, shape [k]; NaN is kept."""
+    """Results of the run, shape [k]; NaN is kept."""
     reason: str = ""
     """Why it did not complete; empty if it did."""
     seconds: float = 0.0
-    """Its share of the time of the chunk it was run in [s]; the only field that a repeat may change."""
+    """Its share of the computing time of its chunk [s]; the only field that may differ when a run is
+    repeated."""
 
 
 def run_key(model: bytes, point: ArrayLike) -> bytes:
@@ -91,7 +89,9 @@ def run_key(model: bytes, point: ArrayLike) -> bytes:
 
 
 def _run_of(row: tuple[Any, ...]) -> Run | None:
-    """A row as a run; None if its digest is not its contents', or its key not its parameters'."""
+    """A row as a run; None if the digest does not match the contents, or the key does not match the
+    parameters.
+    """
     key, model, parameters, completed, outcome, reason, results, digest, seconds = row
     sound = (
         digest == digest_of(row[:-2])
@@ -111,27 +111,27 @@ OLDEST = (3, 37, 0)
 
 
 class LedgerError(Exception):
-    """A file that is no ledger, is damaged, or is in use."""
+    """A file that is not a ledger, is damaged, or is in use."""
 
 
 class Ledger:
     """A SQLite file of runs, held by one process at a time; a context manager.
 
-    The file is in WAL mode and every `record` is one transaction with a sync: a process killed at any
-    moment leaves the chunks recorded before, whole. Nothing in the file is believed before it is checked: a
-    row carries the SHA-256 of its key and its results, and one that does not fit counts as not there.
+    The file is in WAL mode and every `record` is one transaction with a sync: if a process is killed at any
+    moment, all chunks recorded before are complete. Every row is checked before use: it carries the SHA-256
+    of its key and its results, and a row that does not match counts as missing.
 
     Parameters
     ----------
     path
-        The file; it is made if there is none.
+        The file; it is created if it does not exist.
     model
         Hash of everything but the parameters that a run's result depends on, 32 bytes.
 
     Raises
     ------
     LedgerError
-        If the file is no ledger, is damaged, or another process holds it.
+        If the file is not a ledger, is damaged, or is open in another process.
     ValueError
         If `model` is not 32 bytes.
     """
@@ -162,7 +162,7 @@ class Ledger:
         self.close()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._sql.close()
 
     def __len__(self) -> int:
@@ -174,8 +174,8 @@ class Ledger:
         """The runs at some points of this model, shape [n, d]; None where there is none or the row is
         damaged.
 
-        A damaged row is named in `damaged`; to `record` the run again replaces it. Raises LedgerError if the
-        file cannot be read.
+        A damaged row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if
+        the file cannot be read.
         """
         runs: list[Run | None] = []
         with self._refusing():
@@ -189,7 +189,7 @@ class Ledger:
         return runs
 
     def record(self, points: ArrayLike, runs: Sequence[Run]) -> None:
-        """Write a chunk of runs at points, shape [n, d], all or none; what was recorded at a point is
+        """Write a chunk of runs at points, shape [n, d], all or none; an earlier record of a point is
         replaced.
 
         Raises LedgerError if the file cannot be written.
@@ -211,7 +211,7 @@ class Ledger:
             self._sql.executemany(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", rows)
 
     def merge(self, path: Path) -> int:
-        """Take over the runs of another ledger, of every model in it, all or none, and return their number.
+        """Copy the runs of another ledger, of every model in it, all or none, and return their number.
 
         A completed run replaces one that did not complete, and nothing replaces a completed one. Raises
         LedgerError if the other file does not exist, is no ledger or holds a damaged row, or if the two hold
@@ -308,17 +308,17 @@ class Ledger:
 
 
 def _line(text: object) -> str:
-    """What SQLite says, in one line."""
+    """SQLite's message, in one line."""
     return " ".join(str(text).split())[:200]
 
 
 ChunkFunction = Callable[[FloatArray], Sequence[Run]]
-"""Takes points, shape [n, d], and returns what became of each, length n."""
+"""Takes points, shape [n, d], and returns the run of each, length n."""
 ExecutorFactory = Callable[[], AbstractContextManager[Executor]]
-"""Makes an executor; called again where one broke."""
+"""Makes an executor; called again after one has broken."""
 
 AHEAD = 64
-"""Most chunks handed to an executor at once: enough for its workers, few enough to hold in memory."""
+"""Most chunks submitted to an executor at once: enough for its workers, few enough for the memory."""
 
 
 @dataclass(frozen=True)
@@ -326,11 +326,11 @@ class Pace:
     """Progress of a sweep and its speed."""
 
     finished: int
-    """Runs finished, those found in the ledger included."""
+    """Number of runs finished, including those found in the ledger."""
     total: int
     """Runs of the design."""
     rate: float
-    """Runs a second since the start, those found in the ledger not counted; 0 before the first chunk."""
+    """Runs per second since the start, without those found in the ledger; 0 before the first chunk."""
 
     @property
     def seconds_left(self) -> float:
@@ -362,40 +362,40 @@ def run_chunks(
     attempts: int = 3,
     progress: Callable[[Pace], None] | None = None,
 ) -> list[Run]:
-    """Run a function over points, chunk by chunk, and nothing that the ledger holds already.
+    """Run a function at points, chunk by chunk, skipping runs that are already in the ledger.
 
     Parameters
     ----------
     function
-        The work. With processes or hosts it must be picklable.
+        The function. With processes or hosts it must be picklable.
     points
         Parameter values, shape [n, d]; a point that occurs twice is run once.
     chunk
-        Most points handed over at once.
+        Most points in one call of the function.
     ledger
-        Where runs are found and each chunk is recorded, by this process only.
+        Ledger in which runs are looked up and each chunk is recorded, by this process only.
     executor
-        Makes the executor that chunks go through; in this process if left out.
+        Makes the executor that runs the chunks; if left out, they run in this process.
     retry
-        Run again what the ledger holds as not completed.
+        Repeat runs that the ledger holds as not completed.
     attempts
-        How often in a row an executor may break without a chunk having come back. What was under way is
-        handed to a new one.
+        How many times in succession an executor may break before it has returned a chunk. Chunks in progress
+        are submitted to a new one.
     progress
         Called once at the start and after each chunk.
 
     Returns
     -------
     list
-        One run a point, in their order.
+        One run for each point, in the order of the points.
 
     Raises
     ------
     RuntimeError
         If executors broke `attempts` times in a row.
     ValueError
-        If `points` is not of shape [n, d], `chunk` or `attempts` is below 1, or the function did not
-        return one run a point.
+        If `points` is not of shape [n, d], `chunk` or `attempts` is below 1, or the function did not return
+        one run for each point.
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2:
@@ -403,7 +403,7 @@ def run_chunks(
     if chunk < 1 or attempts < 1:
         raise ValueError(f"chunk and attempts must be at least 1, got {chunk} and {attempts}")
     distinct, places = np.unique(points + 0.0, axis=0, return_inverse=True)
-    # In the order in which they were asked for: a sweep that is cut short has done its first points.
+    # In the order of the points, so that an interrupted sweep has completed its first points.
     order = np.unique(places.ravel(), return_index=True)[1].argsort()
     runs: list[Run | None] = ledger.find(distinct) if ledger else [None] * len(distinct)
     todo = [row for row in order if (run := runs[row]) is None or (retry and not run.completed)]
@@ -435,7 +435,7 @@ def run_chunks(
 
 
 def _timed(function: ChunkFunction, points: FloatArray) -> list[Run]:
-    """The chunk's runs, each with its share of the time; runs where the work is done."""
+    """The chunk's runs, each with its share of the time; executed in the worker."""
     started = time.monotonic()
     runs = list(function(points))
     if len(runs) != len(points):
@@ -452,7 +452,7 @@ def _through(
     keep: Callable[[Sequence[int], Sequence[Run]], None],
     attempts: int,
 ) -> None:
-    """Chunks through executors until all are back; those of one that broke go to the next."""
+    """Run chunks through executors until all are complete; chunks of a broken executor go to the next one."""
     waiting, broken = list(reversed(chunks)), 0
     while waiting:
         flying: dict[Future[list[Run]], list[int]] = {}
@@ -462,7 +462,7 @@ def _through(
                     while waiting and len(flying) < AHEAD:
                         rows = waiting[-1]
                         flying[pool.submit(_timed, function, points[rows])] = rows
-                        waiting.pop()  # only now: a broken executor refuses it
+                        waiting.pop()  # only after submission: a broken executor rejects it
                     for future in wait(flying, return_when=FIRST_COMPLETED).done:
                         back: Any = future.result()
                         keep(flying.pop(future), back)

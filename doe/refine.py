@@ -1,9 +1,8 @@
-"""Adaptive refinement: new runs where a smaller misfit is expected or not excluded, until the optimum stays.
+"""Adaptive refinement: new runs where a smaller misfit is expected or possible, until the optimum is stable.
 
-Each round the surrogate's optimum is run, and with it points whose misfit may be as low within the
-surrogate's
-error. The surrogate is built afresh from the runs of a region that shrinks around the optimum, and searched
-again. It ends when real runs at the optimum leave it where it is.
+Each round runs the surrogate's optimum, and points whose misfit may be as low within the surrogate's error.
+The surrogate is rebuilt from the runs of a region that shrinks around the optimum, and searched again.
+Refinement ends when new runs at the optimum no longer move it.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # statistics load when they are named, see `doe.designs`
+import scipy  # statistics load on first use, see `doe.designs`
 from numpy.typing import ArrayLike
 
 from doe.arrays import FloatArray
@@ -21,14 +20,14 @@ from doe.least_squares import BatchRun
 from doe.surrogates.process import ProcessSurrogate
 
 Misfit = Callable[[FloatArray], FloatArray]
-"""What is to be small, of responses [n, k], shape [n]: a deviance, i.e. minus twice a log-likelihood."""
+"""Misfit of responses [n, k], shape [n], to be minimised: a deviance, i.e. minus twice a log-likelihood."""
 
 CANDIDATES = 96
 """Points among which the new runs are chosen."""
 DRAWS = 8
 """Responses drawn at each candidate, for the spread of its misfit."""
 BOUND = 2.0
-"""Standard deviations of the misfit below its mean that count as possible."""
+"""Number of standard deviations below its mean that the misfit may reach."""
 _MINIMUM_DISTANCE = 0.08
 """Least distance of two new runs over the region's edge."""
 
@@ -43,8 +42,8 @@ def choose(
 ) -> FloatArray:
     """The optimum, and the candidates with the lowest bound of the misfit, one after the other, shape [n, d].
 
-    After each choice the surrogate is believed to have been right there, so that its error about the point no
-    longer counts (the kriging believer). Fewer than ``size`` are chosen if no more have room in the region.
+    After each choice the surrogate is assumed to be exact at that point, which reduces its error around the
+    point (the kriging believer). Fewer than ``size`` are chosen if no more have room in the region.
     """
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
@@ -62,7 +61,7 @@ def choose(
 
 
 def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Points of the unit region: half evenly spread, half about the optimum."""
+    """Points of the unit region: half evenly spread, half near the optimum."""
     d, half = region.dimension, CANDIDATES // 2
     even = scipy.stats.qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
     about = region.unit(best) + 0.2 * rng.standard_normal((half, d))
@@ -79,25 +78,27 @@ def _lower_bound(
 
 
 Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
-"""Optimum of a surrogate in a box, searched from a point, and its standard deviation; in parameter units,
-shape [d] each."""
+"""Finds the optimum of a surrogate in a box, from a starting point, and its standard deviation; in parameter
+units, shape [d] each."""
 
 CONVERGED_MOVE = 0.2
-"""Move of the optimum, in standard deviations, at which it stays: a tenth of the k = 2 half width."""
+"""Largest move of the optimum, in standard deviations, that counts as stable: a tenth of the k = 2 half
+width."""
 SHRINK = 0.35
 """Edge of the next region over this one's, while the optimum lies inside."""
 SMALLEST = 0.02
 """Smallest edge of a region in the unit box."""
 WIDTHS = 6.0
-"""Edge of a region is at least this many standard deviations of the optimum: a smaller one would follow what
-the function's roughness, not the data, says."""
+"""Edge of a region is at least this many standard deviations of the optimum: a smaller region would follow
+the function's roughness, not the data."""
 GAIN = 0.7
-"""A smaller region is kept if the surrogate's leave-one-out error falls to less than this share there: where
-it does not, the function is rough, and the runs of a wide region average what those of a small one follow."""
+"""A smaller region is kept if the surrogate's leave-one-out error falls below this share of its earlier
+value. Otherwise the function is rough: runs of a wide region average the roughness, those of a small one
+follow it."""
 PATIENCE = 2
-"""Steps to smaller regions over which the error must fall: the first runs of a region are few."""
+"""Number of smaller regions over which the error must fall: a region has few runs at first."""
 REACH = 1.25
-"""Runs up to this many half edges from the region's middle build its surrogate."""
+"""The surrogate is built from runs up to this many half edges from the region's middle."""
 
 FACE = 1e-4
 """A coordinate this close to a face, as a share of the edge, lies on it."""
@@ -110,9 +111,9 @@ class Round:
     points: FloatArray
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
     predicted: float
-    """Misfit that the surrogate predicted for the optimum."""
+    """Misfit predicted by the surrogate at the optimum."""
     confirmed: float
-    """Misfit of the run there; NaN if it failed."""
+    """Misfit of the run at the optimum; NaN if it failed."""
     shift: float
     """How far the runs moved the optimum, in its standard deviations [-]."""
     edge: float
@@ -121,7 +122,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Refinement:
-    """The optimum, the surrogate about it, and how it was reached."""
+    """The optimum, the surrogate around it, and the rounds of runs."""
 
     x: FloatArray
     """The optimum of the last surrogate, in parameter units, shape [d]."""
@@ -130,15 +131,15 @@ class Refinement:
     region: Box
     """The last region."""
     surrogate: ProcessSurrogate
-    """Built from the runs in and near it."""
+    """Surrogate built from the runs in and near the last region."""
     rounds: tuple[Round, ...]
     """Every batch."""
     points: FloatArray
     """All completed runs, the first design's included, in parameter units, shape [n, d]."""
     responses: FloatArray
-    """What they gave, shape [n, k]."""
+    """Responses of these runs, shape [n, k]."""
     converged: bool
-    """Whether the last runs left the optimum where it was."""
+    """True if the last runs did not move the optimum."""
 
     @property
     def ended(self) -> str:
@@ -159,13 +160,12 @@ def refine(
     max_rounds: int = 10,
     rng: int = 0,
 ) -> Refinement:
-    """Add runs to a first design until the optimum stays; `SurrogateError` if the runs do not carry one.
+    """Add runs to a first design until the optimum is stable; `SurrogateError` if no surrogate can be built.
 
-    ``run``: the expensive function; rows of runs that failed hold NaN, and are left out. ``points``,
-    ``responses``: the first design's completed runs, shape [n, d], and what they gave, shape [n, k].
-    ``misfit``: what is to be small. ``locate``: finds the optimum of a surrogate. ``scale``: what an
-    entry's deviations are measured by, in response units, a number or shape [k]. ``rng``: seed of
-    candidates and draws.
+    ``run``: the expensive function; rows of failed runs hold NaN and are omitted. ``points``, ``responses``:
+    the first design's completed runs, shape [n, d], and their responses, shape [n, k]. ``misfit``: the
+    function to minimise. ``locate``: finds the optimum of a surrogate. ``scale``: unit of comparison of each
+    entry, in response units, a number or shape [k]. ``rng``: seed of candidates and draws.
     """
     if max_rounds < 1:
         raise ValueError(f"max_rounds must be at least 1, got {max_rounds}")
@@ -185,7 +185,7 @@ def refine(
         values = np.append(values, misfit(new_responses[finite]))
         predicted = float(misfit(surrogate.predict(best[None]))[0])
         inside = not _on_inner_face(best, region, box)
-        # The lowest real misfit beats the surrogate's word.
+        # The lowest misfit of a real run takes precedence over the surrogate's prediction.
         centre = x[int(np.argmin(values))]
         widths = WIDTHS * _unit_widths(box, best, sigma)
         surrogate = _about(box, _around(box, centre, np.clip(widths, zoom.edge, 1.0)), x, y, scale, surrogate)
@@ -205,7 +205,7 @@ def refine(
 
 
 class _Zoom:
-    """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
+    """The edge of the region: it shrinks each round, until this no longer improves the surrogate."""
 
     def __init__(self) -> None:
         self.edge = 1.0

@@ -60,8 +60,8 @@ FIRST_EDGE = 0.25
 RESTART_EDGE = 0.05
 """Edge of the simplex of a restart in the unit box."""
 AGREEMENT = 10.0
-"""Two ends of a search are one if they differ by less than this many tolerances in the unit box: the
-simplex is smaller than one tolerance at the end, but its distance from the optimum may be larger."""
+"""Two results of a search count as equal if they differ by less than this many tolerances in the unit box.
+The final simplex is smaller than one tolerance, but its distance from the optimum may be larger."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class SearchResult:
     """Result of a search."""
 
     x: FloatArray
-    """The best point met, in parameter units, shape [d]."""
+    """The best point found, in parameter units, shape [d]."""
     value: float
     """The function there."""
     evaluations: int
@@ -84,7 +84,7 @@ class SearchResult:
 
 
 class _Recorder:
-    """The function in unit coordinates; remembers every call and lets no NaN through."""
+    """The function in unit coordinates; records every call and rejects values that are not finite."""
 
     def __init__(self, function: Objective, box: Box) -> None:
         self.function, self.box = function, box
@@ -117,12 +117,12 @@ def nelder_mead(
     tolerance: float = 1e-6,
     max_evaluations: int = 2000,
 ) -> SearchResult:
-    """The minimum of a function in a box by the simplex method, restarted until it stays.
+    """The minimum of a function in a box by the simplex method, restarted until the optimum no longer moves.
 
-    A simplex that collapsed early, or that the bounds pressed flat onto a face of the box, is small but
-    not at an optimum. So after convergence both neighbours in every coordinate are tried, 10 tolerances
-    away, and a fresh simplex is set up at the best point; the search ends when the best point has moved
-    by no more than 10 tolerances and no neighbour is lower.
+    A simplex that collapsed early, or was flattened onto a face of the box by the bounds, is small but not at
+    an optimum. After convergence, both neighbours in every coordinate are therefore tried, 10 tolerances
+    away, and a new simplex is set up at the best point. The search ends when the best point has moved by no
+    more than 10 tolerances and no neighbour is lower.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def nelder_mead(
     Returns
     -------
     result
-        The best point met; `result.outcome` says how the search ended.
+        The best point found; `result.outcome` is the outcome of the search.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def nelder_mead(
         If the start is outside the box, an option is outside its range, or the function is not finite.
     """
     d = box.dimension
-    # Below 1e-9 the round-off of the value decides: it moves a smooth minimum by about 1e-8.
+    # Below 1e-9 the round-off of the value dominates: it moves a smooth minimum by about 1e-8.
     if not 1e-9 <= tolerance < 0.1:
         raise ValueError(f"tolerance must be in [1e-9, 0.1) of the unit box, got {tolerance}")
     if max_evaluations < d + 1:
@@ -160,7 +160,8 @@ def nelder_mead(
         inside = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")
         if len(inside) != 1:
             raise ValueError(f"start must be one point of shape [{d}], got {len(inside)}")
-        # `require` has refused what is outside; this takes off the round-off of the way to unit coordinates.
+        # `require` has rejected points outside; this removes the round-off of the conversion to unit
+        # coordinates.
         centre = np.clip(box.unit(inside[0]), 0.0, 1.0)
     margin = AGREEMENT * tolerance
     side, edge = np.ones(d), FIRST_EDGE

@@ -6,20 +6,17 @@ logarithm. With A and B two independent samples and AB_i the sample A whose i-th
     S_i  = mean(f_B (f_ABi - f_A)) / V        first order, Saltelli et al. (2010)
     ST_i = mean((f_A - f_ABi)^2) / 2 V        total, Jansen (1999)
 
-A history is reduced to the scores of its principal components; from the covariances of the scores follow
-the
-indices of every entry, and their sum weighted by the variances, the generalised index
+A history is reduced to the scores of its principal components. The covariances of the scores give the indices
+of every entry, and their sum weighted by the variances, the generalised index
 
     GS_i = tr C_i / tr C,      C_i = Cov(E[R | x_i]),
 
 of Lamboni, Monod and Makowski (2011) and Gamboa et al. (2014).
 
-Morris' trajectory visits d + 1 points. From one to the next a single parameter moves by p / 2 (p - 1) of
-its edge,
-p the number of levels; an effect is the change of the output over that move (Morris 1991). The mean of its
-size
-shows how much a parameter matters, its scatter whether the effect depends on where (Campolongo et al.
-2007).
+Morris' trajectory visits d + 1 points. From one to the next a single parameter moves by p / 2 (p - 1) of its
+edge, p the number of levels; an effect is the change of the output over that move (Morris 1991). Its mean
+size measures the parameter's influence; its scatter shows whether the effect depends on the position in the
+box (Campolongo et al. 2007).
 """
 
 from __future__ import annotations
@@ -41,29 +38,29 @@ Function = Callable[[FloatArray], FloatArray]
 """Outputs, shape [n, s], at points in parameter units, shape [n, d]."""
 
 CHUNK = 1024
-"""Points at which a function is asked at once."""
+"""Number of points in one call of a function."""
 RESAMPLES = 500
 """Draws of the bootstrap."""
 ENDS = 0.5 * (1.0 - 0.95), 0.5 * (1.0 + 0.95)
 """Quantiles at the ends of an interval. The points of a Sobol' sequence cover the box more evenly than the
-bootstrap knows, so the intervals are wide rather than narrow."""
+bootstrap assumes, so the intervals tend to be too wide."""
 
 
 @dataclass(frozen=True)
 class SobolIndices:
     """First-order and total indices with their intervals.
 
-    They are estimates: a small index can come out a little below zero, and is left so.
+    They are estimates: a small index can be slightly below zero and is not corrected.
     """
 
     names: tuple[str, ...]
     """Parameters, length d."""
     outputs: tuple[str, ...]
-    """What varies, length s."""
+    """Names of the outputs, length s."""
     first: FloatArray
-    """Share of the variance that each parameter causes by itself [-], shape [s, d]."""
+    """Share of the variance caused by each parameter without interactions [-], shape [s, d]."""
     total: FloatArray
-    """Share that it causes by itself or together with others [-], shape [s, d]."""
+    """Share caused by each parameter, interactions included [-], shape [s, d]."""
     first_interval: FloatArray
     """Ends of the interval of `first` from a bootstrap over the sample [-], shape [s, d, 2]."""
     total_interval: FloatArray
@@ -73,7 +70,7 @@ class SobolIndices:
     variance: FloatArray
     """Variance of each output over the box, in its unit squared, shape [s]."""
     evaluations: int
-    """How often the function was asked."""
+    """Number of evaluations of the function."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ class SaltelliSample:
     def draw(cls, d: int, n: int, rng: Rng) -> SaltelliSample:
         """Halves of a scrambled Sobol' sequence in 2 d dimensions.
 
-        Raises ValueError if n is not a power of two, at least 4: the sequence is balanced for no other.
+        Raises ValueError if n is not a power of two, at least 4: the sequence is balanced only for these.
         """
         count = index(n)
         if count < 4 or count & (count - 1):
@@ -157,7 +154,7 @@ def sobol_indices(
     ------
     ValueError
         If an argument is outside its range, the function's answer is unusable, or an output does not vary
-        over the box, so that there is no variance to share out.
+        over the box.
     """
     seed = seed_of(rng)
     at_A, at_B, at_AB = SaltelliSample.draw(box.dimension, n, seed).ask(function, box)
@@ -165,7 +162,7 @@ def sobol_indices(
         raise ValueError(f"the function returns {at_A.shape[1]} outputs, {len(outputs)} are named")
     mean, variance = _moments(at_A, at_B)
     _refuse_constant(outputs, mean, variance)
-    # About their mean: the estimator of the first order then scatters least.
+    # Values are taken relative to their mean: the first-order estimator then scatters least.
     first = (at_B - mean) * (at_AB - at_A)
     total = 0.5 * (at_A - at_AB) ** 2
     square = 0.5 * ((at_A - mean) ** 2 + (at_B - mean) ** 2)
@@ -209,8 +206,8 @@ PILOT = 256
 KEPT_VARIANCE = 1.0 - 1e-6
 """Share of a history's scaled variance that its components keep."""
 SILENT = 1e-6
-"""An entry whose variance is a smaller share of the largest one has no indices: those of a point that the
-disturbance has not reached would be shares of round-off."""
+"""An entry whose variance is a smaller share of the largest one has no indices: for a point that the wave has
+not reached they would be shares of round-off."""
 
 
 @dataclass(frozen=True)
@@ -247,9 +244,9 @@ def history_indices(
     """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
 
     ``box``: where the parameters vary, uniformly and independently. ``function``: the histories at points,
-    shape [n, d] -> [n, k]. ``scale``: what entries are measured by when they are put together, > 0, in their
-    units: a number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer
-    seed or generator.
+    shape [n, d] -> [n, k]. ``scale``: scale of each entry in the generalised index, > 0, in its unit: a
+    number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer seed or
+    generator.
     """
     seed = seed_of(rng)
     sample = SaltelliSample.draw(box.dimension, n, seed)
@@ -321,7 +318,7 @@ class ElementaryEffects:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """The runs of a screening, to be made in any order."""
+    """The runs of a screening, in any order."""
 
     design: Design
     """The points, trajectory after trajectory, shape [r (d + 1), d]."""
@@ -331,9 +328,9 @@ class Trajectories:
     def effects(self, outputs: FloatArray) -> ElementaryEffects:
         """The effects of the runs' outputs.
 
-        ``outputs``: one row a point of `design`, shape [r (d + 1), s]. Raises ValueError if the shape is
-        wrong, or an output is not finite: an effect is then not known, and a trajectory that is left out
-        would be missed where the model is at its limits.
+        ``outputs``: one row for each point of `design`, shape [r (d + 1), s]. Raises ValueError if the shape
+        is wrong or an output is not finite. Omitting such a trajectory would hide effects where the model
+        reaches its limits.
         """
         r, d = self.moved.shape
         y = np.asarray(outputs, dtype=np.float64)

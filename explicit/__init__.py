@@ -1,12 +1,12 @@
 """Explicit finite elements for impact on soft axisymmetric specimens: many simulations at once, CPU or GPU.
 
 A constant `Model` (a `Mesh` such as `cylinder`, materials, contact laws, the motion of the platens and a
-support) and `Samples`, one row of parameters a simulation, go into `run`; a `Response` comes out, with
-forces, outlines, an `EnergyLedger` and the `Outcome` of each. `Sampling` says what is recorded when,
-`Stepping` how time is stepped; `run_side_by_side` takes
-batches of different models. Laws are in `explicit.materials` and `explicit.contact`, elements in
-`explicit.elements`, the relaxation in `explicit.relaxation`, elastic bars in `explicit.bars`. Each name is
-loaded when it is first used.
+support) and `Samples`, one row of parameters for each simulation, are the input of `run`. It returns a
+`Response` with forces, outlines, an `EnergyLedger` and the `Outcome` of each simulation. `Sampling` sets the
+recorded quantities and times, `Stepping` the time integration. `run_side_by_side` takes batches of different
+models. Laws are in `explicit.materials` and `explicit.contact`, elements in `explicit.elements`, the
+relaxation in `explicit.relaxation`, elastic bars in `explicit.bars`. Each name is loaded when it is first
+used.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -43,13 +43,13 @@ _HOME = {
     "run_nearly_incompressible": "explicit.incompressible",
     "run_side_by_side": "explicit.run_batch",
 }
-"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+"""Where each public name is defined. The imports above repeat it for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name on first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'explicit' has no attribute {name!r}; it offers {', '.join(_HOME)}")
     from importlib import import_module

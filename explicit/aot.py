@@ -69,7 +69,7 @@ def ahead_of_time(
     law : type
         Class of the material law.
     relaxation : Relaxation, optional
-        What relaxes, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
+        Kind of relaxation, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
     ptx : bool
         Write PTX, which later architectures can finish too, instead of machine code for just these.
 
@@ -83,7 +83,7 @@ def ahead_of_time(
     Raises
     ------
     ValueError
-        If an architecture is not one that Warp's compiler knows, or a name is not known.
+        If an architecture is not supported by Warp's compiler, or a name is not known.
     """
     variants = choices(contacts, precisions, elements)
     return list(compile_each(folder, architectures, variants, law=law, relaxation=relaxation, ptx=ptx))
@@ -142,9 +142,9 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
     """Give a CUDA device the time loop from a folder of modules.
 
     ``kernel``: the time loop. ``device``: a Warp device; nothing is done for a CPU. ``folder``: written by
-    `ahead_of_time`; default what the environment variable ``KOLSKY_AOT`` says, or none. Returns: whether a
-    module was found. If a folder is named and has none for this time loop and device, a `RuntimeWarning` says
-    so once, and the launch compiles it. Raises ValueError if the folder named is not there.
+    `ahead_of_time`; default is the environment variable ``KOLSKY_AOT``, or none. Returns: whether a module
+    was found. If a given folder has none for this time loop and device, there is one `RuntimeWarning`, and
+    the launch compiles it. Raises ValueError if the given folder does not exist.
     """
     folder = folder or os.environ.get(FOLDER_VARIABLE) or None
     if folder is None or not device.is_cuda:
@@ -174,7 +174,7 @@ _LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
 
 
 def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:
-    """(architecture, whether PTX) of what a device of architecture `arch` can run, the best first.
+    """(architecture, whether PTX) of the code that a device of architecture `arch` can run, the best first.
 
     Machine code runs on its own architecture; PTX on that of its name and any later one.
     """

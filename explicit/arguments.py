@@ -1,7 +1,7 @@
 """The arguments of the time loop on a device: the mesh's constants, a batch's parameters, state and output.
 
-The mesh's tables are made once. Small arrays share one allocation and one copy: each takes about ten
-microseconds, whatever its size, and a batch has twenty.
+The mesh's tables are made once. Small arrays share one allocation and one copy: each operation takes about
+ten microseconds for any size, and a batch has twenty arrays.
 """
 
 from collections.abc import Mapping
@@ -103,8 +103,9 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
 def _corners_on_chips(
     corners: IntArray, slots: int, place: IntArray, first_boundary: int, blocks: int, numbers: Precision
 ) -> IntArray:
-    """The table of corner forces for blocks that keep them in their shared memories; what holds zero is in a
-    node's own."""
+    """The table of corner forces for blocks that keep them in their shared memories; the zero entries are in
+    the node's own block.
+    """
     spread = spread_corners(corners % slots, corners // slots, numbers)
     mine = (
         spread_nodes(place, first_boundary, blocks, numbers)
@@ -137,7 +138,8 @@ def fits_on_several(mesh: Mesh, blocks: int) -> bool:
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
     """Place of every node in the time loop's fields, number of interior nodes, first place of the boundary
-    nodes, which begin a group of their own."""
+    nodes, which begin a new group.
+    """
     inner = node_kinds(mesh) == INTERIOR
     first_boundary = -(-int(inner.sum()) // GROUP) * GROUP
     place = np.where(inner, np.cumsum(inner) - 1, first_boundary + np.cumsum(~inner) - 1)
@@ -195,7 +197,7 @@ def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
 
 
 APART = 256
-"""Every array begins at a multiple of this many bytes, as one of its own would."""
+"""Every array begins at a multiple of this number of bytes, like a separate allocation."""
 
 
 def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> dict[str, Any]:
@@ -218,14 +220,14 @@ def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> d
 
 
 def _as(numbers: NDArray[Any], dtype: Any) -> NDArray[Any]:
-    """Numbers as a Warp type has them in memory; those of a struct are of its own type already."""
+    """Numbers as a Warp type has them in memory; those of a struct already have its type."""
     if numbers.dtype.names is not None:
         return np.ascontiguousarray(numbers)
     return np.ascontiguousarray(numbers, wp.dtype_to_numpy(dtype))
 
 
 PER_SAMPLE = ("friction", "release_stress", "contact_stiffness")
-"""Numbers of every sample that are taken as they are."""
+"""Parameters of every sample that are passed unchanged."""
 
 
 def batch_of(
@@ -298,7 +300,7 @@ def batch_of(
 
 
 def _branch_table(model: Model) -> FloatArray:
-    """The rows of the relaxation, as long as the longest asks for; one number where nothing does."""
+    """The rows of the relaxation, all with the length of the longest; one number without relaxation."""
     if not model.relaxation:
         return np.zeros((1, 1))
     most = max(len(branches) for branches in model.relaxation)
@@ -316,7 +318,7 @@ def state_of(
 ) -> Any:
     """Fields that vary, at rest, of `rows` simulations one after the other or of `lanes` side by side.
 
-    What a GPU keeps in shared memory needs no room here.
+    State in the shared memory of a GPU is not allocated here.
     """
     mesh = model.mesh
     _, n_inner, first_boundary = node_order(mesh)
@@ -348,14 +350,16 @@ def state_of(
 
 @cache
 def _no_room(dtype: Any, device: str) -> Any:
-    """Placeholder of an array that the time loop never touches; to make one takes as long as a copy."""
+    """Placeholder of an array that the time loop never touches; making one takes as long as a copy."""
     return wp.zeros((1, 1), dtype=dtype, device=device)
 
 
 def output_of(
     kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any
 ) -> tuple[Any, Any]:
-    """Room for the histories, NaN where a simulation does not get to, and the one array that they are in."""
+    """Arrays for the histories, NaN after the end of a simulation, and the single array that contains
+    them.
+    """
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
     output.n_recorded = len(nodes)
@@ -374,7 +378,7 @@ def output_of(
         "ending": (n, int(Ending.COUNT)),
     }
     size = sum(prod(shape) for shape in shapes.values())
-    # What the time loop does not reach stays marked, beside its Outcome.
+    # Entries that the time loop does not reach stay NaN, in addition to its Outcome.
     whole: Any = wp.full(size, float("nan"), dtype=wp.float64, device=where)
     begin = 0
     for name, shape in shapes.items():

@@ -15,7 +15,7 @@ import warp as wp
 WORKER = "WORKER_NUMBER"
 """Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 RESERVED = 1 << 30
-"""Bytes of a device's memory that a process keeps though nothing is in them."""
+"""Unused device memory that a process keeps [bytes]."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 GENERATING = RLock()
@@ -28,7 +28,8 @@ def cores() -> int:
 
 
 def select_device(name: str) -> Any:
-    """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
+    """Start Warp without its banner and return a device: "cpu", "cuda:1", or for "cuda" this process's GPU
+    (`own_gpu`).
 
     Raises ValueError if the machine has no such device; the message lists those it has.
     """
@@ -45,21 +46,24 @@ def select_device(name: str) -> Any:
 
 @cache
 def _keep_memory(alias: str) -> None:
-    """Let a process keep a device's memory from one batch to the next: to get it anew takes longer than to
-    copy into it."""
+    """Let a process keep a device's memory from one batch to the next: a new allocation takes longer than
+    copying into it.
+    """
     if wp.is_mempool_enabled(alias):
         wp.set_mempool_release_threshold(alias, max(RESERVED, wp.get_mempool_release_threshold(alias)))
 
 
 def own_gpu(count: int) -> int:
-    """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
-    `WORKER`, the first where it is not set."""
+    """Number of the GPU for a process that shares `count` of them with others: assigned in turn by `WORKER`,
+    the first if it is not set.
+    """
     return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
 def gpus(name: str) -> tuple[str, ...]:
-    """GPUs that processes may share which are told to work on a device: all of the machine for "cuda", the
-    one named for "cuda:1", none for "cpu"."""
+    """Number of GPUs that processes can share for a device: all of the machine for "cuda", the one named for
+    "cuda:1", none for "cpu".
+    """
     if name == "cpu":
         return ()
     _start()
@@ -77,7 +81,7 @@ def _start() -> None:
 def _without(expected: str) -> Iterator[None]:
     """Keep one expected line of native code off stderr; anything else still gets there.
 
-    Warp's library says on every start that a machine has no GPU; that is no news to its user.
+    On a machine without a GPU, Warp's library reports this on every start, which is of no use to the user.
     """
     try:
         saved = os.dup(2)
@@ -99,7 +103,7 @@ def _without(expected: str) -> Iterator[None]:
 
 
 def available() -> tuple[str, ...]:
-    """Names of the devices that a run may be given, the CPU first, each with what it is."""
+    """Names of the available devices, the CPU first, each with its description."""
     _start()
     return tuple(f"{device.alias} ({device.name})" for device in wp.get_devices())
 

@@ -29,7 +29,7 @@ from explicit.time_loop.kernel import TimeLoopKernel
 HISTORIES = ("force", "impulse", "position", "energy", "ending")
 """The arrays of an output, samples first, one behind the other in its memory."""
 PIECE = 1 << 20
-"""Numbers of float64 in a piece, 8 MiB: long enough for the bus, short enough to be locked quickly."""
+"""Numbers of float64 in a piece, 8 MiB: large enough for the bus, small enough to be locked quickly."""
 PIECES = 8
 """Pieces of page-locked memory that a process keeps for each device."""
 THREADS = 4
@@ -48,7 +48,8 @@ class _HostTransfer:
 
     def touch_memory(self, count: int) -> None:
         """Touch the memory that the first `count` simulations need, while the device is still at work: the
-        system hands it out page by page, which takes longer than to fill it."""
+        system allocates it page by page, which takes longer than filling it.
+        """
         for target in self._arrays.values():
             target[:count] = 0.0
 
@@ -98,14 +99,14 @@ def _pool() -> ThreadPoolExecutor:
 
 @cache
 def _buffers(device: str) -> list[Any]:
-    """Page-locked pieces of a process: to lock them takes longer than to fill them."""
+    """Page-locked pieces of a process: locking them takes longer than filling them."""
     return [wp.empty(PIECE, dtype=wp.float64, device="cpu", pinned=True) for _ in range(PIECES)]
 
 
 STEP = 1 << 17
 """Pieces are multiples of this many numbers of float64, 1 MiB."""
 LIMIT = 1 << 25
-"""Most numbers of float64 that a process locks, 256 MiB: other processes have no use of locked memory."""
+"""Most numbers of float64 that a process locks, 256 MiB: other processes cannot use locked memory."""
 
 
 class Piece:
@@ -122,7 +123,7 @@ class Piece:
         return self._arrival
 
     def wait(self) -> None:
-        """Wait until nothing is on its way any more."""
+        """Wait until all transfers are complete."""
         if self._arrival is not None:
             wp.synchronize_event(self._arrival)
 
@@ -153,7 +154,7 @@ class Pool:
         The piece is reused once neither the numbers nor a view of them exist.
         """
         with self._lock:
-            # Only appended to by others meanwhile, so that a place in the list stays what it is.
+            # Other threads only append to the list, so an index in it stays valid.
             fitting = [
                 (piece.memory.size, place)
                 for place, piece in enumerate(tuple(self._free))
@@ -186,11 +187,12 @@ POOL = Pool()
 
 
 WORTH_A_PACK = 0.75
-"""Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
+"""Share of a pack's lanes that must be in use: with fewer, its simulations are faster one by one."""
 PART_WAVES = 8
 """Simulations per multiprocessor in one launch: their histories are copied while others run."""
 LARGE_MESH = 1500
-"""Elements from which the state of a pack leaves the caches and simulations are faster one by one."""
+"""Number of elements above which the state of a pack exceeds the caches and simulations are faster one by
+one."""
 
 Progress = Callable[[int], None]
 
@@ -236,8 +238,8 @@ class Launched:
 def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
     """Run every simulation as a block of threads; of a large batch, histories are copied while others run.
 
-    Two streams take turns, so that the next part fills the multiprocessors that the last blocks of the one
-    before leave idle.
+    Two streams alternate, so that the next part uses the multiprocessors left idle by the last blocks of the
+    one before.
     """
     return collect_from_gpu(launch_on_gpu(batch, streams(batch.where.alias)[:2]), progress)
 
@@ -300,9 +302,9 @@ def _parts_of(recorded: FloatArray, output: Any) -> dict[str, FloatArray]:
 def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list[tuple[Mapping, int, int]]:
     """Divide a batch: (mapping, first simulation, how many) of every launch.
 
-    What is left when every thread has had the same number of packs is run one by one if the threads are done
-    with it sooner than one of them with a pack. Of the threads only the time depends: a simulation has the
-    same bits in a pack and alone.
+    All threads first get the same number of packs. The remaining simulations are run one by one if this is
+    faster than a pack. The number of threads affects only the time: a simulation is bitwise equal in a pack
+    and outside.
 
     Parameters
     ----------
@@ -324,22 +326,22 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
 
 
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
-    """Packs of simulations, or simulations of packs of elements, shared out over threads.
+    """Packs of simulations, or simulations of packs of elements, distributed over threads.
 
-    Threads for which none is left join one that is at work (`explicit.simd.team`).
+    Threads without a launch join a running one (`explicit.simd.team`).
     """
     _work(lane_jobs(batch, threads), threads, progress)
     return histories_of(batch)
 
 
 def run_all_in_lanes(batches: Sequence[PreparedBatch], threads: int) -> list[dict[str, FloatArray]]:
-    """Batches of different models, the launches of all of them shared out over threads."""
+    """Batches of different models, with the launches of all of them distributed over threads."""
     _work([job for batch in batches for job in lane_jobs(batch)], threads, None)
     return [histories_of(batch) for batch in batches]
 
 
 def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
-    """What a batch on the CPU has recorded."""
+    """Records of a batch on the CPU."""
     return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
@@ -352,7 +354,7 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
     """The launches of a batch on a CPU, in any order.
 
     Kernels are generated and loaded here: a launch compiles nothing. The first one makes the constants of the
-    mesh, beside other batches at work. `threads` are those that have nothing else to do, see `packs`.
+    mesh, in parallel with other running batches. `threads` is the number of idle threads, see `packs`.
     """
     kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
@@ -383,7 +385,7 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
 
 
 def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) -> None:
-    """Run all launches; threads that are left without one join the last ones."""
+    """Run all launches; idle threads join the last ones."""
     last = jobs[max(len(jobs) - threads + 1, 0) :] if threads > 1 else []
     joining = [job.offer(threads) for job in reversed(last)]
     tasks = [one for seat in zip_longest(*joining) for one in seat if one is not None]
@@ -392,7 +394,7 @@ def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) ->
         return
     with ThreadPoolExecutor(min(threads, len(jobs) + len(tasks))) as pool:
         finished = as_completed([pool.submit(job.run) for job in jobs])
-        joined = [pool.submit(task) for task in tasks]  # no thread takes one while a launch is waiting
+        joined = [pool.submit(task) for task in tasks]  # no thread starts one while a launch is waiting
         _report((future.result() for future in finished), progress)
         for future in joined:
             future.result()

@@ -1,7 +1,9 @@
-"""Nearly incompressible specimens at the price of compressible ones: corrected for nu on a coarser mesh.
+"""Nearly incompressible specimens at the cost of compressible ones, with a correction for nu on a coarser
+mesh.
 
-The stable step falls with sqrt(1 - 2 nu) on every mesh, but what nu changes in the answer is smooth in
-space: a volume, and waves as long as the specimen. So it is computed where steps are cheap,
+The stable step is proportional to sqrt(1 - 2 nu) on every mesh. But the effect of nu on the result is smooth
+in space: a change of volume, and waves as long as the specimen. It is therefore computed on a coarse mesh,
+where steps are cheap,
 
     Q(fine, nu) = Q(fine, nu_0) + [Q(coarse, nu) - Q(coarse, nu_0)],
 
@@ -24,19 +26,19 @@ from explicit.run_batch import run
 COMPRESSIBLE = 0.495
 """Poisson's ratio of the runs on the fine mesh [-]."""
 SAME_SIZE = 1e-9
-"""Relative difference up to which two meshes are of one specimen [-]."""
+"""Relative difference up to which two meshes count as the same specimen [-]."""
 
 
 @dataclass(frozen=True)
 class NearlyIncompressible:
-    """A batch at its own Poisson's ratios, and what is known of its error."""
+    """A batch at its nearly incompressible Poisson's ratios, with estimates of its error."""
 
     response: Response
     """Histories of the fine mesh, corrected, and the strain measures too (`extrapolated_share` within 0 and
     1). `steps` and `smallest_step` are those of the run on the fine mesh, at the compressible ratio."""
     force_change: FloatArray
-    """What the correction of the transmission force changes from the coarser to the coarse mesh [N], shape
-    [n_samples, n_force_times]. Its size estimates the error; filter it first as the force will be."""
+    """Change of the transmission force's correction from the coarser to the coarse mesh [N], shape
+    [n_samples, n_force_times]. Its size estimates the error; filter it first in the same way as the force."""
     radius_change: FloatArray
     """The same of the surface's radius [m], shape [n_samples, n_surface_times, n_surface_nodes]."""
     element_steps: FloatArray
@@ -70,7 +72,7 @@ def run_nearly_incompressible(
         What to simulate, with the fine mesh.
     coarse : tuple of Mesh
         The mesh of the correction, about half as many elements in each direction, and a coarser one, about
-        three quarters of that, which only serves the estimate of the error.
+        three quarters of that, used only to estimate the error.
     samples : Samples
         Parameters; `poisson` above `compressible`.
     sampling : Sampling
@@ -89,8 +91,8 @@ def run_nearly_incompressible(
     Raises
     ------
     ValueError
-        If a Poisson's ratio is not above `compressible`, the meshes are not of one specimen or do not get
-        coarser, or all nodes are asked for.
+        If a Poisson's ratio is not above `compressible`, the meshes are not of one specimen or not
+        successively coarser, or all nodes are to be recorded.
     """
     _check(model.mesh, coarse, samples, sampling, compressible)
     soft = replace(samples, poisson=np.full(len(samples), compressible))
@@ -161,7 +163,7 @@ class _Change:
         )
 
     def applied_to(self, base: Response, pair: tuple[Response, Response]) -> Response:
-        """The response of the fine mesh with this change; the first run that failed says how it ended."""
+        """The response of the fine mesh with this change; the outcome is that of the first failed run."""
         runs = (base, *pair)
         outcomes = tuple(
             next((o for o in of_sample if not o.ok), of_sample[0])

@@ -20,7 +20,7 @@ from explicit.arrays import FloatArray, IntArray
 class Mesh:
     """Quadrilaterals in the half-plane (r, y), r >= 0, with the node sets a platen can meet.
 
-    A mesh is itself and no other: what is computed from it is kept for as long as it lives.
+    Meshes are compared by identity; quantities computed from a mesh are cached for its lifetime.
     """
 
     nodes: FloatArray
@@ -70,10 +70,10 @@ class Mesh:
 
     @cached_property
     def contact_area(self) -> FloatArray:
-        """Undeformed area of the surface that a node stands for in contact [m^2], shape [n_nodes].
+        """Undeformed contact area of each node [m^2], shape [n_nodes].
 
-        The row sum 2 pi times the integral of N R along the surface; 0 inside. A corner stands for its share
-        of the end face, not of the side.
+        The row sum 2 pi times the integral of N R along the surface; 0 inside. A corner has its share of the
+        end face, not of the side.
         """
         area = np.zeros(self.n_nodes)
         for chain in (self.side, self.lower_face, self.upper_face):

@@ -1,4 +1,4 @@
-"""The constant side of a batch: what is simulated, with which parameters, and what is recorded."""
+"""The input of a batch: the model, the parameters of each simulation, and the quantities to record."""
 
 from dataclasses import dataclass, field, fields
 from typing import Literal
@@ -33,26 +33,26 @@ class Model:
     side: str = "bonded"
     """Contact law of the side surface where it rolls onto a platen."""
     support: Support = RIGID
-    """What stands behind the transmission platen."""
+    """The support behind the transmission platen."""
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
     """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
     hourglass: float = 0.3
     """Size of hourglass control [-]; an element without it ignores this. "stiffness": relative to full
     integration of the initial shear stiffness. "viscous": share of the pattern's critical damping."""
     hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
-    """What resists the hourglass patterns: a stiffness, damped like the solid, or a viscosity alone, scaled
-    with the shear wave's speed (Flanagan and Belytschko 1981)."""
+    """Resistance to the hourglass patterns: a stiffness, damped like the solid, or only a viscosity, scaled
+    with the shear wave speed (Flanagan and Belytschko 1981)."""
     element: str = "one_point"
     """The element: a name of `explicit.elements.ELEMENTS`."""
     past_data: Literal["continue", "stop"] = "continue"
-    """What happens when an element is strained past the data of its material law: the law continues on its
-    end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
+    """Behaviour when an element is strained past the data of its material law. Either the law continues on
+    its end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
     volumetric: Form = "quadratic"
     """Form of the volumetric law, see `explicit.materials.volumetric`."""
 
     relaxation: tuple[RateDependence, ...] = ()
-    """What relaxes beside the material law, which is then the long-term one; a sample chooses one of these
-    (all of one class, `explicit.relaxation.PronySeries` for instance). Empty: nothing does."""
+    """Viscoelastic models added to the material law, which is then the long-term law. A sample chooses one of
+    them (all of one class, e.g. `explicit.relaxation.PronySeries`). Empty: no relaxation."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):
@@ -82,7 +82,7 @@ class Model:
 
     @property
     def relaxation_kind(self) -> Relaxation | None:
-        """Generator of the kernels of `relaxation`; None where nothing relaxes."""
+        """Generator of the kernels of `relaxation`; None without relaxation."""
         if not self.relaxation:
             return None
         return self.relaxation[0].kind(max(len(branches) for branches in self.relaxation))
@@ -112,8 +112,8 @@ class Samples:
     motion: NDArray[np.int64]
     """Index into `Model.motions`, shape [n_samples]."""
     release_stress: FloatArray
-    """Tensile contact stress at which a node lets go, used where a contact law is "bonded_release"; infinity
-    never [Pa], shape [n_samples]."""
+    """Tensile contact stress at which a node is released, used where a contact law is "bonded_release";
+    infinity: never [Pa], shape [n_samples]."""
     contact_stiffness: FloatArray
     """Pressure per penetration, used where a contact law is "penalty" [Pa/m], shape [n_samples]."""
     relaxation: NDArray[np.int64]
@@ -172,7 +172,7 @@ def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:
 
 @dataclass(frozen=True)
 class Sampling:
-    """When and what a batch records."""
+    """Recorded quantities of a batch and their times."""
 
     force_times: FloatArray
     """Times of forces and impulses [s], ascending, shape [n_force_times]."""
@@ -181,8 +181,8 @@ class Sampling:
     all_nodes: bool = False
     """Record every node at the surface times, for meshes and pictures."""
     ledger_every: int = 1
-    """Surface times from one entry of the energy ledger to the next; what lies between is NaN, the last time
-    always has one. An entry costs most of a step."""
+    """Number of surface times from one entry of the energy ledger to the next. The ledger is NaN at the times
+    between; the last time always has an entry. An entry costs most of a step."""
 
     def __post_init__(self) -> None:
         for name in ("force_times", "surface_times"):
@@ -207,9 +207,9 @@ class Stepping:
     measure_every: int = 8
     """Steps between two measurements of the bound."""
     bound: Literal["trace", "eigenvalue"] = "trace"
-    """How the bound takes the part of an element's stiffness and damping that is not volumetric: by the trace
-    of |grad v|^2, or by its largest eigenvalue. Both hold; the latter allows longer steps, the more the finer
-    the mesh, and its error in time is that of longer steps ({doc}`/theory/solver`)."""
+    """Estimate of the non-volumetric part of an element's stiffness and damping in the bound: by the trace of
+    |grad v|^2, or by its largest eigenvalue. Both are safe. The second allows longer steps, especially on
+    fine meshes; its time error is that of longer steps ({doc}`/theory/solver`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3
@@ -237,14 +237,16 @@ class Stepping:
 
 
 LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
-"""Scale of a parameter whose value may be zero [s, 1, 1/s]: what makes a difference in a test."""
+"""Least scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
+test."""
 
 
 def scale_of(name: str, value: float) -> float:
     """Scale that a relative step of a parameter refers to.
 
-    The stiffness factor, damping, friction and drag refer to their own value, the latter three not below
-    `LEAST_SCALE`; Poisson's ratio to its distance from 1/2, by which the bulk modulus scales.
+    For the stiffness factor, damping, friction and drag the scale is the value; for the last three it is at
+    least `LEAST_SCALE`. For Poisson's ratio it is the distance from 1/2, because the bulk modulus depends on
+    that.
     """
     if name == "poisson":
         return 0.5 - value

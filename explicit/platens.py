@@ -1,4 +1,4 @@
-"""Motion of the platens: the flyer's is prescribed; a support stands behind the transmission platen.
+"""Motion of the platens: that of the flyer is prescribed; the transmission platen has a support.
 
 A support is rigid, a bar by its characteristics, or any prescribed motion. The bar is one-dimensional and
 elastic. With the velocity away from the specimen v = g + h and the compressive force F = Z (g - h) at its
@@ -21,10 +21,9 @@ from explicit.arrays import FloatArray
 class PlatenMotion:
     """Displacement of the flyer's platen toward the specimen, tabulated with its velocity.
 
-    Between the knots position and velocity belong to one cubic, so they are consistent; the solver
-    moves the platen by the *difference of positions* over a step, so no drift accumulates. Past the last
-    knot the platen keeps its last velocity; the solver steps past the last requested time by less than
-    one time step.
+    Between the knots position and velocity belong to one cubic, so they are consistent; the solver moves the
+    platen by the *difference of positions* over a step, so no drift accumulates. After the last knot the
+    platen keeps its last velocity; the solver exceeds the last requested time by less than one time step.
     """
 
     start: float
@@ -94,9 +93,9 @@ class CharacteristicBar:
     """A uniform bar with a free far end."""
 
     impedance: float
-    """Force per velocity Z = rho c A [N s/m]; infinity is a rigid support."""
+    """Force per velocity Z = rho c A [N s/m]; infinity: a rigid support."""
     round_trip: float
-    """Time of a wave to the far end and back [s]; infinity is a bar without end."""
+    """Time of a wave to the far end and back [s]; infinity: an infinitely long bar."""
 
     def __post_init__(self) -> None:
         if not self.impedance > 0.0:
@@ -109,8 +108,8 @@ class CharacteristicBar:
 class MovingSupport:
     """A support whose motion is prescribed, one for all samples or one for each.
 
-    The other half of a partitioned coupling: a model of the parts behind the specimen answers a force with
-    this motion (`explicit.bars.coupling`).
+    Used in a partitioned coupling: a model of the parts behind the specimen computes this motion from a force
+    (`explicit.bars.coupling`).
     """
 
     motions: tuple[PlatenMotion, ...]

@@ -113,11 +113,12 @@ class Ending:
 
 @dataclass(frozen=True)
 class EnergyLedger:
-    """Energy balance: the work of the platens and what it became, at the surface times of a batch.
+    """Energy balance: the work of the platens and the energies into which it is converted, at the surface
+    times of a batch.
 
     Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
     of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that
-    `Sampling.ledger_every` leaves out.
+    `Sampling.ledger_every` omits.
     """
 
     external: FloatArray
@@ -133,15 +134,15 @@ class EnergyLedger:
     friction: FloatArray
     """Dissipated by sliding and sticking on the platens [J], shape [n_samples, n_surface_times]."""
     impact: FloatArray
-    """Lost when a node lands on a platen (inelastic, vanishes with the mesh); with the law "penalty" what
-    its normal springs hold or have lost, and in `friction` the tangential ones [J],
+    """Lost when a node hits a platen (inelastic; vanishes with mesh refinement). With the law "penalty":
+    energy stored or dissipated by the normal springs; that of the tangential springs is in `friction` [J],
     shape [n_samples, n_surface_times]."""
     hourglass_damping: FloatArray
     """Dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
 
     viscous: FloatArray
-    """Work done on the branches of `Model.relaxation`: dissipated by them, or still held [J]; `elastic` is
-    then that of the long-term law. Shape [n_samples, n_surface_times]."""
+    """Work done on the branches of `Model.relaxation`: dissipated by them, or still stored [J]; `elastic` is
+    then the energy of the long-term law. Shape [n_samples, n_surface_times]."""
 
     @property
     def artificial(self) -> FloatArray:
@@ -150,7 +151,7 @@ class EnergyLedger:
 
     @property
     def residual(self) -> FloatArray:
-        """External work minus everything it became [J], shape [n_samples, n_surface_times]."""
+        """External work minus all other energies [J], shape [n_samples, n_surface_times]."""
         dissipated = self.damping + self.friction + self.impact + self.viscous
         return self.external - (self.kinetic + self.elastic + self.artificial + dissipated)
 
@@ -163,8 +164,8 @@ class EnergyLedger:
     def artificial_share(self) -> FloatArray:
         """Largest artificial energy over the largest strain energy of each simulation [-], shape [n_samples].
 
-        Above 0.01 hourglass control takes part in the answer: refine the mesh, or check with an element that
-        has none (`Model.element = "fbar"`).
+        Above 0.01 hourglass control affects the result: refine the mesh, or check with an element that has
+        none (`Model.element = "fbar"`).
         """
         worst = np.nanmax(self.artificial, axis=1)
         scale = np.nanmax(self.elastic, axis=1)
@@ -179,10 +180,9 @@ class EnergyLedger:
 class Response:
     """Histories of a batch, sampled at the requested times.
 
-    Times are those asked for in `explicit.Sampling`. A simulation that ended early keeps what it recorded
-    until then and has NaN after it: positions and ledger to its `end_times` entry, forces to the step before,
-    since a force is known when its step is made. `ending` says why, when and where. Forces are
-    compression-positive.
+    Times are those of `explicit.Sampling`. A simulation that ended early keeps its records up to that time,
+    followed by NaN. Positions and ledger end at its `end_times` entry. Forces end one step earlier, since a
+    force is known only after its step. `ending` gives cause, time and place. Forces are compression-positive.
     """
 
     force_times: FloatArray
@@ -208,7 +208,7 @@ class Response:
     outcomes: tuple[Outcome, ...]
     """How each simulation ended, length n_samples."""
     failed_elements: NDArray[np.int64]
-    """The element where each simulation failed (its `Outcome.role` says what singles it out), -1 where it
+    """The element where each simulation failed (`Outcome.role` gives its part in the failure), -1 where it
     completed, shape [n_samples]."""
     failed_places: FloatArray
     """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m], NaN where
@@ -220,10 +220,10 @@ class Response:
     smallest_step: FloatArray
     """Smallest time step [s], shape [n_samples]."""
     extrapolated_share: FloatArray
-    """Largest share of the specimen's volume that was strained past the material curve's data [-],
+    """Largest share of the specimen's volume that was strained beyond the data of the material curve [-],
     shape [n_samples]."""
     largest_strain_measure: FloatArray
-    """Largest s = sqrt(I1_bar - 3) met at a surface time [-], shape [n_samples]."""
+    """Largest s = sqrt(I1_bar - 3) at any surface time [-], shape [n_samples]."""
     nodes: FloatArray | None = None
     """Positions (r, y) of all nodes at the surface times, if asked for [m],
     shape [n_samples, n_surface_times, n_nodes, 2]."""

@@ -1,6 +1,6 @@
 """Run a batch: from a constant `Model` and its `Samples` to a `Response`, on a CPU or a CUDA device.
 
-`compile_time_loops` compiles for a CPU in advance what batches will need, several time loops at once.
+`compile_time_loops` compiles the time loops of later batches for a CPU in advance, several at once.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 
 @dataclass(frozen=True)
 class Problem:
-    """A batch to be run beside others, see `run_side_by_side`."""
+    """A batch to be run in parallel with others, see `run_side_by_side`."""
 
     model: Model
     """What to simulate."""
@@ -74,20 +74,20 @@ def run(
     device : str
         "cpu", or a CUDA device such as "cuda" or "cuda:0".
     threads : int, optional
-        CPU threads; default all cores. Those for which no simulation is left share one that is at work, if
-        its mesh is large enough; with 1 nothing is shared. A result does not depend on it.
+        CPU threads; default all cores. Threads without a simulation help with a running one, if its mesh is
+        large enough; with 1 no simulation is shared. Results do not depend on it.
     progress : callable, optional
         Called with the number of simulations finished since the last call.
     modules : Path or str, optional
-        Folder of time loops compiled by `explicit.aot.ahead_of_time`, for CUDA devices; default what the
-        environment variable ``KOLSKY_AOT`` says. Without one, and on a CPU, they are compiled when
-        first used.
+        Folder of time loops compiled by `explicit.aot.ahead_of_time`, for CUDA devices; default is the value
+        of the environment variable ``KOLSKY_AOT``. Without a folder, and on a CPU, they are compiled on first
+        use.
 
     Returns
     -------
     Response
-        One row per sample. A simulation that ends early has its `Outcome`, its time and its element, what it
-        recorded until then and NaN after it; it does not disturb its neighbours.
+        One row per sample. A simulation that ends early has its `Outcome`, its time and its element, its
+        records until then and NaN after it. It does not affect the others.
 
     Raises
     ------
@@ -113,9 +113,9 @@ def run_side_by_side(
 ) -> list[Response]:
     """Simulate batches of different models at the same time.
 
-    A simulation is one block of a GPU's threads, or one core's work, so that a batch of one leaves all other
-    multiprocessors and cores idle; batches on streams of their own fill them, and on a CPU threads share the
-    simulations of all batches. A response is the same bits as that of `run`.
+    A simulation is one thread block of a GPU, or the work of one core. A batch of one simulation therefore
+    leaves all other multiprocessors and cores idle. Batches on separate streams use them; on a CPU, threads
+    share the simulations of all batches. A response is bitwise equal to that of `run`.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def run_side_by_side(
             for problem, (_, nodes), histories_of_problem in zip(problems, prepared, histories, strict=True)
         ]
     for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in prepared}:
-        # before the launches: loading waits for what runs, and compiling takes longer than most of it
+        # before the launches: loading waits for running kernels, and compiling takes longer than most of them
         wp.load_module(kernel.module, device=where, block_dim=block)
     wp.synchronize_device(where)
     launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in prepared]
@@ -236,16 +236,16 @@ def compile_time_loops(
     threads: int | None = None,
     progress: CompileProgress | None = None,
 ) -> int:
-    """Compile what batches are run with, side by side, where this machine has not yet done so.
+    """Compile the time loops of batches in parallel, if they are not yet compiled on this machine.
 
     Parameters
     ----------
     problems
         Batches to come, each with as many samples as it will have.
     also : sequence of callable
-        Further ones, made and looked at only if one of `problems` has to be compiled.
+        Makers of further batches, called only if one of `problems` has to be compiled.
     device, threads
-        As of `explicit.run`. A GPU has its own way (`explicit.aot`): nothing is done for it.
+        As in `explicit.run`. Nothing is done for a GPU, see `explicit.aot`.
     told : callable, optional
         Called before the first and after each one.
 
@@ -281,7 +281,7 @@ def compile_time_loops(
 
 
 def _unknown(problems: Sequence[Problem], where: Any, threads: int) -> dict[tuple[Any, ...], None]:
-    """The choices of `lane_kernel` that are not known yet, each once and in order."""
+    """The choices of `lane_kernel` that are not compiled yet, each once and in order."""
     choices: dict[tuple[Any, ...], None] = {}
     for problem in problems:
         time_loop, numbers, _ = _time_loop_of(problem, where)

@@ -1,4 +1,5 @@
-"""A design: points of a box and how they were chosen, and a kind of design in the registry."""
+"""Designs: points of a box with the options that reproduce them, and the registry's entry for a kind of
+design."""
 
 from __future__ import annotations
 
@@ -65,8 +66,8 @@ def count_of(n: int) -> int:
 def seed_of(rng: Rng) -> int:
     """The integer that reproduces the draw.
 
-    From a generator one is drawn: SciPy's samplers spawn a child of a generator, which its recorded
-    state would not reproduce.
+    If `rng` is a generator, the integer is drawn from it. SciPy's samplers spawn a child of a generator, and
+    the generator's recorded state would not reproduce that child.
 
     Raises TypeError if `rng` is neither an integer nor a generator.
     """
@@ -83,19 +84,20 @@ Need = Literal["levels", "runs", "rng", "generators", "candidates", "points"]
 
 @dataclass(frozen=True)
 class DesignKind:
-    """A kind of design; called with the box and the function's own arguments it gives the design."""
+    """A kind of design; calling it with the box and the function's arguments returns the design."""
 
     function: Callable[..., Design]
-    """Takes the box first, then what `needs` says under the names of `DesignKind.make`; "runs" is its n."""
+    """Takes the box first, then the options listed in `needs`, by their names in `DesignKind.make`; "runs" is
+    its n."""
     option: str
     """Name at a command line."""
     needs: tuple[Need, ...]
     """Options that the function takes, of those of `make`."""
     summary: str
-    """What it is good for, in a few words."""
+    """Its purpose, in a few words."""
 
     def __call__(self, box: Box, *arguments: Any, **options: Any) -> Design:
-        """The design by the function's own arguments."""
+        """The design made with the function's arguments."""
         return self.function(box, *arguments, **options)
 
     def make(
@@ -109,11 +111,12 @@ class DesignKind:
         candidates: ArrayLike | None = None,
         points: ArrayLike | None = None,
     ) -> Design:
-        """The design by options that are the same for all kinds; those it does not need are not looked at.
+        """The design made with options common to all kinds; options that a kind does not need are ignored.
 
         ``levels``: one number for all parameters or one each. ``runs``: number of points. ``candidates``:
-        points to choose from, in parameter units, shape [c, d]; the kind's own if None. ``points``: points
-        chosen elsewhere, likewise. Raises ValueError if an option does not fit the box or the kind.
+        points to choose from, in parameter units, shape [c, d]; if None, the kind's default. ``points``:
+        given points, in parameter units, shape [n, d]. Raises ValueError if an option does not fit the box or
+        the kind.
         """
         arguments = {
             "levels": levels,

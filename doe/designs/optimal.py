@@ -1,4 +1,4 @@
-"""D-optimal designs: the candidates that fix a polynomial best, by Fedorov's exchange.
+"""D-optimal designs: the candidates that determine a polynomial best, by Fedorov's exchange.
 
 The design maximises det(X^T X) of the model matrix X, and so makes the volume of the confidence ellipsoid of
 the polynomial's coefficients smallest (V. V. Fedorov, Theory of Optimal Experiments, 1972, chapter 3).
@@ -21,7 +21,7 @@ IntArray = NDArray[np.intp]
 STARTS = 10
 """Random starts."""
 GAIN = 1e-9
-"""Smallest relative gain in the determinant that an exchange is made for: round-off is far below."""
+"""An exchange must raise the determinant by at least this relative gain; round-off is far smaller."""
 
 
 def d_optimal(
@@ -32,7 +32,7 @@ def d_optimal(
     candidates: ArrayLike | None = None,
     degree: int = 2,
 ) -> Design:
-    """The n distinct candidates that fix a polynomial best, as far as exchanges find them.
+    """The n distinct candidates that determine a polynomial best; exchanges may end in a local optimum.
 
     Each start is a random choice, from which one point at a time is exchanged for the candidate that raises
     the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
@@ -77,11 +77,11 @@ def monomials(coded: FloatArray, degree: int) -> FloatArray:
 
 
 def _start(model: FloatArray, n: int, generator: np.random.Generator) -> IntArray:
-    """Random rows that fix the polynomial: a basis met in random order, then others at random."""
+    """Random rows that determine the polynomial: a basis taken in random order, then further random rows."""
     order = generator.permutation(len(model))
     rows: list[int] = []
     residual = model[order].copy()
-    for _ in range(model.shape[1]):  # Gram-Schmidt: the rows with most that is new, ties in random order
+    for _ in range(model.shape[1]):  # Gram-Schmidt: largest independent part first, ties random
         size = np.einsum("ij,ij->i", residual, residual) * generator.uniform(0.5, 1.0, len(residual))
         pick = int(np.argmax(size))
         rows.append(int(order[pick]))
@@ -100,7 +100,7 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
         variance = np.einsum("ij,jk,ik->i", model, inverse, model)
         # Fedorov's delta: det(new)/det(old) - 1 when row j of the design gives way to candidate i.
         gain = variance[:, None] - variance[rows] - variance[:, None] * variance[rows] + cross**2
-        gain[rows] = -np.inf  # a simulation run twice tells nothing new
+        gain[rows] = -np.inf  # repeating a simulation adds no information
         i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if gain[i, j] <= GAIN:
             return rows
@@ -108,10 +108,10 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
 
 
 def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:
-    """The points of a design that meet all constraints; how many did not is in ``settings["refused"]``.
+    """The points of a design that meet all constraints; ``settings["refused"]`` is the number of the others.
 
     A constraint takes points in parameter units, shape [n, d], and returns True where one may be run, shape
-    [n]. Raises ValueError if it returns another shape, or no point is left.
+    [n]. Raises ValueError if it returns another shape, or no point meets them.
     """
     mask = np.ones(len(design), dtype=bool)
     for constraint in constraints:

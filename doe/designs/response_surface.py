@@ -1,4 +1,4 @@
-"""The classical designs for a quadratic response surface, from pyDOE, in the box's own units."""
+"""The classical designs for a quadratic response surface, from pyDOE, in parameter units."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ GENERATOR = re.compile(r"[+-]?[a-z]+")
 def fractional_factorial(box: Box, generators: str) -> Design:
     """A two-level fractional factorial, 2^(d-p) of the box's corners.
 
-    ``generators``: one word a parameter: a letter alone is a factor of its own, a word of letters the product
-    of theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners.
+    ``generators``: one word for each parameter. A single letter is an independent factor, several letters are
+    the product of those factors, and a leading minus swaps the levels. "a b ab" is half of 2^3 corners.
     """
     words = generators.split()
     if len(words) != box.dimension:

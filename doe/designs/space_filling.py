@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from operator import index
 
 import numpy as np
-import scipy  # its parts load when they are named: statistics take half a second, and few designs are drawn
+import scipy  # submodules load on first use: statistics take half a second, and few designs are drawn
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
@@ -63,7 +63,7 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
     rng
         Integer seed or NumPy generator.
     optimise
-        Lower the centred discrepancy by swapping coordinates (the slices keep one point each).
+        Reduce the centred discrepancy by swapping coordinates (each slice still holds one point).
 
     Raises
     ------
@@ -128,7 +128,7 @@ def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
 
 
 def from_points(box: Box, points: ArrayLike) -> Design:
-    """A design somebody else chose.
+    """A design from given points.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ SURROGATES: dict[str, SurrogateKind] = {
     "quadratic": SurrogateKind(QuadraticSurrogate, "a polynomial of the second degree, by least squares"),
     "cost": SurrogateKind(CostSurrogate, "radial basis functions of one number", scalar=True),
 }
-"""Surrogates by name; what each one's `fit` builds offers `Surrogate`."""
+"""Surrogates by name; the `fit` of each one builds an object with the interface `Surrogate`."""
 
 __all__ = [
     "DEFAULT_KERNELS",

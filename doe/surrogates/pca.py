@@ -1,4 +1,4 @@
-"""Principal components of a set of response vectors, with what leaving the others out costs."""
+"""Principal components of a set of response vectors, with the error of truncation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class PrincipalComponents:
     mean: FloatArray
     """Mean response over the runs, in response units, shape [k]."""
     scale: FloatArray
-    """Weight of each entry, in response units, shape [k]: entries count by their size over it."""
+    """Scale of each entry, in response units, shape [k]: each entry is divided by its scale."""
     basis: FloatArray
     """Orthonormal components of the scaled response [-], shape [q, k]."""
     singular_values: FloatArray
@@ -33,11 +33,12 @@ class PrincipalComponents:
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
     ) -> PrincipalComponents:
-        """The fewest components that keep a share of the scaled variance of responses, one row a run, [n, k].
+        """The fewest components that keep a share of the scaled variance of responses, one row for each run,
+        [n, k].
 
-        ``scale``: what an entry's deviations are measured by, > 0, in response units, a number or shape [k]:
-        forces and lengths need their own, e.g. their noise, or the larger wins. Raises ValueError if an
-        argument is outside its range.
+        ``scale``: scale of each entry, > 0, in response units, a number or shape [k]. Forces and lengths need
+        different scales, e.g. their noise, or the larger numbers dominate. Raises ValueError if an argument
+        is outside its range.
         """
         k = responses.shape[1]
         weights = np.array(np.broadcast_to(np.asarray(scale, dtype=np.float64), (k,)))

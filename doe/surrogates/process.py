@@ -1,8 +1,8 @@
-"""A surrogate of the response that states its own error: principal components, a Gaussian process each.
+"""A surrogate of the response with its standard deviation: principal components, each with a Gaussian
+process.
 
-A process has an anisotropic correlation function over the unit box; its variance and its leave-one-out
-errors are
-in closed form.
+A process has an anisotropic correlation function over the unit box. Its variance and its leave-one-out errors
+have closed forms.
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ def with_slopes(kind: str, squares: FloatArray, lengths: FloatArray) -> tuple[Fl
 
 
 SHORTEST, LONGEST = 0.02, 30.0
-"""Range of the correlation lengths in the unit box: below a design's spacing nothing is learnt, far beyond
-the box a response is a polynomial and longer makes it no smoother."""
+"""Range of the correlation lengths in the unit box. Runs do not determine a length below their spacing; with
+a length far beyond the box the response is already a polynomial."""
 LEAST_NUGGET, LARGEST_NUGGET = 1e-10, 1.0
-"""Range of the nugget over the process's variance. The least keeps the condition number below n 1e10, so
-that six digits of the interpolant are left."""
+"""Range of the nugget over the process's variance. The least keeps the condition number below n 1e10, so that
+the interpolant keeps six digits."""
 STARTS = (0.4, 1.5)
-"""Correlation lengths from which the likelihood is climbed."""
+"""Correlation lengths from which the maximum of the likelihood is searched."""
 DETERMINED = 1e-10
 """Smallest singular value of the trend's terms at the runs, over the largest."""
 
@@ -82,7 +82,8 @@ class Hyperparameters:
     lengths: FloatArray
     """Correlation lengths in the unit box [-], shape [d]."""
     nugget: float
-    """Variance of what is no function of the point, over the process's variance [-]."""
+    """Variance of the part of a response that is not a smooth function of the point, over the process's
+    variance [-]."""
 
     @property
     def logarithms(self) -> FloatArray:
@@ -114,7 +115,7 @@ class GaussianProcess:
     loo_residuals: FloatArray
     """Value minus what the other runs predict there, shape [n, q]."""
     loo_sigma: FloatArray
-    """Standard deviation that the other runs state for it, shape [n, q]."""
+    """Standard deviation of that prediction, shape [n, q]."""
     weights: FloatArray
     """Of the runs' correlations, shape [n, q]."""
     trend: FloatArray
@@ -135,7 +136,7 @@ class GaussianProcess:
         """Choose the hyperparameters by the restricted likelihood of values, [n, q], at runs in the unit box,
         [n, d].
 
-        ``start``: where to begin, e.g. the hyperparameters of fewer runs; left out, two starts a kind of
+        ``start``: first hyperparameters, e.g. those of fewer runs; if left out, two starts for each kind of
         correlation. Raises SurrogateError if there are too few runs, or they do not determine the linear
         trend.
         """
@@ -269,7 +270,7 @@ def _loss(
 
 
 SEPARATE_COMPONENTS = 4
-"""Leading components with hyperparameters of their own; the others, many and small, share theirs."""
+"""Number of leading components with individual hyperparameters; the others, many and small, share one set."""
 
 
 @dataclass(frozen=True)
@@ -341,9 +342,9 @@ class ProcessSurrogate:
         return np.concatenate([process.sigma(u) for process in self.processes], axis=1)
 
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
-        """The surrogate as if runs at these points had given what it predicts, shape [m, d].
+        """The surrogate as if runs at these points, shape [m, d], had given its predictions.
 
-        Its mean stays (up to the nugget); its standard deviation falls about the points.
+        Its mean does not change (up to the nugget); its standard deviation falls near the points.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
@@ -376,10 +377,10 @@ class ProcessSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Run minus what the other runs predict for it, in response units, shape [n, k].
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
-        The components and hyperparameters stay those of all runs; what the components leave out of the
-        run is part of its residual.
+        The components and hyperparameters stay those of all runs; the truncation error of a run is part of
+        its residual.
         """
         scores = np.concatenate([process.loo_residuals for process in self.processes], axis=1)
         return self.components.deviation(scores) + self.components.truncation

@@ -115,11 +115,12 @@ DEFAULT_KERNELS = (
 
 
 class Surrogate(Protocol):
-    """A stand-in for an expensive function of a box, built from n runs, that knows its own error."""
+    """An approximation of an expensive function in a box, built from n runs, with an estimate of its
+    error."""
 
     @property
     def box(self) -> Box:
-        """The box in which it holds."""
+        """The box in which it is valid."""
 
     @property
     def points(self) -> FloatArray:
@@ -127,12 +128,12 @@ class Surrogate(Protocol):
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Run minus what the other runs predict for it, shape [n, k]."""
+        """Response of each run minus its prediction from the other runs, shape [n, k]."""
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        A point outside the box is refused with a ValueError unless `extrapolate` is True.
+        A point outside the box raises ValueError unless `extrapolate` is True.
         """
 
 
@@ -159,10 +160,10 @@ class SurrogateKind:
     surrogate: Any
     """The class; its class method ``fit(box, points, values, ...)`` builds a `Surrogate` from runs."""
     summary: str
-    """What it is, in a few words."""
+    """Short description."""
     scalar: bool = False
-    """Whether the response is one number a run; then `fit` of the class takes values of shape [n] and no
-    scale."""
+    """True if the response of a run is a single number; then `fit` of the class takes values of shape [n] and
+    no scale."""
 
     def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
         """Build the surrogate from runs, shapes [n, d] and [n, k]; k = 1 for a scalar kind.
@@ -180,7 +181,7 @@ class SurrogateKind:
 
 
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Runs and their values as arrays [n, d] and [n, k], refused if they cannot make a surrogate.
+    """Runs and their values as arrays [n, d] and [n, k], after a check that a surrogate can use them.
 
     Raises ValueError if a point is outside the box or the shapes do not match. Raises SurrogateError if a
     value is not finite; the message names the run.

@@ -1,8 +1,8 @@
-"""A surrogate that averages: a quadratic through many runs by least squares, and the roughness it leaves.
+"""A smoothing surrogate: a least-squares quadratic through many runs, and the roughness of its residuals.
 
-Where contact makes a response jump a little from point to point, an interpolant follows every jump and
-its slope is that of the jumps. A quadratic through more runs than it has terms does not: its slope is the
-response's, and what it leaves over tells how rough the response is (Box and Draper, Response Surfaces).
+Contact can make a response jump slightly from point to point. An interpolant follows every jump, and its
+slope is that of the jumps. A quadratic through more runs than it has terms has the slope of the response; its
+residuals measure the roughness (Box and Draper, Response Surfaces).
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class QuadraticSurrogate:
     residuals: FloatArray
     """Run minus quadratic, in response units, shape [n, k]."""
     leverage: FloatArray
-    """Share of each run in what is predicted for it [-], shape [n]."""
+    """Leverage: share of each run in its own prediction [-], shape [n]."""
 
     @classmethod
     def fit(
         cls, box: Box, points: ArrayLike, responses: ArrayLike, *, scale: ArrayLike = 1.0
     ) -> QuadraticSurrogate:
-        """Build it from runs, shapes [n, d] and [n, k], by least squares, every entry alone, whatever its
-        scale.
+        """Build it from runs, shapes [n, d] and [n, k], by least squares, each entry separately and
+        independent of its scale.
 
         Raises ValueError if a point is outside the box, or shapes do not match. Raises SurrogateError if a
         response is not finite, there are no more runs than terms, or the runs do not determine the quadratic.
@@ -89,7 +89,7 @@ class QuadraticSurrogate:
         return len(self.points) - len(self.coefficients)
 
     def roughness(self, gain: ArrayLike) -> FloatArray:
-        """Covariance of what a linear map makes of one run's deviation from the quadratic, shape [m, m].
+        """Covariance of a linear map of one run's deviation from the quadratic, shape [m, m].
 
         ``gain``: the map, e.g. from a change of the response to the move of an optimum, shape [m, k]. The
         covariance has n - `terms` degrees of freedom, and holds the quadratic's lack of fit too.
@@ -104,7 +104,7 @@ class QuadraticSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Run minus what the other runs predict for it, in response units, shape [n, k].
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
         Infinite where the other runs do not determine the quadratic at all.
         """

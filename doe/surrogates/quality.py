@@ -1,4 +1,4 @@
-"""Errors of a surrogate, compared with what its purpose allows, and the number of runs that would do."""
+"""Errors of a surrogate, compared with the allowed error, and the number of runs needed to reach it."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Fit = Callable[[FloatArray, FloatArray], Surrogate]
 SHARES = (0.35, 0.6, 1.0)
 """Sizes of the nested designs over that of the whole."""
 LEAST_ORDER = 0.2
-"""Smallest exponent of the error's fall with the number of runs that is called convergence."""
+"""Smallest exponent p of error ~ n^-p that counts as convergence."""
 MOST_RUNS = 100.0
-"""Largest ratio of the runs it would take over those there are that is worth telling."""
+"""Largest ratio of needed over existing runs that is reported."""
 
 
 @dataclass(frozen=True)
 class Fitness:
-    """A surrogate's error compared with what is allowed, and the number of runs that would do."""
+    """A surrogate's error compared with the allowed one, and the number of runs needed to reach it."""
 
     error: float
-    """The error that counts, e.g. of the optimum over its half width [-]."""
+    """The error to be compared, e.g. that of the optimum over its half width [-]."""
     allowed: float
-    """The largest that is good enough."""
+    """The largest allowed error."""
     runs: tuple[int, ...]
     """Sizes of the nested designs, ascending; the last is the whole."""
     errors: tuple[float, ...]
@@ -47,7 +47,9 @@ class Fitness:
 
     @property
     def runs_needed(self) -> int | None:
-        """Runs at which the observed convergence reaches what is allowed; None if it does not converge."""
+        """Number of runs at which the observed convergence reaches the allowed error; None if it does not
+        converge.
+        """
         if self.good:
             return self.runs[-1]
         if not (isfinite(self.order) and self.order >= LEAST_ORDER):
@@ -68,9 +70,9 @@ class Fitness:
         )
 
     def require(self) -> None:
-        """Refuse the surrogate if it is not good enough.
+        """Raise an error if the surrogate is not good enough.
 
-        Raises SurrogateError: with the number of runs that it would take.
+        Raises SurrogateError: the message gives the number of runs needed.
         """
         if not self.good:
             raise SurrogateError(f"the surrogate is not good enough: {self}")
@@ -86,12 +88,13 @@ def fitness(
     allowed: float,
     gain: ArrayLike | None = None,
 ) -> Fitness:
-    """Judge a surrogate by its leave-one-out error, and how that falls over nested parts of the design.
+    """Evaluate a surrogate by its leave-one-out error, and by the decrease of that error over nested subsets
+    of the design.
 
     ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k]. ``sigma``: noise of each entry,
     in response units, a number or shape [k]. ``allowed``: largest allowed error, > 0. ``gain``: linear map
-    from a change of the response to what the surrogate is for, in units of what is allowed to be wrong: the
-    optimum's move over its half width, shape [m, k]. The error is then the root mean square of its largest
+    from a change of the response to the quantity of interest, in units of its allowed error, shape [m, k];
+    e.g. the optimum's move over its half width. The error is then the root mean square of its largest
     component. Left out, it is that of residual / sigma over all entries.
     """
     if not 0.0 < allowed < np.inf:
@@ -117,9 +120,9 @@ def fitness(
 
 
 def nested(unit_points: FloatArray) -> NDArray[np.intp]:
-    """An order of runs in which every beginning is spread over the box, shape [n].
+    """An order of runs in which the first runs, of any number, are spread over the box, shape [n].
 
-    From the run nearest to the middle, each next is the one farthest from those before.
+    The first run is the one nearest to the middle; each next run is the one farthest from all before.
     """
     distance = cdist(unit_points, unit_points)
     order = [int(np.argmin(((unit_points - 0.5) ** 2).sum(axis=1)))]

@@ -25,7 +25,7 @@ LARGEST_CONDITION = 1e12
 leave-one-out operator are left in float64."""
 
 SMALLEST_DISTANCE = 1e-9
-"""Smallest distance of two runs in the unit box; closer ones are one run, twice."""
+"""Smallest distance of two runs in the unit box; closer runs count as duplicates."""
 
 LARGEST_MISFIT = 1e-8
 """Largest error at the runs themselves over the largest |value|: an interpolant has round-off there."""
@@ -118,7 +118,7 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
         )
     half = (null @ vectors) / np.sqrt(eigenvalues)
     operator = half @ half.T
-    # B_ii = 0 when run i alone carries one term of the tail: the others leave that term undetermined.
+    # B_ii = 0 if only run i determines one term of the tail: the other runs do not determine that term.
     diagonal = np.diag(operator)
     lonely = np.flatnonzero(diagonal < 1e-12 * diagonal.max())
     if len(lonely):
@@ -220,9 +220,9 @@ class ResponseSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Run minus what the other runs predict for it, in response units, shape [n, k].
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
-        The components stay those of all runs; what they leave out of the run is part of its residual.
+        The components are those of all runs; the truncation error of a run is part of its residual.
         """
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
 

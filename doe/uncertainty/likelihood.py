@@ -21,7 +21,7 @@ STEP = 1e-4
 """Half the distance of central differences in the unit box: their error is 1e-8 of a smooth model's
 third derivative, far above the round-off of a surrogate."""
 ROUNDS = 100
-"""Most alternations between parameters and discrepancies."""
+"""Largest number of alternations between fitting parameters and fitting discrepancies."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Channel:
     """
 
     name: str
-    """What it is, e.g. "force"."""
+    """Name of the measured quantity, e.g. "force"."""
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
     discrepancy: float | Literal["profiled"] = 0.0
-    """tau of what the model leaves out, sigma_eff^2 = sigma^2 + tau^2, in the entries' units: fixed, or
-    "profiled": the most likely one at every point."""
+    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is fixed;
+    "profiled" takes the most likely value at every point."""
 
     def __post_init__(self) -> None:
         sigma = np.atleast_1d(np.asarray(self.sigma, dtype=np.float64))
@@ -85,9 +85,9 @@ class Fit:
     """A maximum of the likelihood over some parameters, the others held."""
 
     unit_point: FloatArray
-    """Where, in the unit box [-], shape [d]."""
+    """Point in the unit box [-], shape [d]."""
     point: FloatArray
-    """Where, in parameter units, shape [d]."""
+    """Point in parameter units, shape [d]."""
     discrepancies: FloatArray
     """tau of each channel, in its units, shape [n_channels]."""
     deviance: float
@@ -107,15 +107,15 @@ class Likelihood:
     """
 
     box: Box
-    """Where the model holds; it is not asked outside."""
+    """Box in which the model is valid; it is never evaluated outside."""
     model: Model
     """Predicts data vectors, e.g. a verified surrogate."""
     data: FloatArray
-    """What was measured, shape [k]."""
+    """Measured data vector, shape [k]."""
     channels: Sequence[Channel]
-    """What the data vector is made of, in its order."""
+    """Channels of the data vector, in its order."""
     slices: tuple[slice, ...] = field(init=False, repr=False)
-    """Where each channel's entries stand."""
+    """Slice of the data vector that holds each channel's entries."""
 
     def __post_init__(self) -> None:
         data = np.asarray(self.data, dtype=np.float64)
@@ -132,7 +132,7 @@ class Likelihood:
     def residuals(self, unit_points: ArrayLike) -> FloatArray:
         """Prediction minus data at points of the unit box, shape [n, d] -> [n, k].
 
-        Raises ValueError if the model's answer has a wrong shape or is not finite; the message names the
+        Raises ValueError if the model's response has a wrong shape or is not finite; the message names the
         point.
         """
         u = np.clip(np.atleast_2d(np.asarray(unit_points, dtype=np.float64)), 0.0, 1.0)
@@ -172,11 +172,11 @@ class Likelihood:
         return self.whitened(change, discrepancies).T
 
     def maximise(self, start: ArrayLike, *, held: Sequence[int] = ()) -> Fit:
-        """Most likely point from a start in the unit box, shape [d], some coordinates held where the start
-        has them.
+        """Most likely point, searched from a start in the unit box, shape [d]; coordinates in ``held`` keep
+        their start values.
 
-        Parameters (by bounded least squares) and profiled discrepancies are improved in turns; the deviance
-        never rises.
+        Parameters (by bounded least squares) and profiled discrepancies are improved alternately. The
+        deviance never rises.
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)
@@ -193,7 +193,7 @@ class Likelihood:
             gain = value - lower
             if gain > 0.0:
                 u, tau, value = trial, trial_tau, lower
-            # 1e-6 of the deviance is nothing beside the 3.84 of an interval.
+            # A change of 1e-6 in deviance is negligible compared with the 3.84 of an interval.
             if not moving or gain < 1e-6:
                 converged = ok
                 break
@@ -218,7 +218,7 @@ class Likelihood:
             gtol=1e-12,
             max_nfev=200,
         )
-        # The interior method stops short of a face; the face itself is tried too.
+        # The interior-point method never reaches a face, so the face is tried too.
         best, cost = full(solution.x), float(solution.cost)
         snapped = np.where(best < STEP, 0.0, np.where(best > 1.0 - STEP, 1.0, best))
         snapped = np.where(np.isin(np.arange(len(u)), free), snapped, u)

@@ -1,4 +1,4 @@
-"""Posterior by Markov chains (emcee, the extra [bayes]), with priors stated and convergence judged."""
+"""Posterior by Markov chains (emcee, the extra [bayes]), with explicit priors and a convergence check."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ Indices = NDArray[np.intp]
 WALKERS = 32
 """Walkers of the ensemble: at least twice as many as coordinates."""
 LENGTHS = 50.0
-"""Steps over the longest autocorrelation time from which on that time is trusted (Sokal; emcee)."""
+"""Fewest steps, in multiples of the longest autocorrelation time, for which that time is trusted (Sokal;
+emcee)."""
 STEADY = 0.05
-"""Largest relative change of the autocorrelation times since the check before."""
+"""Largest relative change of the autocorrelation times between two checks that counts as converged."""
 CHECK = 250
 """Steps between two checks of convergence."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Samples of the posterior, what they rest on and whether to trust them."""
+    """Samples of the posterior, with their priors and the result of the convergence check."""
 
     names: tuple[str, ...]
     """Parameter names, length d."""
@@ -37,7 +38,7 @@ class Posterior:
     discrepancy_names: tuple[str, ...]
     """Those channels."""
     converged: bool
-    """Long enough against the autocorrelation time, and that time steady."""
+    """True if the chains are long compared with the autocorrelation time, and that time is steady."""
     autocorrelation: FloatArray
     """Integrated autocorrelation time of each coordinate [steps], parameters first."""
     steps: int
@@ -78,19 +79,19 @@ def sample_posterior(
     Parameters
     ----------
     likelihood
-        Of the data; a channel with a "profiled" discrepancy needs a prior.
+        Likelihood of the data. A channel with a "profiled" discrepancy needs a prior.
     start
-        About where the walkers start, in parameter units, shape [d].
+        Centre of the walkers' starting points, in parameter units, shape [d].
     rng
         Seed.
     power
-        Power of the likelihood, > 0: below 1 where residuals are correlated in a way that it does not know
-        (Pauli, Racugno and Ventura 2011).
+        Power of the likelihood, > 0: below 1 if residuals have correlations that the likelihood does not
+        model (Pauli, Racugno and Ventura 2011).
     discrepancy_priors
-        Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the
-        channel's fixed discrepancy. Left out, every channel keeps its own.
+        Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the channel's
+        fixed discrepancy. If left out, every channel keeps its fixed discrepancy.
     max_steps
-        Most steps of each walker; the result says whether they were enough.
+        Most steps of each walker; `converged` of the result is False if they were too few.
 
     Raises
     ------
@@ -175,7 +176,9 @@ def _first(
     sampled: Indices,
     rng: int,
 ) -> FloatArray:
-    """Walkers about the optimum, as wide as the data alone allow each coordinate to move."""
+    """Starting points around the optimum; the spread of each coordinate is its conditional standard
+    deviation.
+    """
     generator = np.random.default_rng(rng)
     jacobian = likelihood.jacobian(unit_point, discrepancies)
     information = (jacobian**2).sum(axis=0)

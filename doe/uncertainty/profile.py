@@ -1,7 +1,7 @@
 """Profile likelihoods, and verdicts on the parameters.
 
-A profile shows how much worse the best fit gets while one parameter is fixed at another value. A verdict is
-one word, with its reasons.
+A profile shows how much worse the best fit gets while one parameter is fixed at another value. A verdict
+classifies a parameter by one word and gives the reasons.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ LEVEL = float(chdtri(1, 0.05))
 BEYOND = 2.0
 """Rise over the level up to which small steps are taken."""
 WIDEST_STEP = 1.0 / 12.0
-"""Largest step in the unit box; beyond the interval too, so that a second one is not missed."""
+"""Largest step in the unit box. It also applies beyond the interval, so that a second interval is not
+missed."""
 LOWER = 0.01
-"""A profile lower than the optimum by more found a better one, and the search starts again there."""
+"""If a profile falls below the optimum by more than this, it found a better optimum and the search restarts
+there."""
 RESTARTS = 5
-"""Most fresh starts from better optima."""
+"""Largest number of restarts from better optima."""
 
 Interval = tuple[float | None, float | None]
 """Ends in parameter units; None where the box ends before the level is reached."""
@@ -39,22 +41,22 @@ class Profile:
 
     name: str
     values: FloatArray
-    """Where it was held, ascending, in its units, shape [n]."""
+    """Values at which the parameter was fixed, ascending, in its units, shape [n]."""
     rise: FloatArray
     """Deviance less that of the optimum, shape [n]."""
     points: FloatArray
-    """Most likely points there, in parameter units, shape [n, d]."""
+    """Most likely point at each of these values, in parameter units, shape [n, d]."""
     discrepancies: FloatArray
-    """Most likely discrepancies there, shape [n, n_channels]."""
+    """Most likely discrepancies at each of these values, shape [n, n_channels]."""
     interval: Interval
-    """Where the rise stays below the level, about the optimum."""
+    """Interval around the optimum in which the rise stays below the level."""
     conditional: Interval
     """The same with all other parameters held at the optimum: what the data would say of this parameter
     if the others were known."""
     other_optima: tuple[float, ...]
     """Values beyond the interval whose rise is below the level again: another optimum."""
     not_converged: int
-    """Fits that were cut short; their rise is an upper bound."""
+    """Number of fits that did not converge; their rise is an upper bound."""
     level: float = LEVEL
     """Rise at the ends of the interval."""
 
@@ -69,11 +71,11 @@ class Profiles:
     """The most likely point and the profile of every parameter."""
 
     optimum: Fit
-    """The most likely point of all that were met."""
+    """The most likely point of all fits."""
     profiles: tuple[Profile, ...]
-    """One a parameter, in the box's order."""
+    """One profile for each parameter, in the box's order."""
     level: float
-    """Rise at the ends of the intervals of uncorrelated residuals."""
+    """Rise at the ends of the intervals if residuals are uncorrelated."""
     restarts: int
     """How often a profile found a better optimum than the search before."""
 
@@ -91,25 +93,26 @@ class Profiles:
 def profile_likelihoods(
     likelihood: Likelihood, start: ArrayLike, *, level: float = LEVEL, correlation: ArrayLike = 1.0
 ) -> Profiles:
-    """Profile every parameter by re-optimisation over all others.
+    """Profile likelihood of every parameter, by re-optimising all others.
 
-    From the optimum the parameter walks to both faces of the box, each fit starting from the one before,
-    and back, each starting from the one outside it; the lower of the two counts. Ends of the intervals
-    are roots of the re-optimised function, not interpolated. If a walk comes upon a better optimum, all
-    profiles are taken again from there.
+    The parameter is stepped from the optimum to both faces of the box; each fit starts from the previous one.
+    It is then stepped back, and the lower of the two deviances counts. Ends of the intervals are roots of the
+    re-optimised function, not interpolated. If a better optimum is found, all profiles are recomputed from
+    there.
 
     Parameters
     ----------
     likelihood
-        Of the data; its model is asked some hundred times a parameter, so give it a surrogate.
+        Likelihood of the data. Its model is evaluated some hundred times for each parameter, so use a
+        surrogate.
     start
         Where to begin, in parameter units, shape [d].
     level
         Rise of -2 ln L at the ends of the intervals, > 0; 3.84 for 95 %.
     correlation
-        Factors > 0 on the level, one or one a parameter: by how much residuals that are correlated in a
-        way the likelihood does not know raise the parameter's variance. With one parameter of interest the
-        rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
+        Factors > 0 on the level, one for all parameters or one each. Such a factor is the increase of the
+        parameter's variance by correlations that the likelihood does not model. With one parameter of
+        interest the rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
 
     Raises
     ------
@@ -150,7 +153,7 @@ def profile_likelihoods(
 
 
 class _Walk:
-    """Fits with parameter j held, the parameters in `free` re-optimised."""
+    """Fits with parameter j fixed and the parameters in `free` re-optimised."""
 
     def __init__(self, likelihood: Likelihood, best: Fit, j: int, free: tuple[int, ...]) -> None:
         self.likelihood, self.best, self.j = likelihood, best, j
@@ -181,7 +184,7 @@ class _Walk:
                 step = min(1.6 * step, WIDEST_STEP)
             elif change > 0.5 * level:
                 step = max(0.5 * step, 1e-7)
-        # Back again: a valley that opens only further out is found from there.
+        # Then back: a valley that begins only farther out is found from there.
         for i in range(len(fits) - 2, 0, -1):
             refit = self.at(float(fits[i].unit_point[self.j]), fits[i + 1])
             if refit.deviance < fits[i].deviance:
@@ -242,24 +245,24 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], fixed: _Walk,
 
 @dataclass(frozen=True)
 class Partner:
-    """A parameter that makes up for another one's change."""
+    """A parameter that compensates for a change of another one."""
 
     name: str
     """Which."""
     change: float
-    """How far it moves along the path, in its units."""
+    """Its change along the profile, in its units."""
     per: float
-    """How far the other one moves meanwhile, in that one's units."""
+    """Change of the profiled parameter over the same path, in that parameter's units."""
     cost: float
-    """Rise of -2 ln L if this one moved so far alone."""
+    """Rise of -2 ln L if only this parameter changed by that amount."""
 
 
 def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tuple[Partner, ...]:
-    """Parameters that make up for another one's change along its profile, the most needed first.
+    """Parameters that compensate for a change of another one along its profile, the most important first.
 
-    At both ends of the interval, or of the box where the interval is open, it is asked what the move of
-    each other parameter would cost alone. One whose move costs more than the level made the difference;
-    one that drifts at no cost did not.
+    The test is made at both ends of the interval, or of the box where the interval is open. There each other
+    parameter is changed on its own by the amount it moved along the profile. It compensates if this raises
+    the deviance by more than the level.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)
@@ -290,8 +293,8 @@ def _ends(profile: Profile, centre: float) -> list[int]:
 
 
 INFLATION = 3.0
-"""Length of an interval over its length with the other parameters known, above which it is reported that
-it rests on them: a correlation above 0.94 for a quadratic."""
+"""Length of an interval over its length with the other parameters known. Above this ratio the dependence on
+them is reported: a correlation above 0.94 for a quadratic."""
 
 
 class VerdictKind(Enum):
@@ -309,24 +312,24 @@ class Verdict:
 
     name: str
     kind: VerdictKind
-    """In one word."""
+    """The kind of verdict."""
     interval: Interval
     """From the profile likelihood; None where it is open."""
     inflation: float | None
     """Length of the interval over its length with the others known [-]; None if one of them is open."""
     partners: tuple[Partner, ...]
-    """Parameters that make up for this one's change, the most needed first."""
+    """Parameters that compensate for a change of this one, the most important first."""
     text: str
     """The verdict in a sentence."""
 
 
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
-    """A verdict for each parameter, from its profile and from what it does alone.
+    """A verdict for each parameter, from its profile and from its effect with the others fixed.
 
     A profile that passes the level on both sides identifies its parameter inside the box. On a side where it
-    does not, the parameter is held at that face with the others at the optimum: if this alone passes the
-    level, the data do see the parameter and others make up for it, a ridge. If not, the data bound it on one
-    side, or on none: not seen.
+    does not, the parameter is set to that face with the others at the optimum. If the rise then passes the
+    level, the data depend on the parameter but others compensate for it: a ridge. If not, the data bound it
+    on one side only, or on neither: not seen.
     """
     return tuple(_verdict(likelihood, profiles, profile) for profile in profiles.profiles)
 
@@ -391,7 +394,7 @@ def _sentence(
 
 def _bounds(lower: float | None, upper: float | None) -> str:
     if lower is not None and upper is not None:
-        # As many digits as tell the ends apart to a hundredth of their distance.
+        # Enough digits to resolve a hundredth of the distance between the ends.
         size = max(abs(lower), abs(upper)) / (upper - lower)
         digits = max(5, 3 + math.ceil(math.log10(size)))
         return f"between {lower:.{digits}g} and {upper:.{digits}g}"

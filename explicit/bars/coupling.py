@@ -1,8 +1,9 @@
-"""The whole test with one-dimensional bars and a specimen between them, iterated to agreement.
+"""The whole test with one-dimensional bars and a specimen between them, iterated to convergence.
 
-The flyer flies free, so the specimen stops it, and a plain waveform iteration (Lelarasmee and others 1982)
-would swing. Each pass therefore integrates the bars with a static curve of the specimen in the loop, and with
-the part of the force that this curve left out in the pass before; only the curve's error is iterated.
+The free flyer is stopped by the specimen, so a plain waveform iteration (Lelarasmee and others 1982) would
+oscillate. Each pass therefore integrates the bars together with a static curve of the specimen. The
+difference of the force from this curve is added from the previous pass, so only the error of the curve is
+iterated.
 """
 
 from dataclasses import dataclass, replace
@@ -27,9 +28,9 @@ class FlyerTest:
     """A test from the striker's impact on."""
 
     bars: FlightHistory
-    """What the bars did."""
+    """Motion and forces of the bars."""
     response: Response
-    """What the specimen did; its forces at the knots, its outline every 25 us."""
+    """Response of the specimen: forces at the knots, outline every 25 us."""
     change: FloatArray
     """Largest change of a force on the specimen's platens from each pass to the next [N],
     shape [n_passes]."""
@@ -57,7 +58,7 @@ def simulate_test(
         The specimen and its parameters, one sample; motion and support of the model are replaced.
     static : tuple
         Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. The result
-        does not depend on it, the number of passes does.
+        does not depend on it; only the number of passes does.
     end : float
         Last time since the striker touched [s].
     step : float
@@ -65,7 +66,7 @@ def simulate_test(
     tolerance : float
         Largest change of a force from one pass to the next that ends the iteration [N].
     max_passes : int
-        Passes after which it is given up.
+        Largest number of passes.
 
     Raises
     ------
@@ -119,7 +120,9 @@ def _platen_motion(
 
 
 def mean_force(times: FloatArray, impulse: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Force from the impulse, which does not alias: its means over the intervals, at their middles."""
+    """Force from the impulse: means over the intervals, at their middles. Unlike samples of the force, they
+    have no aliasing.
+    """
     middle = 0.5 * (times[1:] + times[:-1])
     force = np.diff(impulse) / np.diff(times)
     grid = np.concatenate([times[:1], middle, times[-1:]])

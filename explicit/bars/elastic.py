@@ -4,9 +4,9 @@ response.
 The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and
 free elsewhere. One product of a sparse matrix is one step (central differences).
 
-What they do is linear in the force on their face and the same at any time. One run under a pulse, a hat of
-one newton over two steps, is therefore all runs: the force of a simulation, linear between the steps, is a
-sum of such pulses. A batch costs a convolution in place of a march in time.
+Their response is linear in the force on their face and does not change with time. One run under a triangular
+pulse of one newton over two steps therefore gives all others: the force of a simulation, linear between the
+steps, is a sum of such pulses. A batch costs a convolution instead of a time integration.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ElasticMesh:
 def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
     """Mesh sections with rectangles.
 
-    Every radius that occurs is a line of the mesh, so a step of the radius is sharp; neighbours are bonded
+    Every radius of a section is a line of the mesh, so a step of the radius is sharp. Neighbours are bonded
     over the smaller of their faces.
 
     ``sections``: the parts, the loaded one first. ``size``: largest side of an element [m]. A section has at
@@ -188,7 +188,7 @@ def largest_frequency(matrices: ElementMatrices) -> float:
 
 @dataclass(frozen=True)
 class ElasticHistory:
-    """Response of the parts, at every one of their own steps."""
+    """Response of the parts, at each of their time steps."""
 
     times: FloatArray
     """Times [s], shape [n_times]."""
@@ -277,13 +277,14 @@ class ElasticBar:
             displacement[i] = u[marks]
             load = -resisting
             load[face] += pressing[i] * share[i]
-            # The velocity lives between the positions: the first interval is half a step from rest.
+            # The velocity is defined between the positions: the first interval is half a step.
             change = load * inverse * (step if i else 0.5 * step)
             kinetic[i] = 0.5 * (mass * v * (v + change)).sum()
             before = share[i] @ v[face]
             v += change
             after = share[i] @ v[face]
-            # Force times the mean of the velocities beside it: half of a step's work belongs to either end.
+            # Force times the mean of the velocities before and after it: half of a step's work belongs to
+            # either end.
             external[i] += pressing[i] * 0.5 * step * before
             if i + 1 < n:
                 u += step * v
@@ -308,10 +309,11 @@ def elastic_bar(
     size : float
         Largest side of an element [m].
     depths : sequence of float
-        Distance from the loaded face of the cross-sections whose force is wanted [m]; the nearest plane of
-        nodes is taken, and mid-sections of parts are such planes.
+        Distance from the loaded face of the cross-sections whose force is recorded [m]. The nearest plane of
+        nodes is taken; mid-sections of parts are such planes.
     marks : sequence of float
-        Distance from it of places on the outer surface whose displacement is wanted [m]; the nearest node.
+        Distance from the loaded face of points on the outer surface whose displacement is recorded [m]; the
+        nearest node is taken.
 
     Raises
     ------
@@ -328,7 +330,7 @@ def elastic_bar(
         near, far = middle < height, middle > height
         if not (near.any() and far.any()):
             raise ValueError(f"a cross-section must lie inside the parts, got depth {depth} m")
-        # Mean of what the near side pushes and the far side resists: the inertia of the plane cancels.
+        # Mean of the forces on the near and the far side: the inertia of the plane cancels.
         weight = np.zeros(2 * mesh.n_nodes)
         weight[2 * plane + 1] = 0.5
         signed = np.where(far, 1.0, -1.0)[:, None, None] * matrices.stiffness
@@ -351,7 +353,7 @@ this and a quarter of it, the one that fits them best."""
 
 @dataclass(frozen=True)
 class PulseResponse:
-    """What elastic parts at rest do when a pulse of 1 N presses on their face.
+    """Response of elastic parts at rest to a pulse of 1 N on their face.
 
     The pulse rises from 0 at time 0 to 1 N after a step and falls to 0 after two.
     """
@@ -361,7 +363,7 @@ class PulseResponse:
     path: FloatArray
     """Displacement of the face, into the parts [m/N], shape [n]."""
     seen: FloatArray
-    """The same of the place that a camera sees [m/N], shape [n]."""
+    """Displacement of the point observed by a camera [m/N], shape [n]."""
     section: FloatArray
     """Compressive force through the section of the transducer [1], shape [n]."""
 
@@ -369,8 +371,8 @@ class PulseResponse:
         """Histories under forces that act from rest, shape of `impulse`.
 
         ``impulse``: impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples,
-        n]; from a NaN on nothing presses any more. ``kind``: "path", "seen" or "section". Raises ValueError
-        if there are more steps than the response has.
+        n]; after a NaN the force is zero. ``kind``: "path", "seen" or "section". Raises ValueError if there
+        are more steps than the response has.
         """
         n = impulse.shape[1]
         table = getattr(self, kind)
@@ -403,10 +405,10 @@ def pulse_on_bars(
 ) -> PulseResponse:
     """The response of one-dimensional bars, free at their far end.
 
-    ``sections``: bars bonded one behind the other, the loaded one first. ``step``: distance of the times [s].
-    ``n``: number of times. ``sensor``, ``seen``: distance of the transducer's section and of the place that
-    is seen from the loaded face [m]. Raises ValueError if a distance is outside the bars, or a section is
-    shorter than half a wave's way in a time step.
+    ``sections``: bars bonded in series, the loaded one first. ``step``: distance of the times [s]. ``n``:
+    number of times. ``sensor``, ``seen``: distance from the loaded face of the transducer's section and of
+    the observed point [m]. Raises ValueError if a distance is outside the bars, or a section is shorter than
+    half the travel of a wave in a time step.
     """
     least = max(2, int(np.ceil(step / FINEST)))
     travel = np.array([section.travel_time for section in sections])

@@ -31,7 +31,7 @@ class Section:
     density: float
     """Mass density rho [kg/m^3]."""
     poisson: float = 0.29
-    """Poisson's ratio [-]; one-dimensional waves do not see it."""
+    """Poisson's ratio [-]; not used by one-dimensional waves."""
 
     def __post_init__(self) -> None:
         for name in ("length", "radius", "youngs_modulus", "density"):
@@ -200,8 +200,8 @@ def section_force(times: FloatArray, force: FloatArray, *, delay: float, round_t
     """Force inside a uniform bar with a free far end, from the one at its front.
 
     F(x, t) = F(t - d) + sum over k >= 1 of F(t - d - k T) - F(t + d - k T), with the travel time d = x / c0
-    and the round trip T. A transducer at depth x sees the inertia of what lies before it: -2 d F'(t - T) of
-    the first echo.
+    and the round trip T. The signal of a transducer at depth x contains the inertia of the material before
+    it: -2 d F'(t - T) of the first echo.
 
     Parameters
     ----------
@@ -252,12 +252,13 @@ class PulseShaper:
 
 @dataclass(frozen=True)
 class Joint:
-    """A low-tack adhesive between two faces: holds until its strength is reached, then lets go for good."""
+    """A low-tack adhesive between two faces: it holds until its strength is reached, then fails
+    permanently."""
 
     strength: float
-    """Tensile force at which it begins to fail [N]; 0 is no adhesive."""
+    """Tensile force at which it begins to fail [N]; 0: no adhesive."""
     opening: float = 0.0
-    """Opening over which its force falls to nothing, along a straight line [m]; 0 is at once."""
+    """Opening over which its force falls linearly to zero [m]; 0: immediately."""
 
     def __post_init__(self) -> None:
         if not self.strength >= 0.0 or not self.opening >= 0.0:
@@ -267,7 +268,7 @@ class Joint:
 
 
 class _ShaperContact:
-    """State of a pulse shaper during a run; the faces touch at first and may part and meet again."""
+    """State of a pulse shaper during a run; the faces touch at first and may separate and touch again."""
 
     def __init__(self, shaper: PulseShaper, step: float) -> None:
         """A shaper that has not been loaded."""
@@ -281,7 +282,7 @@ class _ShaperContact:
         self.approach, self._closing = 0.0, 0.0
 
     def _curve(self) -> tuple[FloatArray, FloatArray]:
-        """Force over approach from here on: nothing, reloading, then the table."""
+        """Force over approach from the present state: zero, reloading, then the table."""
         beyond = self._x > self._most_x
         set_left = self._most_x - self._most_f / self._unloading
         x, f = [set_left - 1.0, set_left], [0.0, 0.0]
@@ -324,7 +325,7 @@ class _JointContact:
         if force < 0.0:
             force = self._adhesion(closing, compliance)
         else:
-            self._sticky = False  # what was torn does not heal
+            self._sticky = False  # a broken joint does not heal
         self.gap = max(self.gap - self._step * (closing - compliance * force), 0.0)
         return force
 
@@ -347,10 +348,10 @@ class Apparatus:
     speed: float
     """Its velocity at impact [m/s]."""
     shaper: PulseShaper | None
-    """What lies between striker and incident bar; None is face on face."""
+    """Pulse shaper between striker and incident bar; None if there is none."""
     incident: tuple[Section, ...]
     joint: Joint
-    """What holds the flyer to the incident bar."""
+    """Joint between flyer and incident bar."""
     flyer: tuple[Section, ...]
     """Transducer and platen, the specimen's side last."""
     transmission: tuple[Section, ...]
@@ -363,7 +364,7 @@ class Apparatus:
 
 @dataclass(frozen=True)
 class SpecimenForce:
-    """Force of the specimen on both platens: a static curve, and the rest over time."""
+    """Force of the specimen on both platens: a static curve plus a difference over time."""
 
     compression: FloatArray
     """Approach of the platens [m], ascending, shape [n]."""
@@ -380,7 +381,7 @@ class FlightHistory:
     """Motion and force of every part, at every step from the impact of the striker on."""
 
     times: FloatArray
-    """Times since the striker touched [s], shape [n_times]."""
+    """Times since the striker's impact [s], shape [n_times]."""
     striker: LineHistory
     """Waves in the striker."""
     incident: LineHistory
@@ -419,18 +420,18 @@ class FlightHistory:
 def integrate_test(
     apparatus: Apparatus, *, end: float, step: float, specimen: SpecimenForce | None = None
 ) -> FlightHistory:
-    """Integrate the bars in time from the striker's touch.
+    """Integrate the bars in time from the striker's impact.
 
     Parameters
     ----------
     apparatus
-        The bars and what is between them.
+        The bars, the pulse shaper and the joint.
     end : float
         Last time [s].
     step : float
         Time step [s]; travel times of the sections are rounded to it.
     specimen : SpecimenForce, optional
-        What the specimen does; nothing if left out.
+        Force of the specimen; none if left out.
 
     Raises
     ------
@@ -462,7 +463,8 @@ def integrate_test(
         hold = joint.force(incident.free_velocity(n, -1) - flyer.free_velocity(n, 0), second)
         on_flyer = on_support = 0.0
         if specimen is not None:
-            # The static curve answers the positions of this step to first order: it is far softer than steel.
+            # The static curve is evaluated at the positions of this step to first order: the specimen is far
+            # softer than steel.
             static = float(np.interp(x_f - x_t + step * (v_f - v_t), specimen.compression, specimen.force))
             on_flyer = static + specimen.excess_flyer[n]
             on_support = static + specimen.excess_transmission[n]
@@ -486,10 +488,10 @@ def integrate_test(
 
 @dataclass(frozen=True)
 class Events:
-    """Times since the striker touched [s]; NaN for what did not happen before the end."""
+    """Times since the striker's impact [s]; NaN for events that did not occur before the end."""
 
     striker_parts: float
-    """The striker lets go of the incident bar for good."""
+    """The striker separates permanently from the incident bar."""
     incident_rise: float
     """The compressive wave arrives: 1 % of the largest force on the joint before it opens."""
     tensile_dip: float
@@ -497,7 +499,7 @@ class Events:
     separation: float
     """The joint has broken and its last force is gone."""
     arrest: float
-    """The flyer stands still relative to the transmission platen: largest compression."""
+    """The flyer is at rest relative to the transmission platen: largest compression."""
     push_back: float
     """The specimen pushes the flyer back: after the arrest the transmitted force falls to half its peak."""
     second_impact: float
@@ -535,7 +537,9 @@ def _summit(signal: FloatArray, after: int | None, before: int | None) -> int | 
 
 
 def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:
-    """First index not before `after` at which something happens; None if it or `after` is missing."""
+    """First index not before `after` at which the condition holds; None if there is none or `after` is
+    missing.
+    """
     if after is None:
         return None
     places = np.flatnonzero(happens[after:])

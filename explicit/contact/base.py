@@ -1,9 +1,9 @@
-"""The door for a contact law between a node and a rigid platen.
+"""The interface of a contact law between a node and a rigid platen.
 
-Contact is kinematic ("hard") unless a law says otherwise: after the unconstrained update of a step each node
-on a platen is moved onto it exactly, and the impulse that does so is the contact force. A law only decides
-which part of the predicted velocity survives. Nothing is regularised: a node sticks with velocity 0 or slides
-with the whole friction, and neither a penalty nor a threshold of velocity lies between the two.
+Contact is kinematic ("hard") unless a law states otherwise. After the unconstrained update of a step, each
+node on a platen is moved onto it exactly; the impulse needed is the contact force. A law only determines
+which part of the predicted velocity remains. Nothing is regularised: a node sticks with velocity 0 or slides
+with full friction, without a penalty or a velocity threshold between the two.
 """
 
 from functools import cache
@@ -14,11 +14,11 @@ import warp as wp
 from explicit.precision import Precision
 
 FREE, TOUCHED, RELEASED = 0, 1, 2
-"""What a node remembers of its platen: nothing, that it has touched it, that it was let go again for good."""
+"""Contact status of a node at its platen: not touched yet, touched, or permanently released."""
 
 
 class ContactLaw(Protocol):
-    """Interface of a contact law, and what holds of one that says nothing else."""
+    """Interface of a contact law, with default values."""
 
     name: str
     """Name at the API."""
@@ -39,10 +39,10 @@ class ContactLaw(Protocol):
         """The Warp function of the law.
 
         ``resolve(touch) -> (velocity, status, slip)`` takes a `touch_struct` and returns the admissible
-        velocity of the node [m/s], what it remembers of the platen (`FREE`, `TOUCHED`, `RELEASED`; that a
-        node of the side has touched is noted by the solver) and its new slip [m]. The node would pass
-        through the platen where ``normal * (v_y - target) < 0``. A velocity changed by dv is an impulse
-        ``density * dv`` per area of the undeformed surface, a mean stress ``density * dv / interval``.
+        velocity of the node [m/s], its status at the platen (`FREE`, `TOUCHED`, `RELEASED`; the solver sets
+        `TOUCHED` for a node of the side) and its new slip [m]. The node would pass through the platen where
+        ``normal * (v_y - target) < 0``. A velocity changed by dv is an impulse ``density * dv`` per area of
+        the undeformed surface, a mean stress ``density * dv / interval``.
         """
         ...
 
@@ -53,10 +53,11 @@ def touch_struct(precision: Precision) -> Any:
 
     ``v_r``, ``v_y``: predicted velocity [m/s]. ``target``: axial velocity that puts the node exactly on the
     platen at the end of the step [m/s]. ``normal``: the platen's outward normal, +1 transmission, -1 flyer.
-    ``status``: `FREE`, `TOUCHED`, `RELEASED`. ``slip``: what the law returned before, 0 at first and after a
-    step without a platen [m]. ``friction``, ``release_stress`` [Pa], ``stiffness`` [Pa/m]: the sample's
-    parameters. ``density``: mass of the node over the undeformed area it stands for [kg/m^2]. ``interval``:
-    time over which the forces changed the velocity [s]; ``step``: time over which it will act [s].
+    ``status``: `FREE`, `TOUCHED`, `RELEASED`. ``slip``: the slip that the law returned in the step before; 0
+    at first and after a step without contact [m]. ``friction``, ``release_stress`` [Pa], ``stiffness``
+    [Pa/m]: the sample's parameters. ``density``: mass of the node over its undeformed contact area [kg/m^2].
+    ``interval``: time over which the forces changed the velocity [s]; ``step``: time over which it will act
+    [s].
     """
     real = precision.real
 

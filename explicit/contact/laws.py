@@ -1,4 +1,4 @@
-"""The contact laws. A new one is a class here or in a file of its own, and an entry of `CONTACT_LAWS`."""
+"""The contact laws. A new one is a class here or in a separate file, and an entry of `CONTACT_LAWS`."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from explicit.precision import Precision
 
 
 class Bonded(ContactLaw):
-    """A node that has touched moves with the platen for good."""
+    """A node that has touched moves permanently with the platen."""
 
     name = "bonded"
     carries_tension = True
@@ -31,11 +31,11 @@ class Bonded(ContactLaw):
 class BondedRelease(ContactLaw):
     """A node that has touched moves with the platen until its tensile stress reaches the release stress.
 
-    The contact stress is the normal impulse of the step over its interval and over the undeformed area that
-    the node stands for. A bonded face does not slip, so its area stays the undeformed one and the stress is
-    the true one. From then on the node is `rough` and bonds no more: soft, tacky specimens slide on polished
-    steel no more easily than they stick (friction hardly matters above f = 0.5, Mates et al. 2012), they only
-    no longer pull. At the edge of a face the stress of the continuum is singular, so where the edge begins to
+    The contact stress is the normal impulse of the step over its interval and over the node's undeformed
+    contact area. A bonded face does not slip, so its area stays the undeformed one and the stress is the true
+    one. From then on the node is `rough` and bonds no more: soft, tacky specimens slide on polished steel no
+    more easily than they stick (friction hardly matters above f = 0.5, Mates et al. 2012), they only no
+    longer pull. At the edge of a face the stress of the continuum is singular, so where the edge begins to
     let go depends on the mesh.
     """
 
@@ -64,7 +64,7 @@ class BondedRelease(ContactLaw):
 
 
 class Rough(ContactLaw):
-    """A pressed node does not slide; a pulled node leaves."""
+    """A pressed node does not slide; a pulled node separates."""
 
     name = "rough"
 

@@ -127,8 +127,8 @@ def isochoric_factor_function(precision: Precision) -> Any:
     """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-], the factor that makes b isochoric, and what comes
     with it for less than a division.
 
-    Near J = 1, where a nearly incompressible solid lives, J^(-1/3) comes from a series in J - 1, corrected by
-    the series of (1 - e)^(-1/3) in its own error e.
+    Near J = 1, the range of a nearly incompressible solid, J^(-1/3) comes from a series in J - 1, corrected
+    by the series of (1 - e)^(-1/3) in its own error e.
     """
     real = precision.real
     one, third = real(1.0), real(1.0 / 3.0)

@@ -161,7 +161,7 @@ class GaussPoints:
     """Constants of the four points of every element, point 0 nearest to corner 0 and so on."""
 
     volume: FloatArray
-    """Volume that each point stands for [m^3], shape [n_elements, 4 points]."""
+    """Volume of each point [m^3], shape [n_elements, 4 points]."""
     gradient_r: FloatArray
     """dN/dR of each corner [1/m], shape [n_elements, 4 points, 4 corners]."""
     gradient_y: FloatArray

@@ -1,6 +1,6 @@
 """The one-point axisymmetric quadrilateral as small Warp functions: corner forces, step bound, energy.
 
-One scalar source for every driver: nothing here knows of batches, lanes or devices.
+One scalar source for every driver, independent of batches, lanes and devices.
 """
 
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""What lies where: the arguments of the time loop, the state of a simulation, and the lanes that share it."""
+"""Memory layout: the arguments of the time loop, the state of a simulation, and the lanes that share it."""

@@ -1,4 +1,4 @@
-"""Lanes of one simulation: what they do together, natively.
+"""Lanes of one simulation: their common operations, in native code.
 
 On a GPU the lanes are the threads of one block, or of the few blocks of a cluster, which may keep the
 simulation in their shared memories. On the CPU `explicit.simd` translates the lanes to those of SIMD
@@ -19,7 +19,7 @@ BARRIER = """
     MEET
 #endif
 """
-"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
+"""Synchronisation point of the lanes of one simulation; a single lane (CPU) does not wait."""
 MEET_IN_BLOCK = "__syncthreads();"
 MEET_IN_CLUSTER = (
     'asm volatile("barrier.cluster.arrive.release.aligned;" ::: "memory");\n'
@@ -97,10 +97,10 @@ BOUNDARY_TOTALS = """
 
 
 BLOCK = 384
-"""Threads that share one simulation on a GPU; among them its registers are shared out."""
+"""Number of threads that share one simulation on a GPU; they divide its registers."""
 SMALL_BLOCK = 96
-"""The same where there are more simulations than multiprocessors: four share one, and while the threads of
-one wait for each other those of the others go on."""
+"""The same if there are more simulations than multiprocessors. Four simulations share one multiprocessor:
+while the threads of one wait, those of the others continue."""
 SHARING = 4
 """How many those are."""
 WARPS = BLOCK // 32
@@ -124,34 +124,36 @@ class LaneFunctions:
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
     enter: Any
-    """``enter(control)``: every lane is there; the first that it calls."""
+    """``enter(control)``: every lane has started; the first function that a lane calls."""
     leave: Any
-    """``leave()``: no lane needs another any more; the last that it calls."""
+    """``leave()``: the lanes no longer need each other; the last function that a lane calls."""
     announce: Any
-    """``announce(control, step)``: the control warp is about to meet the workers, who will need the plan of
-    the step, whether there is one, and where the support will be."""
+    """``announce(control, step)``: called by the control warp before it synchronises with the workers. They
+    need the plan of the step, whether there is one, and the position of the support."""
     listen: Any
-    """``listen(control, step)``: the lanes have met, and need what they were told, once in every step."""
+    """``listen(control, step)``: called after synchronisation, once in every step, to read the announced
+    data."""
     inform: Any
-    """``inform(control, first)``: the lanes have met, and need the control record from a slot on."""
+    """``inform(control, first)``: called after synchronisation, to read the control record from a slot on."""
     empty_sum: Any
-    """``empty_sum()``: where a sum over elements or nodes begins."""
+    """``empty_sum()``: initial value of a sum over elements or nodes."""
     add_to: Any
     """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
     add_share: Any
     """``add_share(sum, which, x, k)``: the same for a sum of every step over elements, the one of `Share`."""
     put_share: Any
-    """``put_share(sum, which)``: the elements are swept; call it before the lanes meet."""
+    """``put_share(sum, which)``: called after the sweep over elements and before synchronisation."""
     joined: Any
-    """``joined(sum, which, n)``: the sum over n elements after they have met, in the order of one thread."""
+    """``joined(sum, which, n)``: the sum over n elements after synchronisation, in the order of one
+    thread."""
     is_worker: Any
     """``is_worker(lane)``: 1 for a lane that sweeps elements."""
     n_workers: Any
-    """``n_workers()``: how many those are."""
+    """``n_workers()``: number of workers."""
     is_control: Any
     """``is_control(lane)``: 1 for a lane of the control warp."""
     is_writer: Any
-    """``is_writer(lane)``: 1 for the lane of the control warp that writes what is written once."""
+    """``is_writer(lane)``: 1 for the lane of the control warp that writes values written only once."""
     put_total: Any
     """``put_total(parts, k, x)``: hand over the k-th total, of every lane's x."""
     put_largest: Any
@@ -192,7 +194,8 @@ class LaneFunctions:
     inner_stride: Any
     """``inner_stride()``: how far a worker goes on there."""
     control_first: Any
-    """``control_first(lane)``: where a lane of the control warp begins a sweep of its own."""
+    """``control_first(lane)``: index at which a lane of the control warp begins a sweep of the control
+    warp."""
     control_stride: Any
     """``control_stride()``: how far it goes on."""
 
@@ -201,8 +204,8 @@ class LaneFunctions:
 def lane_functions(cluster: int = 1) -> LaneFunctions:
     """Generate the lane functions; on a GPU for a `cluster` of this many blocks.
 
-    On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
-    there, in one order whatever the lanes are, so that forces keep their bits.
+    On the CPU `explicit.simd` defines them for packs. Short sums are made sequentially there, in an order
+    that does not depend on the lanes, so that forces are bitwise repeatable.
     """
     single_block = cluster == 1
     thread = "threadIdx.x" if single_block else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
@@ -392,10 +395,9 @@ _MEET = f"""
     {_WAIT}
 #endif
 """
-"""What blocks tell each other lies in their shared memories alone, so that nothing need be written back to
-the memory of all, nor what was read of it forgotten. A block's threads have written when they have met; then
-one for every other block tells it so. `whole` is the barrier of the hardware, which does more and takes
-longer."""
+"""Blocks exchange data only through their shared memories, so global memory needs no write-back and its cache
+no invalidation. After a block's threads have synchronised, their writes are complete; then one thread for
+each other block signals this. `whole` is the barrier of the hardware, which does more and takes longer."""
 _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
@@ -424,7 +426,8 @@ _RECORD = f"""
     }}
 #endif
 """
-"""The last block sends the others what they need of its record, before they meet; then they listen."""
+"""Before synchronisation the last block sends the others the data they need from its record; afterwards they
+read it."""
 _BEGIN, _ANNOUNCE, _LISTEN = range(3)
 
 
@@ -542,8 +545,8 @@ CHIP_ARCHES = (90,)
 """Architectures on which the shared memories of a cluster's blocks are known to lie as
 `explicit.layout.state` counts on; on others blocks share a simulation in global memory."""
 SPREAD = 0.8
-"""Share of the multiprocessors that clusters may ask for: each lies within one group of the device, and what
-does not fill a group stays free."""
+"""Share of the multiprocessors that clusters may use: each cluster lies within one group of the device, and
+the rest of a group stays free."""
 
 
 def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
@@ -563,7 +566,8 @@ def cluster_for(
     on_chip: bool,
     fits: Callable[[int], bool] = lambda blocks: False,
 ) -> int:
-    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work.
+    """Number of blocks that share a simulation of a batch on a Warp device: limited by the free blocks and by
+    the work.
 
     The fewest in whose shared memories it `fits`, if there are any.
     """

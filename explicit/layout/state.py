@@ -64,7 +64,7 @@ class StateLayout:
     """``sums(rows, sample, offset)``: a simulation's row of sums of the boundary, of the control record or of
     partial sums; in shared memory at an offset in numbers, where the state is on the chip."""
     remembered: Any
-    """The same for what elements remember, which is too much for a chip."""
+    """The same for the state variables of elements, which are too large for shared memory."""
     fields: Any
     """``fields(body, state, sample) -> Fields``: the nodes' and corners' rows of a simulation."""
     surface: Any
@@ -73,9 +73,9 @@ class StateLayout:
     """``at_rest(body, fields, surface, partials, lane)``: the state before the first step; every lane calls
     it."""
     node: Any
-    """``node(body, n)``: where a node lies in the rows of fields."""
+    """``node(body, n)``: index of a node in the rows of fields."""
     element: Any
-    """``element(e)``: where the forces of an element's first corner lie."""
+    """``element(e)``: index of the forces of an element's first corner."""
     corner_stride: Any
     """``corner_stride(n)``: from the forces of one corner of the elements to those of the next."""
 
@@ -189,7 +189,7 @@ def fits(n_nodes: int, n_elements: int, n_boundary: int, precision: Precision) -
 BLOCK_DISTANCE = 1 << 24
 """Bytes from a place in the shared memory of one block of a cluster to the same in that of the next."""
 BOUNDARY = 256
-"""Most boundary nodes: the last block has room for them, and threads beside its books."""
+"""Most boundary nodes: the last block has memory for them, and threads in addition to its control warp."""
 
 
 def numbers_between_blocks(precision: Precision) -> int:
@@ -198,7 +198,7 @@ def numbers_between_blocks(precision: Precision) -> int:
 
 
 def spread_nodes(nodes: IntArray, first_boundary: int, blocks: int, precision: Precision) -> IntArray:
-    """Where nodes lie, by their place in `explicit.arguments.node_order`."""
+    """Index of nodes, by their place in `explicit.arguments.node_order`."""
     inner = nodes // BLOCK * numbers_between_blocks(precision) + nodes % BLOCK
     return np.where(
         nodes < first_boundary,
@@ -208,7 +208,7 @@ def spread_nodes(nodes: IntArray, first_boundary: int, blocks: int, precision: P
 
 
 def spread_corners(element: IntArray, corner: IntArray, precision: Precision) -> IntArray:
-    """Where the forces of elements' corners lie."""
+    """Index of the forces of elements' corners."""
     return np.asarray(element // BLOCK * numbers_between_blocks(precision) + corner * BLOCK + element % BLOCK)
 
 

@@ -5,7 +5,7 @@ While the workers sweep the elements at one time, the control warp ends the step
 (`explicit.time_loop.steps`); while they move the nodes, it plans the next one. The workers read the plan from
 the control record, which lies in shared memory on a GPU. On a CPU every lane is worker and control at once.
 Tables of the mesh's constants are grouped so that neighbouring elements or nodes lie side by side; their
-native accessors compute one address. `explicit.simd` gives them their meaning over packs.
+native accessors compute one address. `explicit.simd` defines them for packs.
 """
 
 from dataclasses import dataclass
@@ -125,11 +125,11 @@ class SimulationStructs:
     Fields: Any
     """Its rows of the state: displacements [m] and velocities [m/s] of nodes, forces of corners [N]."""
     Surface: Any
-    """What its boundary nodes have of their platens: marks of contact, impulses [N s], mass carried [kg]."""
+    """Contact data of its boundary nodes: contact status, impulses [N s], mass carried [kg]."""
     Step: Any
     """The step under way: its size `dt` [s], the `interval` over which forces change the velocities [s], the
-    `rate` 1 / dt [1/s], where the platens will be [m] and their speeds, upwards [m/s], and whether the
-    `ledger` is due in it."""
+    `rate` 1 / dt [1/s], the positions of the platens at its end [m] and their speeds, upwards [m/s], and
+    whether the `ledger` is due in it."""
 
 
 @cache
@@ -211,12 +211,12 @@ class Control(IntEnum):
     FAULT = 21
     """Outcome that ends the simulation with the step under way, or 0."""
     VOID = 22
-    """1 where the step under way began after something had gone wrong and counts no more."""
+    """1 if the current step began after a failure and is not counted."""
     MOST_WORK = 23
     """Largest work of the platens so far [J]."""
     PLANS = 24
-    """Where the plans of steps begin: even steps, then odd ones, since one is made while the other is carried
-    out."""
+    """First slots of the plans of steps: even steps, then odd ones, since one plan is made while the other is
+    executed."""
 
 
 class Plan(IntEnum):
@@ -239,7 +239,8 @@ class Plan(IntEnum):
 
 
 class Total(IntEnum):
-    """Numbers that the workers hand over: totals of the ledger [J] first, then what control watches."""
+    """Numbers passed by the workers: totals of the ledger [J] first, then values monitored by the control
+    warp."""
 
     ELASTIC = 0
     HOURGLASS = 1
@@ -258,9 +259,9 @@ class Total(IntEnum):
     WORK_DONE = 11
     """Work of the platens, for divergence [J]."""
     TURNED = 12
-    """Largest omega^2 since the last measurement: that of a turned element stands out [1/s^2]."""
+    """Largest omega^2 since the last measurement; an inverted element has a very large value [1/s^2]."""
     BEYOND = 13
-    """Largest s past the data, where that ends a simulation [-]."""
+    """Largest s beyond the data, if that ends a simulation [-]."""
     STIFFEST = 14
     """Largest omega^2 of the law, of even and of odd steps [1/s^2]."""
     STIFFER = 16
@@ -281,7 +282,7 @@ class Share(IntEnum):
 
 
 class Ending(IntEnum):
-    """Slots of what is known of a simulation at its end."""
+    """Slots of the final data of a simulation."""
 
     STATUS = 0
     FAILED_ELEMENT = 1
@@ -302,7 +303,7 @@ NO_TIME = 1.0e300
 GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
 LOADED_BYTES = 16
-"""What a thread of a GPU loads at once."""
+"""Bytes that a thread of a GPU loads at once."""
 
 _GROUP_OF = "const char* group = (const char*)table.data + (long long)((e >> SHIFT) * (int)table.strides[0]);"
 _ENTRY = f"""
@@ -410,7 +411,7 @@ def grouped(table: NDArray[Any], *, loaded: int = 0) -> NDArray[Any]:
     """A table as `entry` and `entries` read it: from shape [constants, n] to [groups, constants * GROUP].
 
     In a group every constant has those of its elements side by side, so that a pack is one load. A GPU's
-    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's next constants lie beside one.
+    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's next constants are adjacent.
     """
     constants, n = table.shape
     groups, many = -(-n // GROUP), max(loaded // table.dtype.itemsize, 1)

@@ -178,7 +178,7 @@ class InvariantLaw(ClosedFormLaw):
 
     @classmethod
     def uses_second_invariant(cls) -> bool:
-        """Whether W depends on I2_bar; if not, the kernels leave it out.
+        """True if W depends on I2_bar; if not, the kernels omit it.
 
         W is compared at two values of I2_bar, and dW/dI2 with 0. Constants that are 0 in the law's example
         are 1 here, since they may be factors of I2_bar.

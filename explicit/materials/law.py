@@ -13,7 +13,8 @@ To add a law write one file in `explicit.materials.laws` with
 3. the same as Warp functions of ``(..., row)``, where ``row`` holds what its ``parameters`` returns;
 4. one line in `explicit.materials.laws.LAWS`.
 
-`tests/unit/explicit/test_material_laws.py` goes over `LAWS` and compares every member with its own energy.
+`tests/unit/explicit/test_material_laws.py` compares the stress and tangent of every law in `LAWS` with its
+energy.
 
 In the principal axes, with lam_bar_i = J^(-1/3) lam_i and w_i = lam_bar_i dW/dlam_bar_i,
 
@@ -80,7 +81,7 @@ class ParameterSpec:
 
     Inside ``[lower, upper]`` for all constants of a law its energy is positive at any deformation. The
     interval is sufficient and, unless `strict`, not necessary: a fit without bounds may leave it (a Yeoh C20
-    is often negative), and `ClosedFormLaw.outside` then says so.
+    is often negative), and `ClosedFormLaw.outside` then reports it.
     """
 
     name: str
@@ -102,8 +103,8 @@ class ParameterSpec:
 class Stretches(Protocol):
     """Energy of principal stretches W(lam1, lam2, lam3), for homogeneous tests and fits.
 
-    The arguments are taken as they stand. An incompressible solution gives stretches of product 1; a
-    compressible one divides them by J^(1/3) first, see `explicit.materials.law`.
+    The arguments are used unchanged. An incompressible solution passes stretches of product 1; a compressible
+    one divides them by J^(1/3) first, see `explicit.materials.law`.
     """
 
     def strain_energy(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
@@ -126,8 +127,9 @@ class ClosedFormLaw:
     """Constants, bounds and scaling, the same for every law given by a formula."""
 
     fitted_s: float = field(default=inf, kw_only=True)
-    """Largest s = sqrt(I1_bar - 3) of the data that the constants were fitted to [-]; infinity if nobody
-    knows. The law goes on past it, and the solver says how much of the specimen went there."""
+    """Largest s = sqrt(I1_bar - 3) of the data that the constants were fitted to [-]; infinity if it is not
+    known. The law continues beyond it, and the solver reports the share of the specimen strained beyond
+    it."""
 
     NAME: ClassVar[str]
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
@@ -248,7 +250,7 @@ def _logarithmic_slope(law: Stretches, lam: FloatArray) -> FloatArray:
 
 
 STRETCHES = (0.2, 5.0)
-"""Stretches along the load that are looked at [-]: to 80 % compression and fivefold length."""
+"""Stretches along the load that are checked [-]: to 80 % compression and fivefold length."""
 MODES = {
     "uniaxial deformation": (1.0, -0.5, -0.5),
     "equibiaxial deformation": (1.0, 1.0, -2.0),
@@ -260,8 +262,8 @@ MODES = {
 def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
     """Mode of deformation and stretch next to 1 at which the energy of a closed-form law is not above 0.
 
-    None if it is positive. Past locking a law has no energy, and nothing is asked of it there. ``stretches``:
-    range of the stretch along the load [-].
+    None if it is positive. Beyond locking a law has no energy and is not checked. ``stretches``: range of the
+    stretch along the load [-].
     """
     x = np.geomspace(stretches[0], stretches[1], 1201)
     x = x[np.abs(x - 1.0) > 1e-3]

@@ -24,7 +24,7 @@ from explicit.precision import Precision
 Form = Literal["quadratic", "logarithmic", "simo_taylor"]
 """Names of the forms."""
 POISSON_LIMIT = 0.49999
-"""Largest Poisson's ratio: beyond it nothing changes but the step, see `explicit.incompressible`."""
+"""Largest Poisson's ratio: beyond it only the time step changes, see `explicit.incompressible`."""
 SMALL = 0.02
 """Below this |J - 1| the kernels take the energy of Simo and Taylor's form from a series."""
 
@@ -148,7 +148,7 @@ def _logarithm_function(precision: Precision) -> Any:
 
     @wp.func
     def logarithm(jacobian: real, dilatation: real):
-        """ln J with the digits of J - 1: what rounding J loses cancels in the quotient."""
+        """ln J to the accuracy of J - 1: the rounding error of J cancels in the quotient."""
         value = real(dilatation)
         if jacobian != one:
             value = dilatation * (wp.log(jacobian) / (jacobian - one))

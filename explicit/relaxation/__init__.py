@@ -1,11 +1,11 @@
-"""Rate-dependent response beside a hyperelastic law: Prony series and the Bergstrom-Boyce network."""
+"""Rate-dependent response added to a hyperelastic law: Prony series and the Bergstrom-Boyce network."""
 
 from explicit.relaxation.base import RateDependence
 from explicit.relaxation.bergstrom_boyce import BergstromBoyce, bergstrom_boyce_stress
 from explicit.relaxation.prony import PronySeries, prony_stress, uniaxial_stress
 
 RELAXATIONS: dict[str, type[RateDependence]] = {"prony": PronySeries, "bergstrom_boyce": BergstromBoyce}
-"""What relaxes, by the name that it has in a shot file."""
+"""Kinds of relaxation, by their names in a shot file."""
 
 __all__ = [
     "RELAXATIONS",

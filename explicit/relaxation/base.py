@@ -27,13 +27,13 @@ class PointFunctions:
     middle of the next [s]."""
     branch_energy: Any
     """``branch_energy(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e,
-    ur, uy)``: what was done on the branches, as far as the present state knows it [J]."""
+    ur, uy)``: the part of the work done on the branches that follows from the present state [J]."""
     memory: int
-    """Numbers that a stress point remembers."""
+    """Number of state variables of a stress point."""
 
 
 class Relaxation(Protocol):
-    """A kind of branches, with as many of them as a batch has at most; hashable."""
+    """A kind of branches, with the largest number of branches in a batch; hashable."""
 
     @property
     def index_of_rest(self) -> int:
@@ -41,7 +41,7 @@ class Relaxation(Protocol):
         ...
 
     def __hash__(self) -> int:
-        """Time loops are kept by it."""
+        """Key under which compiled time loops are stored."""
         ...
 
     def point(self, law: type, precision: Precision, bound: str) -> PointFunctions:
@@ -50,7 +50,7 @@ class Relaxation(Protocol):
 
 
 class RateDependence(Protocol):
-    """Entry of `explicit.Model.relaxation`: a series or a network, the numbers of one material."""
+    """Entry of `explicit.Model.relaxation`: a series or a network with the constants of one material."""
 
     @property
     def instantaneous(self) -> float:

@@ -1,8 +1,8 @@
-"""Bergstrom and Boyce's network: a second chain network that creeps, beside the elastic one.
+"""Bergstrom and Boyce's network: a second chain network that creeps, in parallel with the elastic one.
 
-Network A is the material law as it stands. Network B is the same law times a ratio s, on the elastic part of
-F_bar = F_e F_v; its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. It flows by (Bergstrom and
-Boyce 1998, Eqs. 26-32; the rate of 1 / s is taken out of their product of constants)
+Network A is the material law. Network B is the same law times a ratio s, applied to the elastic part of F_bar
+= F_e F_v; its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. It flows by (Bergstrom and Boyce
+1998, Eqs. 26-32; the rate of 1 / s is taken out of their product of constants)
 
     D_v = gamma N,   N = tau_B / |tau_B|,
     gamma = (1 / s) (lam_v - 1 + xi)^C (|tau_B| / tau_hat)^m,   lam_v = sqrt(tr b_v / 3),              (V.3)
@@ -39,7 +39,8 @@ from explicit.relaxation.prony import checked_history, uniaxial_stress
 NEWTON = 3
 """Newton's iterations: a step of an explicit run has k << 1, for which one would do."""
 LARGEST_LOG = 60.0
-"""Largest ln k that is told apart, which fp32 still holds: all stress is gone within a step long before."""
+"""Upper limit of ln k, which fp32 can still represent: at far smaller k all stress relaxes within one
+step."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             f_r = t[0] * b_r + t[2] * b_y + t[3] * c
             f_y = t[1] * b_y + t[2] * b_r
             if measure == 1:
-                # As of a Prony series, and what network B is stiffer than the law's own bound has it.
+                # As for a Prony series, plus the excess of network B's stiffness over the law's bound.
                 more = law_tangent(elastic[0], elastic[1], elastic[2], elastic[3], row)
                 more = wp.max(more - law_tangent(rr, yy, ry, tt, row), zero) * (weight * stiff)
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)

@@ -12,12 +12,12 @@ c_i are relative to the *long-term* law, which is the one a slow test measures:
 
 The Warp functions of a stress point take the law at its instantaneous stiffness and subtract dev(F_bar q
 F_bar^T), with g_i the share of that stiffness and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i.
-The q_i live half a step before and after the positions, where the velocities are:
+The q_i are defined half a step before and after the positions, at the times of the velocities:
 
     q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),
     a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
 
-a rule that is stable for any x and of second order; q_i(n) is their mean.
+This rule is stable for any x and of second order; q_i(n) is the mean of both values.
 
 `uniaxial_stress` is the NumPy twin: incompressible with stress-free sides, F = diag(lam, lam^-1/2,
 lam^-1/2).
@@ -136,7 +136,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             t = push(before, f11, h12, h21, f22, f33) * (weight * scale * iso)
             work = t[0] * d11 + t[1] * d22 + two * t[2] * d12 + t[3] * d33
             balance = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * previous_step * work
-            # What is subtracted at the positions.
+            # The stress subtracted at the positions.
             t = push(half * (before + after), f11, h12, h21, f22, f33) * (weight * scale * iso)
             mean = (t[0] + t[1] + t[3]) * third
             t11, t22, t33 = mean - t[0], mean - t[1], mean - t[3]
@@ -165,7 +165,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         ur: vec4,
         uy: vec4,
     ):
-        """The law's energy at the stiffness of the branches: what is done on them if nothing relaxes."""
+        """The law's energy at the stiffness of the branches: the work done on them without relaxation."""
         h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
         h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
         h33 = wp.dot(ur, hoop)
@@ -183,7 +183,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
 
 @dataclass(frozen=True)
 class PronySeries:
-    """Branches that relax beside the long-term law."""
+    """Viscoelastic branches added to the long-term law."""
 
     strengths: tuple[float, ...]
     """Modulus of each branch over that of the long-term law, c_i [-]."""
@@ -212,7 +212,7 @@ class PronySeries:
 
     @property
     def instantaneous_shares(self) -> FloatArray:
-        """g_i = c_i G_inf / G_0, as several finite element programs ask for [-], shape [n_branches]."""
+        """g_i = c_i G_inf / G_0, the input of several finite element programs [-], shape [n_branches]."""
         return np.asarray(self.strengths) / self.instantaneous
 
     def row(self, n_branches: int) -> FloatArray:
@@ -244,7 +244,7 @@ class PronySeries:
 
 
 def uniaxial_stress(law: Any, stretch: ArrayLike) -> FloatArray:
-    """Nominal stress of the law alone [Pa], tension-positive, shape of `stretch`."""
+    """Nominal stress of the law without relaxation [Pa], tension-positive, shape of `stretch`."""
     lam = np.asarray(stretch, dtype=float)
     along, across = _deviators(law, lam)
     return np.asarray((along - across) / lam)

@@ -31,7 +31,7 @@ class Scalar:
     varying: bool = False
     """Whether the lanes differ."""
     const: int | bool | None = None
-    """Its value where the translator knows it."""
+    """Its value if known to the translator."""
     lane: bool = False
     """Whether it counts up from lane to lane."""
     root: str = ""
@@ -160,8 +160,8 @@ CURES = {
 class Arithmetic:
     """Emits one temporary an operation; a product that is added becomes a fused multiply-add.
 
-    The compiler is told to fuse nothing by itself, so what is rounded is decided here alone and a sample
-    gives the same bits whatever shares its pack.
+    The compiler must not fuse operations, so all rounding is determined here and a sample gives the same bits
+    whatever shares its pack.
     """
 
     lanes: int

@@ -1,8 +1,8 @@
 """From a kernel of the scalar source to a kernel that runs it in SIMD lanes on the CPU.
 
-The translated source is cached beside Warp's compiled kernels. The file's name carries the hash of everything
-the translation depends on: Warp's hash of the scalar kernel (all functions, constants and structs it refers
-to), this package's source, and the choice of lanes.
+The translated source is cached together with Warp's compiled kernels. The file's name carries the hash of
+everything the translation depends on: Warp's hash of the scalar kernel (all functions, constants and structs
+it refers to), this package's source, and the choice of lanes.
 """
 
 import os
@@ -25,7 +25,7 @@ from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
 from explicit.simd.team import TEAM_CODE, Team
 
 EXPONENTIAL = 13
-"""Degree of the series of e^r: what it leaves out is below 1e-17 for |r| <= ln 2 / 2."""
+"""Degree of the series of e^r: the neglected terms are below 1e-17 for |r| <= ln 2 / 2."""
 
 _PRELUDE = """
     constexpr int W = {lanes};
@@ -178,7 +178,7 @@ def _translation_file(time_loop: Any, choice: str) -> Path:
 
 
 def _write_translation(file: Path, code: str) -> None:
-    """Write a file whole or not at all; where the cache cannot be written, nothing is kept."""
+    """Write a file completely or not at all; if the cache cannot be written, nothing is stored."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         number, name = tempfile.mkstemp(dir=file.parent)

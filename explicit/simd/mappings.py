@@ -11,7 +11,7 @@ BOUNDS = (
     "first_element", "end_element", "sum_first", "boundary_first",
     "first_inner", "end_inner", "control_first",
 )  # fmt: skip
-"""Functions that say where a sweep begins or ends; asked with the lane or the end of all."""
+"""Functions that return the beginning or end of a sweep; called with the lane or the overall end."""
 
 
 class Lanes(Control):
@@ -21,7 +21,7 @@ class Lanes(Control):
     """Elements of one simulation that are at work at once in a thread."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """The lane functions whose meaning does not depend on what a lane is."""
+        """The lane functions that are the same in both mappings."""
         if name == "field":
             return self.field(arguments, node)
         if name == "entry":
@@ -49,7 +49,7 @@ class Lanes(Control):
         raise self.refuse(node, "no meaning over lanes")
 
     def _boundary_total(self, numbers: Value, n: Value, node: ast.Call) -> Scalar:
-        """One after the other, whatever the lanes are, so that forces keep their bits."""
+        """Sequentially, independent of the lanes, so that forces are bitwise repeatable."""
         if not isinstance(numbers, Array) or not isinstance(n, Scalar) or n.varying:
             raise self.refuse(node, "numbers of boundary nodes and a count that all lanes share are wanted")
         name, counter, varying = self.name("sum"), self.name("c"), numbers.lanes_inside
@@ -87,7 +87,7 @@ class LaneIsSimulation(Lanes):
         return literal(1, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """Nobody to wait for; sums are made as the lanes of one simulation would make them."""
+        """No synchronisation; sums are made in the same way as by the lanes of one simulation."""
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name in ("add_to", "add_share"):
@@ -136,8 +136,8 @@ class LaneIsSimulation(Lanes):
 class LaneIsWorker(Lanes):
     """The lanes share the elements and nodes of one simulation, as the threads of a block do on a GPU.
 
-    Several threads may share it, each with lanes of its own: what `explicit.simd.team.TEAM_CODE` declares
-    says which this one is and how many they are.
+    Several threads may share it, each with separate lanes. The variables declared in
+    `explicit.simd.team.TEAM_CODE` give the seat of this thread and the number of threads.
     """
 
     own = frozenset({"add_share", "put_share", "joined", "regroup", "settle", "disband"})
@@ -147,7 +147,7 @@ class LaneIsWorker(Lanes):
         self.side_by_side = lanes
 
     def wp_tid(self) -> Value:
-        """Simulation and lane within it; sweeps that are not shared out find nothing but in one thread."""
+        """Simulation and lane within it; sweeps that are not shared are non-empty in only one thread."""
         return (literal(0, "i32"), Scalar("i32", "lane_of_all", True, lane=True))
 
     def wp_block_dim(self) -> Scalar:
@@ -196,7 +196,7 @@ class LaneIsWorker(Lanes):
     # ---- parts ---------------------------------------------------------------------------------------
 
     def _bound(self, name: str, arguments: Sequence[Scalar]) -> Scalar:
-        """Where this thread's part of a sweep begins or ends."""
+        """Beginning or end of this thread's part of a sweep."""
         if name in ("sum_first", "boundary_first"):
             return Scalar("i32", "lane_of_all", True, lane=True)
         if name == "control_first":
@@ -277,7 +277,7 @@ class LaneIsWorker(Lanes):
         self.hand_over((parts, place, value), most, node)
 
     def _largest(self, arguments: Sequence[Value], node: ast.Call) -> Scalar:
-        """The largest of all threads' values; of those that are not a number only where all are."""
+        """The largest of all threads' values; NaN only if all values are NaN."""
         parts, k = arguments
         if not isinstance(parts, Array):
             raise self.refuse(node, "an array and a number are wanted")

@@ -61,7 +61,7 @@ class Statements(Memory):
     """
 
     own: frozenset[str] = frozenset()
-    """Lane functions that the mapping gives a meaning of its own."""
+    """Lane functions that the mapping defines."""
 
     def __init__(self, lanes: int) -> None:
         super().__init__()

@@ -1,10 +1,10 @@
-"""Threads of a CPU that share one simulation: their parts, their meetings, who joins and who leaves.
+"""Threads of a CPU that share one simulation: their parts, their synchronisation, and changes of the team.
 
-Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in the
-first seat keeps the books: totals, records, the next step, the boundary. It begins without the others, and
-its elements are the last. The others join when they have a core, and leave for a while when they delay the
-rest. Nobody waits for a thread that has not joined. Sums over elements are made in the order of one thread,
-so that the bits do not depend on the number of threads.
+Every thread runs the whole time loop on separate packs, which are contiguous in the mesh. The thread in the
+first seat also does the control work: totals, records, the next step, the boundary. It begins without the
+others, and its elements are the last. The others join when they have a core, and leave temporarily when they
+delay the rest. No thread waits for one that has not joined. Sums over elements are made in the order of one
+thread, so the result is bitwise independent of the number of threads.
 """
 
 import ctypes
@@ -38,20 +38,21 @@ it takes longer than one alone would, and some steps pass while it waits for a c
 MOST_LOOKS = 1 << 22
 """Most of either, some 50 ms."""
 NAP, LONGEST_NAP, PIECE, WAIT = 5000, 160000, 500, 20
-"""How long a thread is away at first and at most, looking now and then whether the simulation is at its end,
-and how long between two looks at one that is late [us]."""
+"""First and largest time for which a thread leaves, while it occasionally checks for the end of the
+simulation, and the time between two checks of a late thread [us]."""
 UNIT = 1000 if sys.platform == "win32" else 1
 """Unit of the system's naps [us]."""
 PAYS = 1000
-"""Meetings after which being in the team has paid, and the next time away is short again."""
+"""Number of synchronisations after which membership in the team has paid off, and the next absence is short
+again."""
 
 
 @wp.struct
 class Team:
-    """What the threads of one simulation share, and which of them this is."""
+    """Shared data of the threads of one simulation, and the seat of this one."""
 
     seat: int
-    """0 for the one that keeps the books."""
+    """0 for the thread that does the control work."""
     seats: int
     """How many there are."""
     room: int
@@ -61,9 +62,9 @@ class Team:
     ready: int
     """Looks of a thread that waits for a call before it gives its core away."""
     nap: wp.uint64
-    """Address of a function that lets other threads have the core for a time [us]."""
+    """Address of a function that yields the core to other threads for a time [us]."""
     words: wp.array(dtype=wp.int32)  # type: ignore[valid-type]
-    """What they tell each other."""
+    """Signals between the threads."""
     shares: wp.array(dtype=wp.float64)  # type: ignore[valid-type]
     """For each sum of `Share`, its elements' shares and a pack of the first thread's sum; then by rank the
     largest value that a thread has latched."""
@@ -165,7 +166,7 @@ TEAM_CODE = f"""
         }}
     }};
 """
-"""C++ at the beginning of a time loop whose lanes share a simulation."""
+"""C++ code at the beginning of a time loop whose lanes share a simulation."""
 MEET = "if (members > 1) team_op::meet(words, member, members, ++meetings, team.patience, nap);"
 """C++ of a meeting."""
 SETTLE = """
@@ -212,7 +213,7 @@ DISBAND = f"""
     members = 1;
     member = 0;
 """
-"""C++ at the end of the loop: one thread does the rest."""
+"""C++ code at the end of the loop: one thread completes the work."""
 TOTALS = int(Total.COUNT)
 """Values from those that one thread has handed over to those of the next."""
 
@@ -239,13 +240,13 @@ class Seats:
         return team
 
     def close(self) -> None:
-        """Send away who waits for a call."""
+        """Dismiss the threads that wait for a call."""
         self.words.numpy()[FINISHED] = 1
 
 
 @cache
 def single_thread_team() -> Any:
-    """The argument of a thread that shares its simulation with nobody."""
+    """The argument of a thread that does not share its simulation."""
     team = Team()
     team.seats = 1
     return team
@@ -253,7 +254,7 @@ def single_thread_team() -> Any:
 
 @cache
 def nap_function() -> int:
-    """Address of the system's function that lets other threads have the core."""
+    """Address of the system's function that yields the core to other threads."""
     if sys.platform == "win32":  # milliseconds there: longer naps
         function = ctypes.WinDLL("kernel32").Sleep
     else:
@@ -264,7 +265,7 @@ def nap_function() -> int:
 
 
 ELEMENTS_EACH = 768
-"""Elements of a thread, at least: with fewer, the threads meet too often."""
+"""Fewest elements of a thread: with fewer, synchronisation is too frequent."""
 
 
 class SharedRun:
@@ -302,7 +303,7 @@ class SharedRun:
             finally:
                 seats.close()
         finally:
-            if not self._begun.done():  # who wants to join need not wait
+            if not self._begun.done():  # joining threads need not wait
                 self._begun.set_result(None)
         return self.count
 

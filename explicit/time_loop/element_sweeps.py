@@ -348,7 +348,7 @@ waits for the flyer may tremble with round-off though no platen has worked on it
 
 @dataclass(frozen=True)
 class FailureFunctions:
-    """Checks of the time loop beside its steps."""
+    """Checks of the time loop in addition to its steps."""
 
     motion: Any
     """``motion(body, fields, lane)``: this worker's share of the kinetic energy [J], a sum that begins with

@@ -43,7 +43,7 @@ class TimeLoopKernel:
     cluster: int
     """Blocks that share a simulation there."""
     memory: int
-    """Numbers that an element remembers of the relaxation; 0 where nothing does."""
+    """Number of state variables of an element for the relaxation; 0 without relaxation."""
 
 
 @cache

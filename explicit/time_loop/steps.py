@@ -1,7 +1,7 @@
-"""The control warp's part of a step: its end, what is recorded, and the next step.
+"""The control warp's part of a step: its end, the records, and the next step.
 
-The end of a step sums its forces and gives the support's answer; the histories are written; the next step
-gets its size and the platens' places, and is taken or refused.
+At the end of a step the forces are summed and the support's motion is computed. Then the histories are
+written. The next step gets its size and the platens' positions, and is accepted or rejected.
 """
 
 from dataclasses import dataclass

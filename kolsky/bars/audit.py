@@ -29,18 +29,18 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "axial inertia": (False, "momentum of the specimen itself"),
     }
 )
-"""Every switch: its default and what it stands for. A new correction is one line here."""
+"""Every switch: its default and its meaning. A new correction is one line here."""
 
 
 @dataclass(frozen=True)
 class Switches(Mapping[str, bool]):
-    """Switches of the corrections; those not stated have their default of `CORRECTIONS`.
+    """Switches of the corrections; a switch that is not given has its default in `CORRECTIONS`.
 
     Raises ValueError if a key is unknown (the nearest known one is named) or a value is not true or false.
     """
 
     stated: Mapping[str, bool] = field(default_factory=dict)
-    """Keys that were stated."""
+    """Keys that were given."""
 
     def __post_init__(self) -> None:
         stated: dict[str, bool] = {}
@@ -65,13 +65,13 @@ class Switches(Mapping[str, bool]):
         return len(CORRECTIONS)
 
     def state(self, key: str) -> str:
-        """Why a switch stands as it does: "on by default", "switched off", ..."""
+        """Origin of a switch's value: "on by default", "switched off", ..."""
         state = "on" if self[key] else "off"
         return f"switched {state}" if correction_key(key) in self.stated else f"{state} by default"
 
 
 def correction_key(key: str) -> str:
-    """The switch of `CORRECTIONS` that a key means; underscores stand for blanks."""
+    """The switch of `CORRECTIONS` for a key; underscores replace blanks."""
     known = str(key).replace("_", " ")
     if known not in CORRECTIONS:
         near = get_close_matches(known, CORRECTIONS, n=1)
@@ -91,14 +91,15 @@ def compare(
     reason: str,
     over: BoolArray | slice | None = None,
 ) -> Correction:
-    """Measure what a correction changes, or would change, over a pulse.
+    """Measure the change by a correction, applied or not, over a pulse.
 
     Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
     compared, or the reason is missing.
 
-    ``name``: what it is, e.g. "dispersion, incident wave". ``before``, ``after``: the signal without and with
-    it, shape [n]. ``applied``: whether the result has it. ``unit``: unit of the signal. ``reason``: why, with
-    the values it rests on, in one sentence. ``over``: the samples of the pulse; all of them by default.
+    ``name``: name of the correction, e.g. "dispersion, incident wave". ``before``, ``after``: the signal
+    without and with it, shape [n]. ``applied``: True if the result includes it. ``unit``: unit of the signal.
+    ``reason``: the reason, with the values used, in one sentence. ``over``: the samples of the pulse; all of
+    them by default.
     """
     key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
@@ -147,7 +148,7 @@ class AuditLog:
         self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
 
     def complete(self, reasons: Mapping[str, str]) -> None:
-        """Append an entry for each correction that has none: left out, with its reason.
+        """Append an entry for each correction that has none: not applied, with its reason.
 
         Raises ValueError if a key is unknown.
         """

@@ -2,7 +2,7 @@
 freedom.
 
 `propagate` varies each input by its standard uncertainty in both directions (central differences, GUM 5.1.3),
-so that any model of NumPy arrays can be budgeted. Correlated inputs are declared by `correlation`.
+so that a budget can be made for any model of NumPy arrays. Correlated inputs are declared by `correlation`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,9 +18,10 @@ from kolsky.base.arrays import FloatArray
 
 
 def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
-    """Quantities with those that were listed more than once, such as a bar's Poisson's ratio, listed once.
+    """Quantities without duplicates: a quantity listed more than once, such as a bar's Poisson's ratio, is
+    listed once.
 
-    Where only one of them has an uncertainty, that one is taken.
+    If only one of them has an uncertainty, that one is kept.
 
     Raises ValueError if two have the same name and different values or uncertainties.
     """
@@ -36,7 +37,7 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 
 
 def check_quantities(quantities: Sequence[Quantity]) -> None:
-    """Refuse impossible quantities and names that occur twice."""
+    """Reject impossible quantities and duplicate names."""
     seen: set[str] = set()
     for q in quantities:
         if q.name in seen:
@@ -84,7 +85,7 @@ def _correlated_groups(correlation: FloatArray) -> list[list[int]]:
 
 @dataclass(frozen=True)
 class Budget:
-    """Outputs of a model, and what each quantity contributes to the uncertainty of each sample."""
+    """Outputs of a model, and the contribution of each quantity to the uncertainty of each sample."""
 
     quantities: tuple[Quantity, ...]
     """Inputs."""
@@ -97,8 +98,8 @@ class Budget:
     noise: Mapping[str, FloatArray]
     """Standard deviations from the signals' noise, independent of all quantities, shape [...]."""
     curvature: Mapping[str, FloatArray]
-    """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: what a
-    straight line misses, and the bias of the best estimate."""
+    """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: the
+    error of the linearisation, and the bias of the best estimate."""
     interaction: Mapping[str, FloatArray]
     """Contribution of products of quantities, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
 
@@ -112,8 +113,8 @@ class Budget:
     def freedom(self, output: str) -> FloatArray:
         """Effective degrees of freedom by Welch and Satterthwaite, Eq. (U.12), shape [...].
 
-        The formula needs independent parts: quantities that are correlated count as one, with the smallest
-        of their degrees of freedom. Noise counts as known.
+        The formula needs independent parts: correlated quantities count as one, with the smallest of their
+        degrees of freedom. Noise is taken as exactly known.
         """
         Z, u = self.contribution[self._known(output)], self.sigma(output)
         under = np.zeros(u.shape)
@@ -156,8 +157,8 @@ class Budget:
     def nonlinearity(self, output: str) -> float:
         """Largest term of second order over the combined standard uncertainty at the same sample [-].
 
-        That is the curvature of any one quantity, or the interaction of all. Where it is not small the budget
-        is not to be trusted, and draws of the quantities are.
+        This term is the curvature of any one quantity, or the interaction of all. Where it is not small, the
+        budget is not reliable; use random draws of the quantities instead.
         """
         u = self.sigma(output)
         second = np.concatenate([self.curvature[output], self.interaction[output][None]])
@@ -220,10 +221,10 @@ class Budget:
 
 
 def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
-    """The budget at the numbers that are quoted, e.g. at the peak stress.
+    """The budget of the reported results, e.g. of the peak stress.
 
-    ``results``: by the name of the quoted number: output, flat index of the sample (None: that of the largest
-    magnitude), unit. Returns: a row for every quantity, then one for the noise of every quoted number.
+    ``results``: by the name of the result: output, flat index of the sample (None: that of the largest
+    magnitude), unit. Returns: a row for every quantity, then one for the noise of every result.
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]
@@ -257,18 +258,19 @@ def propagate(
 ) -> Budget:
     """Propagate standard uncertainties through a model, Eq. (U.10).
 
-    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2).
-    Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
-    model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
+    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2). A
+    half step of all quantities at once must agree with them. This check detects a step lost in the model's
+    round-off, a jump (e.g. of a window by one sample) and a strong nonlinearity. The model is run 2 n + 3
+    times.
 
     Raises ValueError if a quantity is impossible or occurs twice, the model fails at a varied value, an
-    output is not finite or changes its shape, the correlations are none, or the steps disagree.
+    output is not finite or changes its shape, the correlations are invalid, or the steps disagree.
 
     ``model``: from values by name to outputs, which must keep their shapes. ``quantities``: inputs with their
     standard uncertainties; those with 0 are listed and not varied. ``noise``: standard deviations of outputs
     from the noise of signals, which the model does not vary. ``correlations``: coefficients of pairs of
-    quantities. ``tolerance``: largest difference of the half step from what the contributions say, over the
-    combined standard uncertainty, in the root mean square over the samples [-].
+    quantities. ``tolerance``: largest difference between the half step and the prediction from the
+    contributions, over the combined standard uncertainty, as root mean square over the samples [-].
     """
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})
@@ -284,7 +286,7 @@ def propagate(
             bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
     contribution = {name: _stack(whole[name], value[name]) for name in value}
     curvature = {name: _stack(bend[name], value[name]) for name in value}
-    # All at once over half a step, with alternating signs so that equal contributions do not hide.
+    # All at once over half a step, with alternating signs so that equal contributions do not cancel.
     share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
     plus, minus = _varied_outputs(model, value, best, share)
     steps = np.array(list(share.values()))
@@ -309,7 +311,9 @@ def propagate(
 
 
 def _size(contribution: FloatArray, noise: FloatArray) -> float:
-    """Combined standard uncertainty without correlations, by which the whole may cancel to nothing."""
+    """Combined standard uncertainty without correlations, because correlated contributions may cancel to
+    zero.
+    """
     return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
 
 
@@ -333,7 +337,7 @@ def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
 def _varied_outputs(
     model: Model, value: Mapping[str, FloatArray], best: Mapping[str, float], steps: Mapping[Quantity, float]
 ) -> tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]:
-    """Outputs with quantities moved by shares of their standard uncertainties, and by the same back."""
+    """Outputs with quantities changed by plus and minus a share of their standard uncertainties."""
     sizes = {q: step * q.sigma for q, step in steps.items() if q.sigma > 0.0}
     if not sizes:
         return value, value
@@ -357,7 +361,7 @@ def _raise_for_steps(
     contribution: FloatArray,
     allowed: float,
 ) -> None:
-    """Find the quantity whose half step tells another slope, and refuse."""
+    """Find the quantity whose half step gives a different slope, and raise ValueError."""
     off = []
     for q, one in zip(quantities, contribution, strict=True):
         plus, minus = _varied_outputs(model, value, best, {q: 0.5})
@@ -373,7 +377,8 @@ def _raise_for_steps(
 def outputs(
     model: Model, values: Mapping[str, float], where: str, like: Mapping[str, FloatArray] | None
 ) -> dict[str, FloatArray]:
-    """Outputs of a model as arrays; `where` is said of the values if it fails, `like` has the right shapes.
+    """Outputs of a model as arrays; `where` describes the values in the error message, `like` has the right
+    shapes.
 
     Raises ValueError if the model fails, an output is not finite, or names or shapes differ from those of
     `like`.

@@ -103,15 +103,15 @@ class FaceWaves:
     origin: float = 0.0
     """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
     white: Mapping[str, float] | None = None
-    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means keep;
-    None if the noise is white, as `sigma`."""
+    """Sigma of white noise with the level of each wave's noise at low frequencies [-], which determines the
+    noise of integrals and means. None if the noise is white, with `sigma`."""
     band: float = float("inf")
-    """Frequency above which the waves were left out [Hz]."""
+    """Frequency above which the waves were filtered out [Hz]."""
 
 
 @dataclass(frozen=True)
 class History:
-    """One quantity over the times of a reduction, with what is known of its error."""
+    """One quantity over the times of a reduction, with its uncertainty."""
 
     value: FloatArray
     """Its values, shape [n]."""
@@ -158,7 +158,7 @@ class Correction:
     key: str
     """Its switch, e.g. "dispersion"."""
     applied: bool
-    """True if it was applied; a correction that was left out is listed with its size too."""
+    """True if it was applied; a correction that was not applied is also listed with its size."""
     size: float
     """Largest change over the pulse, in `unit`."""
     rms: float
@@ -166,7 +166,7 @@ class Correction:
     unit: str
     """Unit of the sizes."""
     reason: str
-    """Why it was applied or left out, with the values it rests on, in one sentence."""
+    """Reason why it was applied or not, with the values used, in one sentence."""
 
 
 @dataclass(frozen=True)
@@ -238,17 +238,17 @@ class Contribution:
 
 @dataclass(frozen=True)
 class BudgetTable:
-    """The uncertainty budget at the numbers that are quoted."""
+    """The uncertainty budget of the reported results."""
 
     results: Mapping[str, tuple[float, float, str]]
     """Quoted number by name: value, standard uncertainty (k = 1), unit."""
     contributions: tuple[Contribution, ...]
-    """One row an input, noise last."""
+    """One row for each input, noise last."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReducedTest(ResultViews):
-    """A reduced test, however it was measured, with everything that its numbers rest on."""
+    """A reduced test of any method, with the data and settings behind its results."""
 
     name: str
     """Name of the shot."""
@@ -265,7 +265,7 @@ class ReducedTest(ResultViews):
     facts: Mapping[str, tuple[float, str]]
     """Numbers of the record and its reduction: value and unit by name."""
     remarks: tuple[str, ...]
-    """Conditions that limit the use of the values, each with its cure."""
+    """Conditions that limit the use of the results, each with its remedy."""
     inputs: Mapping[str, str]
     """SHA-256 of every file that was read, by name."""
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -288,7 +288,8 @@ class WavesResult(ReducedTest):
     analysis: str = "three waves"
     """The analysis whose values are quoted."""
     valid: tuple[float, float] | None = None
-    """Span in which imbalance and inertia stay within a share of the stress [s]; None if there is none."""
+    """Time span in which imbalance and inertia stay within a share of the stress [s]; None if there is
+    none."""
     validity: str = ""
     """The same in words, with the share that was allowed."""
 
@@ -300,9 +301,9 @@ class FlyerResult(ReducedTest):
     signals: tuple[Signal, ...]
     """Forces at the transducers over the whole record [N]."""
     events: tuple[tuple[str, float | None, float | None, str], ...]
-    """Name, time [s], sigma [s] and how it was found, of every event that was looked for."""
+    """Name, time [s], sigma [s] and detection method of every event searched for."""
     valid: tuple[float, float] | None
-    """Span in which a classical curve may be read [s]; None if there is none."""
+    """Time span in which the classical stress-strain curve is valid [s]; None if there is none."""
     validity: str
     """The same in words, with the share that was allowed."""
     synchronisation: str | None
@@ -312,14 +313,14 @@ class FlyerResult(ReducedTest):
 
 
 LARGEST_JITTER = 0.01
-"""Share of the interval by which a sample time may be off an even division."""
+"""Largest deviation of a sample time from uniform spacing, as a share of the interval."""
 
 
 def uniform_clock(recording: Recording) -> tuple[float, float]:
     """First time and interval of a recording [s], which must be uniform.
 
-    Raises ValueError if lengths differ, a value is not finite, or a time is off an even division by 1 % of
-    the interval.
+    Raises ValueError if lengths differ, a value is not finite, or a time deviates from uniform spacing by 1 %
+    of the interval.
     """
     time, value, name = recording.time, recording.value, recording.channel
     if time.shape != value.shape or time.ndim != 1 or time.size < 2:

@@ -1,4 +1,4 @@
-"""What a test declares: bar, platens, transducers, specimen, and the viscoelastic model of the specimen
+"""Declared data of a test: bar, platens, transducers, specimen, and the specimen's viscoelastic model
 (SI)."""
 
 from collections.abc import Mapping
@@ -13,10 +13,10 @@ LIFTING_LAW = "rough"
 SLIDING_LAW = "coulomb"
 """Contact law of faces that slide."""
 LARGEST_POISSON = 0.49999
-"""Largest Poisson's ratio of a shot: the stable step goes with the root of 1 - 2 nu."""
+"""Largest Poisson's ratio of a shot: the stable step is proportional to the root of 1 - 2 nu."""
 INCOMPRESSIBLE = 0.49998
-"""Poisson's ratio that stands for an incompressible specimen. The outline of open-01 is 0.07 um from that of
-`LARGEST_POISSON`, below what all its points resolve together, where 0.4999 is 0.6 um away."""
+"""Poisson's ratio used for an incompressible specimen. The outline of open-01 differs by 0.07 um from that of
+`LARGEST_POISSON`, less than all its points together resolve; with 0.4999 it differs by 0.6 um."""
 INCOMPRESSIBLE_WORD = "incompressible"
 """Its name in shot.toml and on the command line."""
 
@@ -58,7 +58,7 @@ class Bar:
     poisson: float = 0.29
     """Poisson's ratio [-]."""
     yield_strength: float | None = None
-    """Largest stress that it bears elastically [Pa]; None if it is not known."""
+    """Elastic limit [Pa]; None if it is not known."""
 
     @property
     def wave_speed(self) -> float:
@@ -78,18 +78,18 @@ class Bar:
 
 @dataclass(frozen=True)
 class ElasticBody:
-    """Elastic parts on one side of the specimen, bonded one behind the other, the specimen's side first."""
+    """Elastic parts on one side of the specimen, bonded in series, starting at the specimen."""
 
     model: str
     """"bar", one-dimensional waves, or "mesh", an axisymmetric mesh."""
     parts: tuple[Bar, ...]
     """Platen, transducer, bar."""
     element_size: float = 0.0
-    """Largest side of an element, of a mesh [m]."""
+    """Largest side of an element, for "mesh" [m]."""
     transducer_depth: float = 0.0
     """Distance of the force transducer's section behind the face [m]; 0 is the face."""
     seen_at: float = 0.0
-    """Distance behind the face of the place whose displacement is measured, of a flyer [m]."""
+    """For a flyer: distance of the point of measured displacement behind the face [m]."""
 
     @property
     def length(self) -> float:
@@ -106,31 +106,31 @@ class Transducer:
     compression_sign: int
     """+1 if compression gives positive volts, -1 otherwise."""
     full_scale: float
-    """Largest |volts| the recorder can show [V]."""
+    """Largest |voltage| that the recorder can measure [V]."""
     time_constant: float = inf
     """Time in which the output of a constant force falls to 1/e [s]; inf without droop."""
 
 
 @dataclass(frozen=True)
 class Interface:
-    """Hold of the specimen on the platens; each law is one of `explicit.contact.CONTACT_LAWS`."""
+    """Contact of the specimen with the platens; each law is one of `explicit.contact.CONTACT_LAWS`."""
 
     faces: str
     """Law of the end faces."""
     side: str
     """Law of the side surface where it rolls onto a platen."""
     friction: float = 0.0
-    """Coulomb coefficient, where a law reads it [-]."""
+    """Coulomb coefficient, for laws that use it [-]."""
     release_stress: float = 0.0
-    """Tensile stress at which a node lets go, where a law reads it [Pa]."""
+    """Tensile stress at which a node is released, for laws that use it [Pa]."""
     contact_stiffness: float = 1e13
-    """Stiffness of the springs of contact over the undeformed area, where a law reads it [Pa/m]."""
+    """Stiffness of the contact springs over the undeformed area, for laws that use it [Pa/m]."""
 
 
 RelaxationKind = Literal["prony", "bergstrom_boyce"]
 
 MOST_BRANCHES = 3
-"""Most branches of a Prony series that have parameters of their own: few rates carry no more."""
+"""Most branches of a Prony series with individual parameters: a few strain rates do not constrain more."""
 NETWORK_CONSTANTS = (
     "creep_ratio",
     "creep_resistance",
@@ -142,7 +142,7 @@ NETWORK_CONSTANTS = (
 NETWORK_DEFAULTS = {"creep_exponent": 4.0, "creep_chain_exponent": -1.0, "creep_first": 0.01}
 """Constants that need not be declared; those of `explicit.relaxation.BergstromBoyce`."""
 NETWORK_FREE = ("creep_ratio", "creep_resistance")
-"""Constants of the network that are free where the shot says no more than that it relaxes."""
+"""Constants of the network that are free by default, if the shot declares relaxation without details."""
 
 
 def prony_names(branches: int) -> tuple[str, ...]:
@@ -153,16 +153,17 @@ def prony_names(branches: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """[relaxation] of a shot: the long-term law is the quasi-static curve times m; this is beside it."""
+    """[relaxation] of a shot: viscoelastic branches added to the long-term law, which is the quasi-static
+    curve times m."""
 
     kind: RelaxationKind
     """Prony series, or the network of Bergstrom and Boyce."""
     values: Mapping[str, float]
     """Parameter name -> declared constant in SI: `prony_names`, or `NETWORK`."""
     sigmas: Mapping[str, float] = field(default_factory=dict)
-    """Parameter name -> declared standard uncertainty in SI; an absent one was not declared."""
+    """Parameter name -> declared standard uncertainty in SI; a missing name means that none was declared."""
     free: bool = False
-    """Whether its constants are free in an identification where nothing else is asked for."""
+    """True if an identification estimates its constants by default."""
 
     def __post_init__(self) -> None:
         expected = prony_names(self.branches) if self.kind == "prony" else NETWORK_CONSTANTS
@@ -180,14 +181,14 @@ class Relaxation:
 
     @property
     def free_names(self) -> tuple[str, ...]:
-        """Parameters that are free by default: none where the constants are held."""
+        """Parameters that are free by default: none if the constants are fixed."""
         if not self.free:
             return ()
         return prony_names(self.branches) if self.kind == "prony" else NETWORK_FREE
 
     @property
     def words(self) -> str:
-        """What relaxes, in words."""
+        """The model in words."""
         if self.kind == "bergstrom_boyce":
             return "a network of Bergström and Boyce that creeps"
         return "a Prony series of " + ("1 branch" if self.branches == 1 else f"{self.branches} branches")

@@ -1,4 +1,4 @@
-"""The one way bad input is answered: a single line with file, line, key, value, allowed range and cure."""
+"""Errors about invalid input: a single line with file, line, key, value, allowed range and cure."""
 
 import json
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ _LONGEST_VALUE = 80
 
 
 class InputError(Exception):
-    """Something a user gave cannot be used; `str()` of it is one line.
+    """Invalid input of the user; `str()` of it is one line.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class InputError(Exception):
     allowed
         The allowed range or choice; printed after "it must be".
     cure
-        What to do about it; printed after "Cure:".
+        How to correct the input; printed after "Cure:".
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class InputError(Exception):
         return one_line(text)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle with all that it says: workers send it."""
+        """Pickle with all attributes, because workers send it to the parent process."""
         said: dict[str, Any] = {
             "line": self.line,
             "key": self.key,
@@ -105,7 +105,7 @@ class InputErrors(InputError):
 
     @property
     def problems(self) -> tuple[InputError, ...]:
-        """The single problems, in the order in which they were met."""
+        """The single problems, in the order in which they were found."""
         return self._problems
 
 

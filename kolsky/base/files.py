@@ -113,7 +113,7 @@ def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
-    """A table of rows that name their own cells; ``headings``: those that it has without any row, too."""
+    """A table of rows given as heading -> cell; ``headings``: headings that it has even without rows."""
     columns: dict[str, list[Any]] = {heading: [] for heading in headings}
     for row in rows:
         for heading, cell in row.items():
@@ -131,7 +131,7 @@ def _cell(value: Any) -> str:
 
 
 def usable_folder(folder: Path) -> Path:
-    """The folder, if results can go there; nothing is made yet.
+    """The folder, after a check that results can be written there; nothing is created yet.
 
     Raises InputError if it is a file, or if it or the nearest folder above it that exists cannot be written
     to.
@@ -152,10 +152,10 @@ def usable_folder(folder: Path) -> Path:
 
 @contextmanager
 def filling(folder: Path) -> Iterator[Path]:
-    """An empty folder whose files take their places in `folder` when the block ends without an exception.
+    """A temporary folder whose files are moved to `folder` when the block ends without an exception.
 
-    They are written beside the old ones first, so a full disk, an error or an interrupt half-way leaves
-    every old result as it was, and no folder that was not there before.
+    The files are first written next to the old ones. A full disk, an error or an interrupt therefore leaves
+    every old result unchanged and creates no new folder.
 
     Raises InputError if a file cannot be written or put in its place.
     """
@@ -202,7 +202,9 @@ def remove_empty(folders: list[Path]) -> None:
 
 @cache
 def source_hash() -> str:
-    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
+    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not identify a working
+    copy.
+    """
     total = hashlib.sha256()
     root = Path(__file__).parents[2]
     for path in sorted(p for package in ("kolsky", "explicit") for p in (root / package).rglob("*.py")):

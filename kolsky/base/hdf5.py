@@ -1,8 +1,8 @@
-"""HDF5 files: groups and datasets with units, written whole or not at all, and read without trust.
+"""HDF5 files: groups and datasets with units, written completely or not at all, and checked when read.
 
-The files follow the NeXus habit: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on every
-array. Text is fixed-length UTF-8: no pickles, no object types. Of a file that is read, link, type, shape,
-size and unit of a dataset are checked before its values. Records are joined to it by
+The files follow the NeXus convention: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on
+every array. Text is fixed-length UTF-8: no pickles, no object types. Of a file that is read, link, type,
+shape, size and unit of a dataset are checked before its values. Records are joined to it by
 `kolsky.base.hdf5_records`.
 """
 
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
 IN_MEMORY: dict[str, Any] = {"driver": "core", "backing_store": False}
-"""How a file is made before it is written as a whole: HDF5 answers a full disk with a traceback
-for every object that is still open, which nothing can catch."""
+"""A file is built in memory and then written at once: on a full disk, HDF5 prints a traceback for every open
+object, which cannot be caught."""
 OpenGroup: TypeAlias = "h5py.Group"
 """A group of an open file."""
 COMPRESSED_FROM = 4096
-"""Values of a dataset from which on it is compressed."""
+"""A dataset with at least this number of values is compressed."""
 MOST_PACKING = 20
-"""Most that a whole file unpacks to, over its size; measurements pack to a half, nothing but zeros to a
+"""Largest ratio of a file's uncompressed to compressed size. Measurements compress to a half, zeros to a
 thousandth."""
 FREELY_UNPACKED = 2**28
-"""What a file of any size may unpack to [bytes]."""
+"""Uncompressed size that is allowed for a file of any size [bytes]."""
 
 
 class Refused(Exception):
-    """A part of a file that cannot be used, said without the file's name."""
+    """A part of a file cannot be used; the message does not name the file."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Format:
     readable: tuple[int, ...] = (1,)
     """Versions that are read."""
     largest: int = 2**30
-    """Most that is read of a file [bytes]."""
+    """Upper limit of the size that is read from a file [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,13 @@ class Place:
     version: int
     """Version of the file's format."""
     largest: int
-    """Most that is read of the file [bytes]."""
+    """Upper limit of the size that is read from the file [bytes]."""
     sizes: dict[str, int] = field(default_factory=dict)
-    """Sizes of the named dimensions met so far; a dimension of one name has one size."""
+    """Sizes of the named dimensions found so far; a dimension of one name has one size."""
     unit: str = ""
     """Unit of the record it belongs to, see `kolsky.base.hdf5_records.RECORD_UNIT`."""
     taken: list[int] = field(default_factory=lambda: [0])
-    """What was read of the file so far [bytes], one number for all its places."""
+    """Bytes read from the file so far, one count for all its places."""
 
     @property
     def name(self) -> str:
@@ -91,17 +91,19 @@ class Place:
         return replace(self, path=posixpath.normpath(f"{self.path}/{path}"))
 
     def inside(self, path: str = ".") -> Place:
-        """A place whose new dimensions are its own; those met so far hold there too."""
+        """A place with a separate copy of the known dimensions; dimensions added there are not shared with
+        this one.
+        """
         return replace(self.at(path), sizes=dict(self.sizes))
 
     def exists(self) -> bool:
-        """True if anything, be it a link, has this name."""
+        """True if any object, including a link, has this name."""
         return opened_group(self.parent).get(self.name, getlink=True) is not None
 
 
 @contextmanager
 def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
-    """A new file with these attributes that takes its place at the end; an older one stays if that fails."""
+    """A new file with these attributes, moved to `path` at the end; an older file is kept if that fails."""
     import h5py
 
     with replacing(Path(path)) as partial:
@@ -159,7 +161,7 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
     except Refused as error:
         raise InputError(path, str(error), cure=cure) from None
     except (OSError, RuntimeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        # What h5py raises on damaged files; its messages can span lines.
+        # Exceptions of h5py on damaged files; their messages can have several lines.
         cause = " ".join(str(error).split())
         raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
 
@@ -229,7 +231,7 @@ def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape
 
 
 def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
-    """Compare a shape with named dimensions; say what is wrong, "" if nothing.
+    """Compare a shape with named dimensions; return the problem in words, "" if there is none.
 
     New named dimensions are added to `sizes`.
 
@@ -247,7 +249,7 @@ def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]
 
 
 def take(place: Place, unit: str | None, dimensions: str, kind: str) -> Any:
-    """Values of a dataset, or text (kind "t"), once everything else about it is as expected."""
+    """Values of a dataset, or text (kind "t"), after a check of its link, type, shape, size and unit."""
     import h5py
 
     dataset, where = opened(place, h5py.Dataset), f"/{place.path}"

@@ -1,4 +1,5 @@
-"""The form of a frozen dataclass: one entry a field gives its place in HDF5, JSON and tables, and its unit.
+"""The stored form of a frozen dataclass: one entry for each field gives its place in HDF5, JSON and tables,
+and its unit.
 
 A `Record` lists the fields of one dataclass. Each field has an `Item`: numbers, texts, choices or mappings,
 with their unit and dimensions, the key in JSON and the heading of the column in a table.
@@ -48,18 +49,19 @@ class Item:
     at: str = ""
     """Path from the record's group; "" for the field's name."""
     since: int = 1
-    """Version of the format that has it first; read from an older file the field has its default."""
+    """First version of the format with this field; when an older file is read, the field has its default."""
     optional: bool = False
-    """None is stored as nothing."""
+    """If True, None is allowed and nothing is written for it."""
     derived: bool = False
-    """A property: written for other readers, and not read back."""
+    """If True, the field is a property: written for other programs, and not read back."""
     key: str | None = ""
     """Key in JSON; "" for the field's name, None if JSON leaves it out."""
     heading: str | tuple[str, str] = ""
-    """Heading of its column in a table, without the unit; two for a pair of numbers, "" for no column."""
+    """Heading of its column in a table, without the unit; two headings for a pair of numbers, "" for no
+    column."""
     parameter: str = ""
-    """Field that names the parameter in whose unit the numbers are, or one a number along the last dimension;
-    "names.1" is the second of its names. "" if the unit is that of no parameter."""
+    """Field that names the parameter whose unit the numbers have, or one parameter for each number along the
+    last dimension; "names.1" is the second of its names. "" if the unit is not that of a parameter."""
 
     def json(self, value: Any) -> Any:
         """The value in JSON, see `kolsky.base.files.jsonable`."""
@@ -169,7 +171,7 @@ class Text(Item):
     dims: str = ""
     """Name of the dimension, "" for one text."""
     among: tuple[str, ...] = field(default=(), kw_only=True)
-    """The only texts that are read; empty for any."""
+    """The only texts that are accepted; empty for any."""
 
     def write(self, place: Place, value: Any) -> None:
         _checked(place, () if isinstance(value, str) else (len(value),), self.dims)
@@ -265,7 +267,7 @@ class Pairs(Item):
     group: Group | None = None
     """Group that holds the two; None for the record's own, then `at` is "."."""
     as_key: Callable[[Any], Any] | None = None
-    """Makes a key of what was stored; None if that is the key."""
+    """Converts a stored value to a key; None if the stored value is the key."""
 
     def write(self, place: Place, value: Any) -> None:
         place = begin(self.group, place)
@@ -300,7 +302,7 @@ def by_parameter(**where: Any) -> Pairs:
 
 
 def begin(group: Group | None, place: Place) -> Place:
-    """Make the group of a record, if it has one of its own."""
+    """Make the group of a record, if it has a separate one."""
     if group is None:
         return place
     group.make(place)
@@ -323,11 +325,11 @@ class Record(Generic[T]):
     make: Callable[..., T]
     """The dataclass."""
     group: Group | None
-    """Its group; None if its fields lie in the group of the record around it, whose dimensions it shares."""
+    """Its group; None if its fields are in the group of the enclosing record, whose dimensions it shares."""
     fields: Mapping[str, Item]
-    """One entry a field, in the order of writing and reading."""
+    """One entry for each field, in the order of writing and reading."""
     groups: Mapping[str, Group] = field(default_factory=dict, kw_only=True)
-    """Further groups that the `at` of fields lead to: path -> group."""
+    """Further groups used in the `at` of fields: path -> group."""
     links: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     """Second names of datasets: new path -> path."""
 
@@ -387,7 +389,7 @@ class Record(Generic[T]):
         }
 
     def columns(self, values: Iterable[T]) -> dict[str, Any]:
-        """A table with a row a record: heading, with the unit, -> cells."""
+        """A table with one row for each record: heading, with the unit, -> cells."""
         rows = list(values)
         made: dict[str, Any] = {}
         for name, item in self.fields.items():
@@ -417,7 +419,7 @@ class Record(Generic[T]):
 
 @dataclass(frozen=True)
 class JsonOnly(Item):
-    """A property that JSON and tables have and HDF5 has not."""
+    """A property that is written to JSON and tables but not to HDF5."""
 
     derived: bool = field(default=True, kw_only=True)
 
@@ -454,7 +456,7 @@ class Parts(Item):
     by: str = field(default="", kw_only=True)
     """Field that is the key of each in JSON; "" for a list."""
     only: str = field(default="", kw_only=True)
-    """Field that is all that JSON has of each; "" for the whole record."""
+    """The only field of each record that is written to JSON; "" for the whole record."""
 
     def write(self, place: Place, value: Any) -> None:
         COLLECTION.make(place)
@@ -478,7 +480,7 @@ class Parts(Item):
 
 @dataclass(frozen=True)
 class Named(Item):
-    """A mapping of names to records: the dataset "names" and a group a name."""
+    """A mapping of names to records: the dataset "names" and one group for each name."""
 
     record: Record[Any]
     """Their form."""
@@ -542,7 +544,8 @@ class Pair(Item):
 
 @dataclass(frozen=True)
 class Columns(Item):
-    """A tuple of records as datasets of one length, one a field, in the group of the record around them."""
+    """A tuple of records as datasets of one length, one for each field, in the group of the enclosing
+    record."""
 
     record: Record[Any]
     """Their form; every field has the one dimension."""

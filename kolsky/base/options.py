@@ -1,4 +1,4 @@
-"""A setting as an option of the command line, without any library of command lines."""
+"""A setting as a command-line option, independent of any command-line library."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ class Option:
     short: str = ""
     """More names with their dashes, e.g. "-p/--parameter"."""
     metavar: str | None = None
-    """What is to be written; the type if None."""
+    """Placeholder of the value in the help; the type if None."""
     min: float | None = None
     """Least number."""
     max: float | None = None
     """Largest number."""
     show_default: str | None = None
-    """Default as shown; the field's if None, none if empty."""
+    """Default as shown in the help; the field's default if None, no default if empty."""
     panel: str | None = None
     """Panel of `--help` that holds it; the first one if None."""
     unit: str = ""
@@ -39,12 +39,12 @@ class Option:
     read: Callable[[str, str], Any] | None = None
     """Reads an option's text, given the option and the text; raises InputError."""
     on: Callable[[], Any] | None = None
-    """Value of a switch that is given; True if None."""
+    """Value of a switch when it is given; True if None."""
 
 
 NUMERICAL = "Mesh and solver"
 ADVANCED = "Advanced"
-"""Panels below the options of every day."""
+"""Panels below the common options."""
 
 HeaderLine = Annotated[
     int | None, Option("Line of the column names; 0: none.", min=0, show_default="found in the file")

@@ -1,4 +1,4 @@
-"""The running process and its workers: garbage collector, threads, how they end."""
+"""The running process and its workers: garbage collector, threads, termination."""
 
 import ctypes
 import gc
@@ -34,14 +34,14 @@ __all__ = [
 WORKER = "WORKER_NUMBER"
 """Variable of the environment with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000
-"""Objects made, less those gone, from one look for cycles to the next; Python looks after some hundred."""
+"""Net number of new objects between two searches for reference cycles; Python's default is some hundred."""
 GC_THRESHOLD_OF_COMMAND = 20_000
-"""The same in what a command does besides, where a cycle may hold large arrays."""
+"""The same for other work of a command, where a cycle may hold large arrays."""
 
 
 @contextmanager
 def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
-    """Look for cycles seldom: each look goes through all young objects, every so many through all there are.
+    """Search for reference cycles rarely: each search visits all young objects, and some visit all objects.
 
     A page of figures took an eighth of its time for it. Objects that no cycle holds go at once, as ever.
 
@@ -57,9 +57,9 @@ def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
 
 @contextmanager
 def last_work() -> Iterator[None]:
-    """Work with which this process ends: cycles are looked for seldom, and no more when it is done.
+    """For the last work of this process: search for cycles rarely, and not at all afterwards.
 
-    Python goes through all objects before it ends, and finds memory that the system takes back in any case.
+    Python would search all objects before it exits, to free memory that the system takes back in any case.
     """
     with infrequent_gc(GC_THRESHOLD_OF_COMMAND):
         try:
@@ -70,14 +70,14 @@ def last_work() -> Iterator[None]:
 
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = (-1, 256 * 2**20), (-2, 16 * 2**20), (-3, 32 * 2**20)
 """Parameters of glibc's `mallopt` by number, and their values here [bytes]. The last is the value that glibc
-itself comes to when a program frees a large array."""
+sets automatically when a program frees a large array."""
 
 
 def keep_freed_memory() -> None:
-    """Have the C library keep freed memory for the next array, up to 256 MB; with glibc, elsewhere nothing.
+    """Make glibc keep freed memory for the next array, up to 256 MB; no effect with another C library.
 
-    By default it gives every array beyond 128 kB back to the system and takes the next one from there, page
-    by page and all zero: a third of the time that a correlation of small pictures spends in the system, and
+    By default it returns every array beyond 128 kB to the system. The next array then needs new pages, which
+    the system fills with zeros. This costs a third of the system time of a correlation of small pictures, and
     more where forks copy pages that are written to.
     """
     if sys.platform == "linux":
@@ -94,8 +94,8 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 def set_blas_threads() -> None:
     """One thread for each call of BLAS from here on, unless the environment says otherwise.
 
-    Of use before NumPy is loaded. The matrices of an identification are small: several threads take longer
-    for them than one, and wait for each other by spinning on cores that have other work.
+    It has an effect only before NumPy is loaded. The matrices of an identification are small: several threads
+    take longer for them than one, and they wait in busy loops on cores that have other work.
     """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, "1")
@@ -110,8 +110,9 @@ def one_blas_thread() -> Iterator[None]:
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
-    """One thread for each call of OpenCV and of BLAS: their own ones wait for work by spinning, on cores that
-    have some."""
+    """One thread for each call of OpenCV and of BLAS: their thread pools wait in busy loops on cores that
+    have other work.
+    """
     with one_blas_thread():
         if find_spec("cv2") is None:  # see `dic.basics`
             yield
@@ -130,9 +131,9 @@ def single_threaded_libraries() -> Iterator[None]:
 def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Processes of this machine that end with the block, and with this process however it ends.
 
-    If the block ends by an exception they are stopped in the middle of their work: nobody takes it any more.
-    They are not forked: a copy of a process that has started threads may hang. Each has its number in the
-    environment (`WORKER`), by which those that are told to work on "cuda" share out the GPUs.
+    If the block ends by an exception, they are stopped at once, because their results are not needed. They
+    are not forked: a copy of a process that has started threads may hang. Each has its number in the
+    environment (`WORKER`); workers with device "cuda" use it to share the GPUs.
 
     ``workers``: number of processes.
     """
@@ -150,11 +151,11 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def run_program(program: Path, *words: str, timeout: float) -> subprocess.CompletedProcess[str]:
-    """Run a Python file in a process of its own, which on Linux ends with this one however that ends.
+    """Run a Python file in a separate process, which on Linux always ends together with this one.
 
-    ``program``: the file; it is run as `__main__`, and what stands beside it is not found by its imports.
-    ``words``: what it finds in `sys.argv` behind its name. ``timeout``: longest time that it may take [s].
-    Raises subprocess.TimeoutExpired if it takes longer; it has been ended.
+    ``program``: the file; it is run as `__main__`, and its imports do not find modules in its folder.
+    ``words``: its arguments in `sys.argv`, after its name. ``timeout``: longest time that it may take [s].
+    Raises subprocess.TimeoutExpired if it takes longer; it is then terminated.
     """
     return subprocess.run(
         [sys.executable, "-P", following.__file__, str(os.getpid()), str(program), *words],
@@ -175,7 +176,7 @@ def _start_worker(started: Any) -> None:
 
 
 def _follow_parent() -> None:
-    """End this worker at once when the process that started it is gone; Ctrl-C is the parent's to answer."""
+    """End this worker at once when its parent process has ended; the parent handles Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None  # the pool starts it

@@ -1,4 +1,4 @@
-"""Measured histories with a sigma beside every value (SI, float64)."""
+"""Measured histories with the standard deviation of every value (SI, float64)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,11 +29,11 @@ class Recording:
     sha256: str
     """SHA-256 of that file, hex."""
     file_unit: str | None = None
-    """Unit of the samples as the file writes it; None if it says none."""
+    """Unit of the samples as written in the file; None if the file gives none."""
     note: str = ""
     """What was done to the samples so that they have uniform times; empty if nothing was."""
     first_line: int | None = None
-    """Line of the first sample in a file of text with a line a sample, from 1; None elsewhere."""
+    """For a text file with one sample per line: line of the first sample, from 1; otherwise None."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,15 @@ class FlyerMotion:
     sigma: FloatArray
     """Standard deviation of each displacement [m], shape [n]."""
     zero_sigma: float = 0.0
-    """Standard deviation of the place at rest that displacements count from, common to all after it [m]."""
+    """Standard deviation of the position at rest, the zero of all displacements; an error common to all of
+    them [m]."""
     shared_sigma: FloatArray | None = None
-    """Standard deviation of an error that successive displacements have in common, warm air for one [m],
-    shape [n]; None if none is known. `sigma` does not hold it."""
+    """Standard deviation of an error that successive displacements have in common, e.g. by warm air [m],
+    shape [n]; None if none is known. It is not included in `sigma`."""
     shared_memory: float = 0.0
-    """Time after which 1/e of that error is left [s]."""
+    """Correlation time: the correlation of that error falls to 1/e [s]."""
     notes: tuple[str, ...] = ()
-    """What was found in its record that its user should know, a sentence each."""
+    """Warnings about its record, one sentence each."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +75,12 @@ class FrontVelocity:
     """The velocity of the incident bar's face toward the specimen, from the waves in the bar."""
 
     time: FloatArray
-    """Sample times on the shot's clock, uniform, from the wave's arrival there on [s], shape [n]."""
+    """Sample times on the shot's clock, uniform, starting at the wave's arrival there [s], shape [n]."""
     velocity: FloatArray
     """Velocity toward the specimen [m/s], shape [n]."""
     noise: float
-    """Standard deviation of one sample's noise; of white noise as strong at low frequencies, if it is slow
-    [m/s]."""
+    """Standard deviation of one sample's noise [m/s]; for slow noise, that of white noise with the same level
+    at low frequencies."""
     sigma_gain: float = 0.0
     """Standard uncertainty of the scale, common to all samples [-]."""
     sigma_zero: float = 0.0
@@ -108,7 +109,7 @@ class CentreLine:
     None if none is known."""
 
     def select(self, points: IntArray | BoolArray) -> "CentreLine":
-        """Some of the points, by number or as a mask."""
+        """A subset of the points, by number or as a mask."""
         columns = (self.time[points], self.frame[points], self.y[points], self.Z[points], self.sigma[points])
         return CentreLine(*columns, modes=None if self.modes is None else self.modes[:, points])
 
@@ -124,12 +125,12 @@ class MaterialCurve:
     sigma: FloatArray
     """Standard deviation of each stress, independent from point to point [Pa], shape [n]."""
     modes: FloatArray | None = None
-    """Standard uncertainties that move all points together, one row a cause [Pa], shape [n_modes, n]; None if
+    """Standard uncertainties common to all points, one row for each cause [Pa], shape [n_modes, n]; None if
     none is known."""
     conditioned: "MaterialCurve | None" = None
     """The same material's curve after earlier loading (Mullins), if that is known too."""
     law: "explicit.materials.AnyLaw | None" = None
-    """The closed-form law that this is the curve of; None for a measured curve."""
+    """The closed-form law that gives this curve; None for a measured curve."""
 
     @property
     def total_sigma(self) -> FloatArray:

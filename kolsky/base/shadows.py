@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 OURS = ("dic", "doe", "explicit")
-"""Packages that stand beside `kolsky`."""
+"""Top-level packages that are installed with `kolsky`."""
 
 
 def shadowed(folder: Path | None = None) -> list[str]:
@@ -25,6 +25,6 @@ def shadowed(folder: Path | None = None) -> list[str]:
 
 
 def warn_of_shadows() -> None:
-    """Warn, one line a package, of what `shadowed` finds."""
+    """Issue one warning for each package that `shadowed` reports."""
     for line in shadowed():
         warnings.warn(line, UserWarning, stacklevel=3)

@@ -1,5 +1,5 @@
-"""TOML files of our users: read by a schema, with blanks, problems in words of the file, and edits that keep
-everything else.
+"""Users' TOML files: validation by a schema, blank values, error messages, and edits that keep everything
+else.
 
 A problem that a schema finds is reported with line, key, value, allowed range and cure. An edit replaces
 single values as text: comments and order stay.
@@ -24,7 +24,7 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import decode, read_bytes
 
 BLANK = ""
-"""What stands for a value that is not filled in; nothing in a shot file may be an empty text."""
+"""Placeholder of a value that is not filled in; an empty text is never a valid value in a shot file."""
 FILL_IN = "is not filled in"
 
 
@@ -38,7 +38,7 @@ def blanks(content: Any, key: str = "") -> Iterator[str]:
 
 
 def _of_blank(location: list[str], found: set[str]) -> str | None:
-    """The blank that a problem at a place is about; None if it is about something else."""
+    """The blank that caused a problem at a place; None if the problem has another cause."""
     for end in range(len(location), 0, -1):
         if (key := ".".join(location[:end])) in found:
             return key
@@ -82,7 +82,7 @@ def _translate(
 
 
 def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
-    """A misspelt key is one problem, not an unknown key and a missing one."""
+    """Report a misspelt key as one problem, not as an unknown key and a missing one."""
     meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
 
@@ -213,11 +213,11 @@ TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
 LONGEST_LINE = 20_000
-"""Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
+"""Most characters of a line: a key of a hundred thousand parts would take a minute to parse."""
 DEEPEST = 30
-"""Most tables and lists inside each other."""
+"""Largest nesting depth of tables and lists."""
 END = " (at end of document)"
-"""How `tomllib` says that a file ends inside a value."""
+"""Message of `tomllib` for a file that ends inside a value."""
 LINE_SHOWN = 60
 """Most characters of a line that a message shows."""
 
@@ -234,7 +234,7 @@ class TomlFile:
     sha256: str
     """SHA-256 of it, hex."""
     content: dict[str, Any]
-    """What it says, as written."""
+    """Parsed content of the file, before validation."""
     lines: dict[str, int]
     """Dotted key -> line, counted from 1."""
 
@@ -257,7 +257,7 @@ class TomlFile:
 
     @contextmanager
     def refusing(self, key: str, problem: str, *, cure: str | None = None) -> Iterator[None]:
-        """Make a ValueError inside it an error about a declared value: problem and reason."""
+        """Convert a ValueError in the block to an error about a declared value: problem and reason."""
         try:
             yield
         except ValueError as error:
@@ -291,9 +291,9 @@ class TomlFile:
 
 
 def parse_toml(path: Path) -> TomlFile:
-    """Parse a file; what it declares is not looked at yet.
+    """Parse a file, without validation of its content.
 
-    Raises InputError if it cannot be read or is no TOML.
+    Raises InputError if it cannot be read or is not valid TOML.
     """
     data = read_bytes(path, limit=TOML_LIMIT)
     text = decode(path, data)
@@ -307,7 +307,7 @@ def parse_toml(path: Path) -> TomlFile:
         )
     try:
         content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
+    except (ValueError, RecursionError) as error:  # besides its own errors, tomllib raises these two
         raise _syntax_error(path, text, str(error)) from None
     if _depth(content) > DEEPEST:
         raise InputError(
@@ -317,7 +317,7 @@ def parse_toml(path: Path) -> TomlFile:
 
 
 def _depth(content: object) -> int:
-    """How many tables and lists are inside each other; counted without a call inside a call."""
+    """Nesting depth of tables and lists; counted without recursion."""
     level, depth = [content], 0
     while level := [
         item
@@ -361,17 +361,17 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
 
 
 class CannotEdit(ValueError):
-    """A text whose values cannot be replaced one by one; it was left as it is."""
+    """The values of a text cannot be replaced individually; the text was not changed."""
 
 
 def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
     """The text with values of one table replaced, or added at its end.
 
-    The result is parsed and compared: it says what the text said, but for these values.
+    The result is parsed and compared: it must equal the original except for these values.
 
-    ``text``: a valid TOML text. ``table``: name of a table with a header of its own, as "dic" for ``[dic]``.
+    ``text``: a valid TOML text. ``table``: name of a table with a header, such as "dic" for ``[dic]``.
     ``values``: key -> value as TOML text. Raises CannotEdit if the table has no header, or the result would
-    say something else.
+    differ elsewhere.
     """
     newline = "\r\n" if "\r\n" in text else "\n"
     wanted = copy.deepcopy(tomllib.loads(text))

@@ -31,7 +31,7 @@ DIMENSIONS = {
     "V/s": ("a drift", "0.5 V/s"),
     "1": ("a plain ratio", "0.2 %"),
 }
-"""What this package measures: SI unit -> (dimension in words, an example)."""
+"""Quantities of this package: SI unit -> (dimension in words, an example)."""
 
 USUAL = {
     "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
@@ -46,11 +46,11 @@ USUAL = {
     "N": {"N": 1.0},
     "1": {"": 1.0, "1": 1.0, "%": 1e-2},
 }
-"""SI unit -> units that most shots are written in, with Pint's factors. It takes half a second to load Pint
-and to begin with it: it reads all other units."""
+"""SI unit -> common units of shots, with Pint's factors. Loading Pint takes half a second; it is used only
+for other units."""
 LARGEST = 1e30
-"""Largest size of a number that is read, in any unit, and the inverse of the smallest but zero: nothing that
-is measured is beyond, and squares and products of such numbers are finite."""
+"""Largest accepted magnitude of a number, in any unit; its inverse is the smallest nonzero one. Measured
+values lie far inside, and squares and products of such numbers are finite."""
 LONGEST = 200
 """Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
@@ -121,7 +121,7 @@ def unit_factor(text: str, unit: str) -> float:
         AssertionError,
     ):  # pint asserts on "dB%"
         raise UnitError(text, "is not a unit", unit) from None
-    if not 1e-40 < factor < 1e40:  # no unit of a laboratory is out there
+    if not 1e-40 < factor < 1e40:  # no laboratory unit lies outside
         raise UnitError(text, "is not a usable unit", unit)
     return factor
 
@@ -184,7 +184,7 @@ def quantity(text: str, unit: str) -> float:
 
 
 def in_us(seconds: float) -> str:
-    """A time [s] as a user writes it, e.g. "25 us"; on a clock that runs for long "58.300025000 s"."""
+    """A time [s] as a user writes it, e.g. "25 us"; for large clock readings "58.300025000 s"."""
     return f"{seconds * 1e6:.7g} us" if abs(seconds) < 1.0 else f"{seconds:.9f} s"
 
 

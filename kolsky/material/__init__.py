@@ -1,1 +1,1 @@
-"""Quasi-static tests: what they say about the material that an impact test is compared with."""
+"""Quasi-static tests: the material behaviour with which an impact test is compared."""

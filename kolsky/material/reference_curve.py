@@ -1,4 +1,4 @@
-"""From repeated quasi-static tests and their files to the curve that a dynamic test is compared with."""
+"""Reference curve for a dynamic test, from repeated quasi-static tests and their files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,14 +37,14 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25
-"""Share of the specimen past the curve's end above which it is reported."""
+"""Share of the specimen strained beyond the curve's end above which it is reported."""
 FEWEST_POINTS = 8
 """Fewest points of a curve; a law needs 5 away from rest."""
 
 
 @dataclass(frozen=True)
 class Treatment:
-    """Declared treatment of the tests; nothing of it is found in the data."""
+    """Declared treatment of the tests; none of it is derived from the data."""
 
     toe: Toe = field(default_factory=Toe)
     """Method by which the zero of the strain is found."""
@@ -63,7 +63,7 @@ class Treatment:
     last: float | None = None
     """Strain at which the curve ends [-]; None: where the first of the tests does."""
     numerics: CorrectionNumerics | None = None
-    """Of the friction's correction."""
+    """Numerical choices of the friction correction."""
 
     def __post_init__(self) -> None:
         if self.points < FEWEST_POINTS:
@@ -76,7 +76,7 @@ class Treatment:
 
 @dataclass(frozen=True)
 class ReferenceCurve(ResultViews):
-    """The curve of the material, and the steps that led to it."""
+    """The curve of the material, with the intermediate results."""
 
     pull: Pull
     """Loading ramps: the first pull, or the last one of conditioned specimens."""
@@ -98,19 +98,20 @@ class ReferenceCurve(ResultViews):
 def reference_curve(
     tests: Sequence[UniaxialTest], treatment: Treatment, *, pull: Pull = "first"
 ) -> ReferenceCurve:
-    """Average repeats and take out what is not the material.
+    """Average repeats and remove effects of machine and friction.
 
     Compliance, choice of the ramp, toe, mean with its band, end friction: in this order.
 
     Raises ValueError if the tests differ in branch, a record has no such ramp, a toe cannot be found, the
-    tests have no range of strain in common, or friction is to be taken out of a tension test or cannot be.
+    tests have no range of strain in common, friction is declared for a tension test, or friction cannot be
+    removed.
 
     Parameters
     ----------
     tests
         Repeats of one test on specimens of one size and one branch.
     treatment
-        What is declared of them.
+        Declared treatment of the tests.
     pull
         "first": the first loading ramp of each record. "conditioned": the last of two or more, on the first
         pull's length, so that a permanent set is in its toe's offset.
@@ -162,7 +163,7 @@ def reference_curve(
 
 
 def softening(first: ReferenceCurve, conditioned: ReferenceCurve) -> tuple[float, float]:
-    """Stress of the conditioned over that of the first pull, each specimen with itself.
+    """Ratio of the stress of the conditioned pull to that of the first pull, specimen by specimen.
 
     Returns the mean over the strains of both curves and over the specimens [-], and its standard uncertainty,
     widened for the degrees of freedom; that is NaN with one specimen. Raises ValueError if the curves share
@@ -184,7 +185,7 @@ def softening(first: ReferenceCurve, conditioned: ReferenceCurve) -> tuple[float
 
 
 def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[UniaxialTest, Hold | None]:
-    """The ramp that counts, to where its strain is reached, and the hold after it."""
+    """The ramp that is used, up to its final strain, and the hold after it."""
     if treatment.compliance > 0.0:
         size = treatment.specimen
         assert size is not None
@@ -199,7 +200,9 @@ def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[Uniaxia
 
 
 def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
-    """Equal steps from rest to the end that all tests reach, from where all of them have left their toes."""
+    """Equal steps from rest to the end reached by all tests, without the part in which a test is in its
+    toe.
+    """
     low, high = max(t.strain.min() for t in tests), min(t.strain.max() for t in tests)
     if treatment.last is not None:
         if not 0.0 < treatment.last <= high:
@@ -283,7 +286,7 @@ def read_uniaxial_test(
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
 
-    Raises InputError if the file cannot be read, or its columns are no such test.
+    Raises InputError if the file cannot be read, or its columns are not such a test.
 
     Parameters
     ----------
@@ -296,9 +299,9 @@ def read_uniaxial_test(
     branch
         One of `BRANCHES`.
     units
-        Column -> unit, where the file does not say it.
+        Column -> unit, if the file does not give it.
     layout
-        What is declared of the file; the rest is found.
+        Declared layout of the file; the rest is detected.
     specimen
         Undeformed size; needed for displacement and force.
     """

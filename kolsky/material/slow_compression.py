@@ -14,12 +14,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 
 DENSITY = 1000.0
-"""Mass density that all slow tests are run with [kg/m^3]; the duration is counted in passages of a wave."""
+"""Mass density used in all slow tests [kg/m^3]; the duration is given in passages of a wave."""
 DRAG = 0.15
 """Mass-proportional damping times one passage of a wave [-]."""
 _VISCOSITY = 0.03
-"""Stiffness-proportional damping of the deviator over one passage of a wave [-]. Sliding by Coulomb's law
-flutters without any."""
+"""Stiffness-proportional damping of the deviator over one passage of a wave [-]. Without it, sliding by
+Coulomb's law oscillates."""
 RISE = 0.5
 """Share of the duration in which the platen picks up speed [-]."""
 LEAST_COMPARED_STRAIN = 0.02
@@ -37,7 +37,7 @@ class SlowNumerics:
     passages: float = 250.0
     """Duration in passages of a bar wave along the specimen at rest [-]."""
     poisson: float = 0.499
-    """Poisson's ratio of the initial state [-]; that of the shot the curve is meant for."""
+    """Poisson's ratio of the initial state [-]; that of the shot for which the curve is used."""
     threads: int | None = None
     """CPU threads; all cores if left out."""
 
@@ -78,10 +78,10 @@ def slow_tests(
     message says how, when and where it ended.
 
     ``laws``: a material for each test, all of one class, shape [n_tests]. ``specimen``: its undeformed size;
-    the density has no part in it. ``strain``: nominal compressive strains to record, ascending, > 0 [-],
-    shape [n]. ``faces``: contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`. ``side``:
-    contact law of the side surface; that of the faces if left out. ``friction``: coulomb's coefficient where
-    the law is "coulomb" [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
+    the density is not used. ``strain``: nominal compressive strains to record, ascending, > 0 [-], shape [n].
+    ``faces``: contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`. ``side``: contact law of
+    the side surface; that of the faces if left out. ``friction``: coulomb's coefficient where the law is
+    "coulomb" [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
     """
     numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
@@ -158,9 +158,9 @@ def _at_mid_height(r: FloatArray, y: FloatArray) -> FloatArray:
 FIRST = 60.0
 """Duration of the first run, in passages of a bar wave along the specimen [-]."""
 LONGEST = 8000.0
-"""Longest duration that is tried [passages]."""
+"""Largest duration of a run [passages]."""
 MARGIN = 1.2
-"""Room that the next duration leaves beyond the one at which the error should be as wanted."""
+"""Safety factor on the duration at which the error is predicted to reach the wanted value."""
 
 
 @dataclass(frozen=True)
@@ -176,12 +176,12 @@ class SlowCompression:
     radius: FloatArray
     """Radius at mid-height [m], shape [n]."""
     error: FloatArray
-    """What inertia, drag and damping leave in the force, relative to it [-], shape [n]."""
+    """Relative error of the force from inertia, drag and damping [-], shape [n]."""
     durations: tuple[float, ...]
-    """Durations that were run [passages of a wave], the last of them the answer's."""
+    """Durations of the runs [passages of a wave]; the last one is that of the result."""
     errors: tuple[float, ...]
-    """Largest error from `OUTSET` on at each of them [-]; infinite for the first, which has nothing beside
-    it."""
+    """Largest error from `OUTSET` on at each of them [-]; infinite for the first, which has no earlier run
+    for comparison."""
     test: SlowTests
     """The last run: kinetic energy, difference of the faces, share past the data."""
 
@@ -207,9 +207,9 @@ def slow_compression(
     Parameters
     ----------
     law
-        Any material law; the relaxation in parallel has no part in a slow test.
+        Any material law; relaxation is not included in a slow test.
     specimen
-        Its undeformed size; the density has no part in it.
+        Its undeformed size; the density is not used.
     strain
         Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
     faces, side, friction
@@ -217,10 +217,10 @@ def slow_compression(
     stiffness_factor
         Factor m on the law [-]: a static force is proportional to it.
     error
-        Wanted relative error of the force from a strain of `OUTSET` on, in [1e-4, 0.1]. That of the mesh is
-        not in it.
+        Wanted relative error of the force from a strain of `OUTSET` on, in [1e-4, 0.1]. It does not include
+        the error of the mesh.
     numerics
-        Mesh, Poisson's ratio and threads; its duration is where the search begins, `FIRST` if left out.
+        Mesh, Poisson's ratio and threads; its duration is the start of the search, `FIRST` if left out.
     progress
         Called with duration and largest error after each run.
     """

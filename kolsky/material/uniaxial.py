@@ -8,15 +8,16 @@ The band of a curve keeps common uncertainty apart from noise: errors are correl
    \\qquad z_j, \\epsilon_i \\sim N(0, 1)
 
 A *mode* :math:`\\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
-as wholes: one that is 5 % too stiff is so at every strain, and drawing points one by one would average that
-away, in the curve and in every stiffness that is compared with it.
+in their overall stiffness: one that is 5 % too stiff is so at every strain. Drawing points independently
+would average this out, in the curve and in every stiffness compared with it.
 
 The *apparent modulus* of a curve follows from Gaussian rubber elasticity,
 
 .. math:: E_a = \\frac{3 T}{\\lambda - \\lambda^{-2}} \\tag{M.9}
 
-with the nominal stress :math:`T = L / \\pi r^2`. For a solid that obeys the theory it is one number at all
-strains; what changes with the strain is the material, what changes with the time is relaxation.
+with the nominal stress :math:`T = L / \\pi r^2`. For a solid that obeys the theory it is the same at all
+strains. A change with strain shows the material's deviation from the theory, a change with time shows
+relaxation.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from scipy.stats import t as student
 from kolsky.base.arrays import FloatArray
 
 REVERSAL = 0.05
-"""The strain has turned when it has gone back by this share of the test's range."""
+"""The strain counts as reversed when it has decreased by this share of the test's range."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class UniaxialTest:
             raise ValueError(f"{self.name}: a test needs at least 2 samples, got {self.strain.size}")
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
-        """Some of its samples."""
+        """A subset of its samples."""
         return replace(
             self,
             strain=self.strain[samples],
@@ -91,8 +92,8 @@ class UniaxialTest:
 def loading_ramps(test: UniaxialTest) -> list[slice]:
     """The stretches of samples in which the strain rises, in the order in which they were run.
 
-    A turn counts when the strain has gone back by `REVERSAL` of the test's range, so noise makes none. The
-    first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
+    A reversal counts when the strain has decreased by `REVERSAL` of the test's range, so noise causes none.
+    The first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
     """
     strain = test.strain
     least = REVERSAL * float(np.ptp(strain))
@@ -120,7 +121,7 @@ def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
 
 
 FEWEST = 5
-"""Samples that a range of extrapolation needs."""
+"""Fewest samples in a range of extrapolation."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +129,13 @@ class Toe:
     """Method by which the zero of the strain is found."""
 
     kind: Literal["none", "line", "gaussian"] = "none"
-    """ "none": the strain as it is. "line": a straight line is continued to zero stress (toe compensation of
-    ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), bent as soft solids are."""
+    """ "none": the recorded strain is used. "line": a straight line is continued to zero stress (toe
+    compensation of ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), bent as soft
+    solids are."""
     low: float = 0.02
-    """Strain from which on the faces are in full contact, as recorded [-]."""
+    """Recorded strain above which the faces are in full contact [-]."""
     high: float = 0.10
-    """Strain up to which the curve is continued from [-]."""
+    """Upper strain of the range from which the curve is extrapolated [-]."""
 
     def __post_init__(self) -> None:
         if self.kind not in ("none", "line", "gaussian"):
@@ -157,7 +159,7 @@ class ZeroedTest:
 
 
 def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
-    """Find the zero of the strain and leave out the toe."""
+    """Find the zero of the strain and remove the toe."""
     if toe.kind == "none":
         return ZeroedTest(test.part(test.strain > 0.0), 0.0, 0.0)
     inside = (test.strain >= toe.low) & (test.strain <= toe.high)
@@ -193,12 +195,12 @@ def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
 
 
 NEAR = 0.005
-"""Share of the ramp's range within which of its end a strain is held [-]."""
+"""A strain within this share of the ramp's range from its end counts as held [-]."""
 LONG = 0.05
 """Share of the ramp's duration (of its samples where no time was recorded) beyond which a strain that stays
 near the end is held: a steady ramp spends `NEAR` of its duration there [-]."""
 LOSS = 0.01
-"""Share of the stress that must relax for a hold to be told [-]."""
+"""Share of the stress that must relax for a hold to be reported [-]."""
 
 
 @dataclass(frozen=True)
@@ -208,16 +210,16 @@ class Hold:
     strain: float
     """The strain [-]."""
     duration: float | None
-    """How long it was held [s]; None if no time was recorded."""
+    """Duration of the hold [s]; None if no time was recorded."""
     samples: int
-    """Samples in it."""
+    """Number of samples in the hold."""
     first: float
     """Nominal stress at its beginning [Pa]."""
     last: float
     """And at its end [Pa]."""
 
     def remark(self, name: str) -> str:
-        """What a reader of a curve without it must know."""
+        """The remark on a curve without the hold."""
         long = f"{self.samples} samples" if self.duration is None else f"{self.duration:.4g} s"
         return (
             f"{name}: its strain is held at {self.strain:.3g} for {long} and the stress goes from"
@@ -229,11 +231,11 @@ class Hold:
 def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold | None]:
     """A ramp that ends where its strain is reached, and the hold after it.
 
-    With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it has stresses
-    that have relaxed.
+    With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it would include
+    relaxed stresses.
 
     ``test``: the whole record. ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near
-    the end if it is held there, else as it was.
+    the end if it is held there, else the unchanged ramp.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)
@@ -263,7 +265,7 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
 
 
 def remarks_of(name: str, hold: Hold | None) -> tuple[str, ...]:
-    """A hold in words, if anything relaxes in it."""
+    """A hold in words, if the stress relaxes in it."""
     if hold is None or abs(hold.last - hold.first) <= LOSS * abs(hold.first):
         return ()
     return (hold.remark(name),)
@@ -317,7 +319,7 @@ class CurveBand:
         )
 
     def with_mode(self, name: str, mode: FloatArray) -> "CurveBand":
-        """With one more cause: its standard uncertainty along the curve [Pa], shape [n]."""
+        """The band with one more cause: its standard uncertainty along the curve [Pa], shape [n]."""
         return replace(self, modes=np.vstack([self.modes, mode]), names=(*self.names, name))
 
     def parts(self) -> dict[str, FloatArray]:
@@ -394,9 +396,10 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
 def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:
     """Standard deviation of a reading of a test with few of them, about a smooth curve, shape of `axis`.
 
-    Between few readings a smooth curve bends by more than their noise, and second differences hold the bend:
-    they are taken of what a polynomial leaves, of the fifth order with twenty readings or more. Whether noise
-    grows with the reading few of them do not show: the larger of an equal and of a proportional one is taken.
+    Between few readings a smooth curve bends by more than their noise, and second differences contain the
+    bend. They are therefore taken of the residuals of a polynomial, of the fifth order with twenty readings
+    or more. Few readings do not show whether noise grows with the reading: the larger of a constant and a
+    proportional noise is taken.
 
     ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four. ``axis``: places [-].
     """
@@ -404,7 +407,8 @@ def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -
     x, y = strain[order], value[order]
     smooth = np.polynomial.Polynomial.fit(x, y, min(5, x.size // 4))
     left, curve = y - smooth(x), smooth(axis)
-    # Near zero stress a ratio says nothing: below a thousandth of the largest, that thousandth stands for it.
+    # Near zero stress a ratio is meaningless: stresses below a thousandth of the largest are replaced by that
+    # thousandth.
     share = _noise(x, left / np.maximum(np.abs(smooth(x)), 1e-3 * np.abs(y).max()))
     return np.asarray(np.maximum(_noise(x, left), share * np.abs(curve)))
 
@@ -422,9 +426,9 @@ class ApparentModulus:
     sigma: FloatArray
     """Its standard uncertainty [Pa], shape [n]."""
     mean: float
-    """Mean over the curve, each strain alike [Pa]."""
+    """Mean over the curve, with equal weight for each strain [Pa]."""
     mean_sigma: float
-    """Its standard uncertainty, with what is common to all points kept together [Pa]."""
+    """Its standard uncertainty, including the correlation of errors common to all points [Pa]."""
 
     def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
         """Both ends of the interval at each strain [Pa], shape [n] each."""

@@ -1,1 +1,1 @@
-"""The whole test from the striker on: what a planned test of the flyer will do, before it is done."""
+"""Prediction of a planned flyer test, from the striker's impact on."""

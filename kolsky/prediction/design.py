@@ -1,4 +1,5 @@
-"""Design of a test: quantities of its file varied, the point that does as wanted; a prediction as tables."""
+"""Design of a test: variation of quantities of its file, search for the point with the wanted results,
+prediction as tables."""
 
 import math
 import re
@@ -23,13 +24,13 @@ from kolsky.virtual.motion import MOVES
 from kolsky.virtual.shot_file import KNOT, MOTION, toml_text
 
 NAMES = tuple(field.name for field in fields(Numbers))
-"""Numbers that can be wanted."""
+"""Results that can be prescribed."""
 AIM_TOLERANCE = 0.01
-"""Largest relative distance from what is wanted at which it is reached."""
+"""Largest relative difference from the wanted value that counts as reached."""
 ROUNDS = 4
-"""Most runs at the point that the surfaces promise, each joined to them."""
+"""Most confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
 EQUAL_POINTS = 1e-6
-"""Points of the unit box closer than this are one run."""
+"""Points of the unit box closer than this count as one run."""
 DIGITS = 6
 """Digits of a varied quantity."""
 
@@ -73,7 +74,7 @@ class Varied:
         return made
 
     def written(self, value: float) -> float | str:
-        """A value as the file would have it."""
+        """A value as written in the file."""
         rounded = float(f"{value:.{DIGITS}g}")
         return f"{rounded:.{DIGITS}g} {self.unit}" if self.unit else rounded
 
@@ -96,27 +97,27 @@ class Scan:
 
 @dataclass(frozen=True)
 class Aim:
-    """The point that comes nearest to what is wanted, confirmed by a run there."""
+    """The point closest to the wanted results, confirmed by a run there."""
 
     wanted: dict[str, float]
-    """Numbers wanted, SI."""
+    """Wanted results, SI."""
     at: dict[str, float]
     """Values of the quantities, in their units."""
     numbers: Numbers
-    """What the run there gives."""
+    """Results of the run at this point."""
     distance: float
-    """Largest relative distance from a wanted number [-]."""
+    """Largest relative difference from a wanted result [-]."""
     at_bound: tuple[str, ...]
     """Quantities that lie at a bound of their range."""
 
     @property
     def reached(self) -> bool:
-        """True if every number is there to `CLOSE`."""
+        """True if every result agrees within `CLOSE`."""
         return self.distance <= AIM_TOLERANCE
 
 
 def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> PlannedTest:
-    """The test with other values of some keys, checked as its file was.
+    """The test with other values of some keys, with the same checks as for its file.
 
     Raises InputError if a key leads nowhere, or a value is not allowed.
     """
@@ -139,7 +140,7 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
 def scan(
     test: PlannedTest, varied: Sequence[Varied], *, progress: Callable[[int, int], None] = lambda n, m: None
 ) -> Scan:
-    """Predict the test over a full factorial, the specimen by its static curve.
+    """Predict the test over a full factorial design, with the specimen's static curve.
 
     ``test``: the test as declared. Raises InputError if a value is not allowed.
     """
@@ -154,10 +155,11 @@ def scan(
 
 
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
-    """The point of a scan's box that does as wanted, by surfaces through its numbers and runs there.
+    """The point of a scan's box with the wanted results, by response surfaces through the scan and confirming
+    runs.
 
     ``test``: the test as declared. ``wanted``: numbers of `NAMES` and their values, SI. Raises ValueError if
-    a name is unknown, a wanted value is not positive, or too few points know the number.
+    a name is unknown, a wanted value is not positive, or too few points have that result.
     """
     for name, value in wanted.items():
         if name not in NAMES:
@@ -193,7 +195,7 @@ def distance(found: Numbers, wanted: Mapping[str, float]) -> float:
 def _promised(
     box: Box, points: FloatArray, numbers: Sequence[Numbers], wanted: Mapping[str, float]
 ) -> FloatArray:
-    """Where surfaces through the numbers come nearest to what is wanted."""
+    """Point at which the surfaces through the results are closest to the wanted ones."""
     surfaces = {}
     for name in wanted:
         values = np.array([getattr(one, name) for one in numbers])
@@ -262,7 +264,7 @@ def signals(found: Prediction) -> dict[str, Any]:
 
 
 def events_table(found: Prediction) -> dict[str, Any]:
-    """Events with their time and what flyer and specimen do then."""
+    """Events with their time and the state of flyer and specimen."""
     bars, length = found.bars, found.test.declared.specimen.length
     named = {words: getattr(found.events, name) for name, words in EVENTS.items()}
     known = {words: time for words, time in named.items() if np.isfinite(time)}
@@ -277,7 +279,7 @@ def events_table(found: Prediction) -> dict[str, Any]:
 
 
 def scan_table(found: Scan) -> dict[str, Any]:
-    """One row a point of a scan."""
+    """One row for each point of a scan."""
     columns: dict[str, Any] = {
         f"{one.key} ({one.unit or '1'})": found.points[:, i] for i, one in enumerate(found.varied)
     }
@@ -303,7 +305,9 @@ def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = 
 
 
 def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Signals, events, with finite elements the outline at every recorded time, of a scan its points."""
+    """Signals and events; with finite elements also the outline at every recorded time; for a scan its
+    points.
+    """
     made = {"signals": signals(found), "events": events_table(found)}
     response = found.response
     if response is not None:
@@ -318,16 +322,17 @@ def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = N
 
 
 LARGEST_RECORDED = 0.6
-"""Largest nominal compression of the virtual shot [-]: as far as Mates et al. (2012) go."""
+"""Largest nominal compression of the virtual shot [-], as in Mates et al. (2012)."""
 SHARE_OF_LARGEST = 0.95
-"""Of the largest compression, where that is less: the flyer still moves toward the specimen."""
+"""Share of the largest compression, used if that is less: the flyer still moves toward the specimen."""
 
 
 def write_specification(folder: Path, found: Prediction) -> Path:
-    """Write `virtual.toml`, a specification for the virtual laboratory, and the flyer's path beside it.
+    """Write `virtual.toml`, a specification for the virtual laboratory, and the flyer's path in the same
+    folder.
 
-    Specimen, material and interface are those of the test file. The parts behind the specimen become one bar
-    of their whole length with the steel of the last one.
+    Specimen, material and interface are those of the test file. The parts behind the specimen are replaced by
+    one bar of their total length, made of the last one's steel.
 
     Raises ValueError if the flyer does not move.
     """

@@ -1,13 +1,14 @@
 """A planned test from the striker on: waves, separation, arrest, second impact, its numbers.
 
-Laws of pulse shapers are a disc of rubber, a measured table, and what a measured pulse says: the pulse of a
-test between striker and incident bar contains the shaper's law. Its force F(t) on the bar's face is the
-incident wave there, as long as nothing has come back from the bar's far end. The faces move at
+The law of a pulse shaper is that of a rubber disc, a measured table, or derived from a measured pulse. The
+force F(t) on the incident bar's face is the incident wave there, until the reflection from the bar's far end
+returns. The faces move at
 
     v_bar = F(t) / Z_bar,    v_striker = V - [F(t) + 2 sum_k F(t - k T)] / Z_striker,          Eq. (PS.1)
 
 with the striker's round trip T = 2 L / c_0: its free rear end sends every wave back with its sign changed.
-The shaper's compression is the integral of v_striker - v_bar, and F over it the law, nothing chosen.
+The shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free
+parameters.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,8 @@ LEAST_POINTS = 8
 LAW_POINTS = 400
 """Most points of a law from a pulse, evenly in compression."""
 LOADED = (0.01, 0.03)
-"""Shares of the largest force of a pulse between which a line is laid: where it has none, loading begins."""
+"""Shares of the largest force of a pulse between which a line is fitted; loading begins where the line is
+zero."""
 
 
 def closing(
@@ -44,8 +46,8 @@ def closing(
     """Compression of the shaper under a pulse [m], Eq. (PS.1), shape [n].
 
     ``time``: ascending, from the striker's touch [s], shape [n]. ``force``: compressive force on the bar's
-    face [N], shape [n]; nothing before the first time. ``striker``, ``incident``: the bars of that test.
-    ``speed``: the striker's before it touched [m/s].
+    face [N], shape [n]; zero before the first time. ``striker``, ``incident``: the bars of that test.
+    ``speed``: impact speed of the striker [m/s].
     """
     round_trip = 2.0 * striker.travel_time
     returned = np.zeros(len(time))
@@ -64,11 +66,11 @@ def from_pulse(
     speed: float,
     unloading: float | None = None,
 ) -> PulseShaper:
-    """The law that a measured pulse contains; arguments as of `closing`.
+    """The shaper's law from a measured pulse; arguments as in `closing`.
 
-    The loading curve ends at the largest force. Where noise makes force or compression fall on the way, the
-    curve keeps the larger value. Unloading is the mean slope from there to half the force, if the shaper
-    springs back that far within the pulse, else the steepest of loading.
+    The loading curve ends at the largest force. Where noise makes force or compression decrease before that,
+    the curve keeps the larger value. The unloading slope is the mean slope down to half the largest force, if
+    the shaper unloads that far within the pulse; otherwise the steepest loading slope.
     """
     compression = closing(time, force, striker=striker, incident=incident, speed=speed)
     top = int(np.argmax(force))
@@ -94,8 +96,8 @@ def from_pulse(
 def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A recorded pulse from the striker's touch on: times [s] from 0 and forces [N], the first of them 0.
 
-    The touch itself drowns in noise. A shaper's force rises in a straight line at first, as the faces close
-    at one speed: the line through its first passages of two small forces, `LOADED`, leads back to it.
+    Noise hides the first contact. At first the shaper's force rises linearly, because the faces approach at
+    constant speed. A line through its first passages of two small forces, `LOADED`, is extrapolated to zero.
     """
     top = float(force.max(initial=0.0))
     passages = [np.flatnonzero(force >= share * top) for share in LOADED]
@@ -108,7 +110,9 @@ def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
-    """Mean slope from the largest compression to half the force there; None if it does not spring back."""
+    """Mean slope from the largest compression to half the force there; None if it does not unload that
+    far.
+    """
     turn = int(np.argmax(compression))
     below = np.flatnonzero(force[turn:] <= 0.5 * force[turn])
     if not below.size:
@@ -165,7 +169,7 @@ def _made(compression: FloatArray, force: FloatArray, table: ShaperTable, path: 
 FLATTEST = 0.04
 """Smallest stretch of the static curve [-]."""
 RATE_TO = 0.9
-"""The mean strain rate is taken from the separation to this share of the largest compression."""
+"""The mean strain rate is computed from the separation to this share of the largest compression."""
 
 
 @dataclass(frozen=True)
@@ -174,11 +178,11 @@ class PlannedTest:
 
     file: TomlFile
     declared: TestFile
-    """What it declares, in SI."""
+    """Its declared data, in SI."""
 
     @property
     def folder(self) -> Path:
-        """Where files that it names lie."""
+        """Folder of the files that it names."""
         return self.file.path.parent
 
     def apparatus(self) -> Apparatus:
@@ -199,7 +203,9 @@ class PlannedTest:
         )
 
     def static_curve(self) -> tuple[FloatArray, FloatArray]:
-        """Compression [m] and force [N] of the specimen at rest, bonded, roughly: stiffer as it gets flat."""
+        """Approximate static compression [m] and force [N] of the bonded specimen, with the stiffening of a
+        flat specimen.
+        """
         specimen, material = self.declared.specimen, self.declared.material
         law = law_of(material.law, material.parameters, material.shear_modulus)
         stretch = np.linspace(1.0, FLATTEST, 300)
@@ -245,7 +251,7 @@ class PlannedTest:
 
 @dataclass(frozen=True)
 class Numbers:
-    """What a test is planned for; NaN for what did not happen."""
+    """Results of a planned test; NaN for events that did not occur."""
 
     flyer_speed: float
     """Velocity of the flyer's face over the transmission platen's, mean over the round trip of a wave in the
@@ -272,32 +278,32 @@ class Prediction(ResultViews):
 
     test: PlannedTest
     bars: FlightHistory
-    """What the bars did."""
+    """Motion and forces of the bars."""
     events: Events
     """What happened when."""
     numbers: Numbers
     """The numbers of the test."""
     response: Response | None
-    """What the specimen did; None if its static curve stood in for it."""
+    """Response of the specimen; None if its static curve was used."""
     changes: FloatArray
     """Largest change of a force from each pass of bars and specimen to the next [N], shape [n_passes]."""
 
 
 def _section_of(part: PartTable) -> Section:
-    """A part as the bars' model takes it."""
+    """A part in the form of the bars' model."""
     return Section(part.length, 0.5 * part.diameter, part.youngs_modulus, part.density, part.poisson)
 
 
 def read_test(path: str | Path) -> PlannedTest:
     """Read and check a test file.
 
-    Raises InputError if it cannot be read, is no TOML, or declares anything unknown or impossible.
+    Raises InputError if it cannot be read, is not valid TOML, or declares anything unknown or impossible.
     """
     return PlannedTest(*read_toml(Path(path), TestFile))
 
 
 def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
-    """Carry a planned test out, from the striker's touch on.
+    """Simulate a planned test from the striker's impact on.
 
     Raises InputError if a part is too short for the step, a shaper's file holds no law, or the specimen's
     simulation does not complete or does not agree with the bars' in the passes that are allowed.
@@ -307,7 +313,7 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     test
         A test file read.
     quick
-        True to let the specimen's static curve stand in for its finite elements: a second, for scans.
+        True to use the specimen's static curve instead of finite elements: takes a second, for scans.
 
     Examples
     --------
@@ -345,7 +351,7 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
 
 
 def numbers_of(test: PlannedTest, bars: FlightHistory, events: Events) -> Numbers:
-    """The numbers of a test from what its bars did."""
+    """The results of a test from the motion and forces of its bars."""
     times, length = bars.times, test.declared.specimen.length
     step = float(times[1])
     strain = bars.compression / length
@@ -374,7 +380,7 @@ def numbers_of(test: PlannedTest, bars: FlightHistory, events: Events) -> Number
 
 
 def doubts(found: Prediction) -> list[str]:
-    """What to know before a prediction is used."""
+    """Remarks on the use of a prediction."""
     test, events, said = found.test.declared, found.events, []
     if not isfinite(events.separation):
         said.append(

@@ -41,7 +41,7 @@ class StrikerTable(PartTable):
 
 
 class ShaperTable(Section):
-    """[shaper]: what lies between striker and incident bar."""
+    """[shaper]: the pulse shaper between striker and incident bar."""
 
     kind: Literal["none", "disc", "table", "pulse"]
     """Nothing; a disc of rubber that slides on the steel; a measured table; a law found in a pulse."""
@@ -95,7 +95,7 @@ class RunTable(Section):
 
 
 class HoldTable(Section):
-    """[interface]: how the specimen holds to the platens; a law that lets it lift off."""
+    """[interface]: contact of the specimen with the platens, by a law that allows separation."""
 
     faces: f.ContactLawName = LIFTING_LAW
     side: f.ContactLawName = LIFTING_LAW
@@ -131,7 +131,8 @@ class TestFile(Section):
     transmission: dict[str, PartTable]
     """From the specimen on."""
     sensor: f.Name | None = None
-    """The part of [transmission] whose middle shows the transmitted force; its first face if left out."""
+    """The part of [transmission] at whose middle the transmitted force is measured; the first face if left
+    out."""
     specimen: SpecimenTable
     material: MaterialTable
     interface: HoldTable = HoldTable()

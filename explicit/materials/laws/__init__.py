@@ -1,4 +1,4 @@
-"""The closed-form laws by name. A new one is a line here."""
+"""The closed-form laws by name. A new law needs one line here."""
 
 from explicit.materials.families import InvariantLaw, StretchLaw
 from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
@@ -6,7 +6,7 @@ from explicit.materials.laws.polynomial import MooneyRivlin, NeoHookean, Polynom
 from explicit.materials.laws.stiffening import ArrudaBoyce, Gent, Humphrey, VerondaWestmann
 
 AnyLaw = InvariantLaw | StretchLaw
-"""A closed-form law: it has its constants, its energy by stretches, and all that the solver asks for."""
+"""A closed-form law with its constants, its energy by stretches, and the interface to the solver."""
 
 LAWS: dict[str, type[AnyLaw]] = {
     law.NAME: law

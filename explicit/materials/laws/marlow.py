@@ -131,9 +131,9 @@ def marlow_from_curve(stretch: FloatArray, stress: FloatArray, *, n_knots: int =
     """Build Marlow's law from a uniaxial curve.
 
     ``stretch``: stretch along the load [-], from one branch: all <= 1 (compression) or all >= 1 (tension).
-    ``stress``: nominal stress, tension-positive [Pa]. A point at rest is left to the limit. ``n_knots``:
-    knots of the table. Raises ValueError if the curve mixes branches, has fewer than 5 points, repeats a
-    stretch, or if stress and strain disagree in sign.
+    ``stress``: nominal stress, tension-positive [Pa]. A point at rest is ignored; the limit replaces it.
+    ``n_knots``: knots of the table. Raises ValueError if the curve mixes branches, has fewer than 5 points,
+    repeats a stretch, or if stress and strain disagree in sign.
     """
     stretch = np.asarray(stretch, dtype=float)
     stress = np.asarray(stress, dtype=float)

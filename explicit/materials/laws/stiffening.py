@@ -97,8 +97,8 @@ class ArrudaBoyce(InvariantLaw):
 
 @dataclass(frozen=True)
 class Gent(InvariantLaw):
-    """Two constants. Past locking there is no law: stress and energy are not numbers, and a simulation that
-    gets there diverges, or ends as TABLE_EXCEEDED where it is told to stop (`explicit.Model.past_data`)."""
+    """Two constants. Beyond locking the law is not defined: stress and energy are NaN. A simulation that gets
+    there diverges, or ends as TABLE_EXCEEDED if `explicit.Model.past_data` is set to stop it."""
 
     NAME: ClassVar[str] = "gent"
     FORMULA: ClassVar[str] = r"-\frac{\mu J_m}{2} \ln\left(1 - \frac{x}{J_m}\right)"

@@ -147,7 +147,7 @@ def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> E
 
 
 def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
-    """First jump of a signal against its own past average, far beyond those of the flight."""
+    """First jump of a signal relative to its past average, far larger than those during the flight."""
     n = max(2, round(ringing / signal.interval))
     total = np.cumsum(np.concatenate([[0.0], signal.value]))
     past = (total[n:-1] - total[: -n - 1]) / n  # the mean of the n samples before each
@@ -195,7 +195,9 @@ def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, rin
 
 
 def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
-    """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end."""
+    """Velocity of the bar's face under a force: from the emitted wave, plus twice its reflection from a free
+    end.
+    """
     at, F, _ = moving_average(force, ringing)
     returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
     echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
@@ -217,7 +219,7 @@ def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray,
 
 
 _JOINT_SPAN = 200e-6
-"""Longest time from full speed to separation that is looked for [s]."""
+"""Longest time from full speed to separation in the search [s]."""
 _AFTER_IMPACT = 8
 """Frames after a second impact from which its time is taken, where only the displacement shows it."""
 
@@ -227,7 +229,7 @@ class FlyerEvents:
     """The events of a flyer's test in their order."""
 
     events: tuple[Event, ...]
-    """Every event that was looked for, found or not."""
+    """Every event that was searched for, found or not."""
     path: FlyerPath
     """The flyer's path up to the second impact."""
 
@@ -240,7 +242,9 @@ class FlyerEvents:
 
     @property
     def usable(self) -> tuple[float, str]:
-        """Until when the data count [s], and what ends them: lost symmetry, second impact or the record."""
+        """Last time at which the data are used [s], and the reason: lost symmetry, second impact or end of
+        the record.
+        """
         found = [
             (event.time, event.name)
             for event in self.events
@@ -258,15 +262,15 @@ def flyer_events(
     bar: Bar | None = None,
     ringing: float = RINGING,
 ) -> FlyerEvents:
-    """Find the events of a flyer's test in what was recorded of it.
+    """Find the events of a flyer's test in its records.
 
     Returns: each event with time, sigma and how it was found, or why it was not.
 
     ``motion``: the flyer's displacement toward the specimen at the frames, on the shot's clock. ``rest``: a
     time in the static frames [s]. ``incident``: force at the flyer's transducer, compression positive [N].
-    ``transmitted``: transmitted force, compression positive [N]. ``bar``: the transmission bar: the
-    specimen's back face then moves as the transmitted force and its returns from the bar's free end have it,
-    and the arrest is the flyer's relative to that face. At rest if left out; needs `transmitted`.
+    ``transmitted``: transmitted force, compression positive [N]. ``bar``: the transmission bar. The motion of
+    the specimen's back face is then computed from the transmitted force and its reflections from the bar's
+    free end, and arrest is relative to that face. If left out, the face is at rest; needs `transmitted`.
     ``ringing``: span over which the transducers' signals are averaged [s]; longer than the flyer rings.
     """
     if not ringing >= 0.0:
@@ -297,7 +301,7 @@ def flyer_events(
 
 
 def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
-    """The flyer runs into the bar that it came from: a jump of its velocity after it turned back.
+    """The flyer hits the incident bar: a jump of its velocity after it turned back.
 
     ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s].
     """
@@ -392,11 +396,11 @@ def _second_impact(
             return replace(found, name=name)
     kink = _slope_jump(motion, turn, motion.time.size)
     if kink is not None:
-        # The contact goes on: only the frames next to it tell when it began.
+        # The contact lasts: only the neighbouring frames determine when it began.
         for _ in range(3):
             last = int(np.searchsorted(motion.time, kink.time)) + _AFTER_IMPACT
             kink = _slope_jump(motion, turn, last) or kink
-        # The speed changes within a frame, which no frame shows.
+        # The speed changes between two frames, so no frame shows the change.
         frame = float(np.median(np.diff(motion.time)))
         sigma = float(np.hypot(kink.sigma, frame / np.sqrt(12.0)))
         return Event(name, kink.time, sigma, "the flyer's velocity jumps (displacement)")

@@ -79,8 +79,8 @@ class Flight:
 def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
-    A flyer whose poses are known in fewer than three frames at rest is taken to have rested where its first
-    ones are, within `UNSEEN` and `UNTURNED`.
+    If fewer than three poses at rest are known, the flyer is assumed to have rested at its first poses,
+    within `UNSEEN` and `UNTURNED`.
     """
     time, ok = _times(body, t)
     u, r = body.displacement, body.rotation
@@ -149,8 +149,8 @@ def symmetry_end(
 
     Symmetry has ended at the first of `times_in_row` successive times at which the part of the velocity
     across the reference direction, over the speed, exceeds `share` by more than `coverage` of its sigmas.
-    A flyer that comes to rest loses its direction to the noise, which is no end of symmetry; one that is
-    pushed back along the axis keeps it.
+    When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A flyer that is
+    pushed back along the axis keeps its direction.
 
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference
@@ -192,11 +192,11 @@ def _times(body: BodyMotion, t: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_
 SHARE = 0.05
 """Part of the velocity across the first direction from which on symmetry has ended [-]: a twentieth, 3°."""
 _SPAN = 0.1
-"""Displacement that gives the first direction, over the length of the specimen [-]. As long another direction
-must last: warm air moves a flyer to and fro in the pictures by hundredths of a pixel, which over less travel
-is another direction too."""
+"""Displacement that gives the first direction, over the length of the specimen [-]. A new direction must last
+over the same displacement: warm air moves the flyer's image by hundredths of a pixel, which over a shorter
+travel looks like a new direction."""
 FEWEST_IN_ROW = 3
-"""Successive frames, at least, that must show another direction."""
+"""Fewest successive frames that must show another direction."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ class FlightOfSpecimen:
     posed: float = -np.inf
     """Time of the first moving frame whose pose is known [s]: before it, directions and tilt are not."""
     separation: float = np.nan
-    """Time of its greatest velocity, from which on nothing pushes it but the specimen [s]."""
+    """Time of its greatest velocity, after which only the specimen acts on it [s]."""
     symmetry: SymmetryEnd | None = None
     """End of symmetry by its direction; None if that is not known."""
 
@@ -233,10 +233,10 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     """The flight of the flyer in a stereo result, or why it is not known.
 
     Separation is the time of the greatest velocity toward the specimen. The first direction is that of the
-    displacement over a tenth of the specimen's length after it, from where on the velocity across is known to
-    `SHARE` of the speed. A direction that is never known so well gives no end of symmetry.
+    displacement over a tenth of the specimen's length after it. It begins where the uncertainty of the
+    lateral velocity is below `SHARE` of the speed. If this is never reached, no end of symmetry is given.
 
-    ``result``: what the pictures gave. ``length``: length of the specimen at rest [m].
+    ``result``: the stereo result. ``length``: length of the specimen at rest [m].
     """
     if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"
@@ -282,7 +282,7 @@ def frames_in(span: float, time: FloatArray) -> int:
 
 
 def columns(found: FlightOfSpecimen) -> dict[str, FloatArray]:
-    """The flight as columns with units, one row a frame from rest on; NaN where it is not known."""
+    """The flight as columns with units, one row for each frame from rest on; NaN where it is not known."""
     t = found.time
     table = {"time (s)": t}
 

@@ -1,4 +1,4 @@
-"""The path of the incident bar's face from its waves: what a flyer's camera would have seen of it.
+"""The path of the incident bar's face from its waves; it replaces the camera's measurement of a flyer.
 
 The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
 rest, with jerks that have a prior N(0, tau^2); tau and the noise are those of largest marginal likelihood,
@@ -20,9 +20,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import ForceHistory, FrontVelocity
 
 MOST_KNOTS = 300
-"""Largest number of knots of a path, and of the means of samples it is fitted to."""
+"""Largest number of knots of a path, and largest number of sample means to which it is fitted."""
 LEAD = 4
-"""Knots before the first sample: an arrival is found a little after the wave has begun."""
+"""Knots before the first sample, because an arrival is detected slightly after the wave begins."""
 FEWEST_SAMPLES = 20
 
 
@@ -42,7 +42,7 @@ def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float 
 def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, float]:
     """The force on the transmission bar on the shot's clock, with its noise; its scale's sigma [-].
 
-    The noise is that which means and integrals collect.
+    The noise is the low-frequency level, which determines the noise of means and integrals.
     """
     bar, F = waves.transmission_bar, reduction.back_force
     own, slow = (bar.impedance * bar.wave_speed * s["transmitted"] for s in _sigmas(waves))
@@ -77,7 +77,7 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
     jerk = unit * z
     covariance = unit**2 * V + motion.sigma_gain**2 * np.outer(jerk, jerk)
     if motion.sigma_zero > 0.0:
-        # What the fit makes of a constant velocity of one sigma.
+        # Response of the fit to a constant velocity of one sigma.
         offset = unit * posterior(np.full(n, motion.sigma_zero / (noise * s)), G * (tau / s))[0]
         covariance = covariance + np.outer(offset, offset)
     return FlyerPath(
@@ -107,7 +107,7 @@ def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
         inside = float(np.sum(np.log(variance) + along / variance))
         return inside + beyond * float(np.log(noise)) + across / noise
 
-    # The highest tau takes the largest velocity within a step, the lowest does nothing over the record.
+    # The highest tau reaches the largest velocity within a step; the lowest has no effect over the record.
     high = float(np.log(10.0 * max(np.abs(y).max(), 10.0)))
     low = high - np.log(max(np.abs(y).max(), 10.0)) - 2.0 * np.log(float(y.size)) - 5.0
     starts = np.linspace(low, high, 5)[1:]
@@ -126,7 +126,7 @@ def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
 
 
 def _sigmas(waves: FaceWaves) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Noise of a sample, and that of white noise as strong where it matters here, at low frequencies."""
+    """Noise of a sample, and that of white noise with the same level at low frequencies."""
     return waves.sigma, waves.sigma if waves.white is None else waves.white
 
 
@@ -134,7 +134,7 @@ def _scale(history: History, noise: float) -> float:
     """Relative part of a history's sigma beyond the noise, common to all samples [-]."""
     size = float(np.sum(history.value**2))
     left = float(np.sum(history.sigma**2 - noise**2))
-    # A sigma of noise alone leaves nothing but rounding of either sign.
+    # If sigma contains only noise, the difference is round-off of either sign.
     return float(np.sqrt(left / size)) if size > 0.0 and left > 0.0 else 0.0
 
 

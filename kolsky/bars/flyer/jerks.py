@@ -15,13 +15,15 @@ from kolsky.base.arrays import FloatArray
 ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
 MOST_STARTS, SETTLED = 5, 1e-6
-"""Starts of the search for the smoothness, and the relative gain of a start that ends it."""
+"""Most starts of the search for the smoothness, and the relative gain below which no further start is
+made."""
 EQUAL_SIGMAS = 0.05
 """Sigmas that differ by a smaller share are alike."""
 ADDED, LEAST_ADDED = 0.3, 1e-3
-"""Noise that is the same in all frames, over the typical sigma: at the start of the search, and the least."""
+"""Noise common to all frames, over the typical sigma: at the start of the search, and its lower limit."""
 VANISHED, BACK = 0.1, 1.0
-"""Added noise below which the search is begun again, and with how much, over the typical sigma."""
+"""Added noise below which the search is restarted, and the added noise of the restart, over the typical
+sigma."""
 CHANGE_PER_OCTAVE = 2.0
 """Prior standard deviation of the change of log tau from one control point to the next."""
 
@@ -42,7 +44,7 @@ def hat_functions(frames: FloatArray) -> FloatArray:
 def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean and covariance of z for y = G z + e with e, z ~ N(0, 1); the residual.
 
-    By QR of the stacked least-squares problem, which the squared condition of G'G would not survive.
+    By QR of the stacked least-squares problem, because G'G would square the condition number.
 
     ``y``: data in units of the noise [-], shape [n_frames]. ``G``: response of each datum to each unknown
     [-], shape [n_frames, n_unknowns]. Returns: mean [n_unknowns], covariance [n_unknowns, n_unknowns] and
@@ -96,7 +98,7 @@ def maximum_likelihood(
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
     n, n_parts = hats.shape[1], 1 if parts is None else parts.shape[1]
-    # Noise of more than the whole travel is none that is fitted: a line search there overflows.
+    # Noise larger than the whole travel is excluded: a line search there overflows.
     bounds = [(0.0, highest)] + [(np.log(LEAST_ADDED), highest)] * (n_parts - 1) + [(lowest, highest)] * n
     data = (y, weight, spans, hats, parts, shared)
     begin = [0.0] + [np.log(ADDED)] * (n_parts - 1)
@@ -106,7 +108,8 @@ def maximum_likelihood(
     added = np.zeros(x.size, dtype=bool)
     added[1:n_parts] = x[1:n_parts] < np.log(VANISHED)
     if added.any():
-        # Where a part has vanished the likelihood is flat in its logarithm, whatever more of it would do.
+        # Where a part has vanished, the likelihood is flat in its logarithm, even if more of that part would
+        # improve it.
         other, likelier, problem = _searched(np.where(added, np.log(BACK), x), data, bounds)
         x = other if likelier < value and not problem else x
     return x[:n_parts], x[n_parts:]
@@ -115,7 +118,9 @@ def maximum_likelihood(
 def _searched(
     x: FloatArray, data: tuple[object, ...], bounds: list[tuple[float, float]]
 ) -> tuple[FloatArray, float, str]:
-    """Where the search for the least `evidence` from x settles, its value, and why it did not (or "")."""
+    """Point at which the search for the least `evidence` from x converges, its value, and the reason of a
+    failure (or "").
+    """
     from scipy.optimize import minimize  # loaded where it is of use
 
     value = np.inf
@@ -123,7 +128,7 @@ def _searched(
         best = minimize(
             evidence, x, args=data, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-8}
         )
-        # A line search that round-off ends has arrived if a new start from there gains nothing.
+        # A line search ended by round-off has converged if a new start from there brings no improvement.
         settled = bool(best.success) or abs(value - best.fun) < SETTLED * max(abs(best.fun), 1.0)
         x, value = best.x, float(best.fun)
         if settled:

@@ -1,17 +1,17 @@
 """The flyer's path: a cubic spline that starts at rest, fitted to the noisy displacement at the frames.
 
-`fit_flyer` returns the path with its posterior uncertainty. Where no frame shows the flyer,
-the uncertainty of the smoothness is added.
+`fit_flyer` returns the path with its posterior uncertainty. In spans where no frame shows the flyer, the
+uncertainty of the smoothness is added.
 
-Elsewhere the frames tell how smooth the motion is, and the likeliest smoothness tau serves
-(`fit_flyer`). Where frames are missing, before the flyer comes into view for one, tau is known to
-a factor of two or three: the path of the likeliest one is off by more than its posterior covariance says. The
-log tau of the spans that no frame shows are drawn about the likeliest, the draws weighted by their likelihood
-(importance sampling), and the covariance is that of the mixture about the path:
+Elsewhere the frames determine the smoothness of the motion, and the likeliest smoothness tau is used
+(`fit_flyer`). Where frames are missing, e.g. before the flyer comes into view, tau is known only to a factor
+of two or three. The error of the path with the likeliest tau is then larger than its posterior covariance.
+The log tau of these spans are therefore drawn around the likeliest values, with weights by their likelihood
+(importance sampling). The covariance is that of the mixture about the path:
 
     sum of w_k (C_k + (j_k - j)(j_k - j)')
 
-with the jerks j_k and covariances C_k of each draw. The path itself stays the likeliest one's.
+with the jerks j_k and covariances C_k of each draw. The path is still that of the likeliest tau.
 """
 
 from collections.abc import Callable
@@ -56,14 +56,14 @@ class FlyerPath:
     zero: float
     """The recorded displacement at rest, subtracted from it [m]."""
     noise_scale: float
-    """Noise used over noise declared, at least 1; the median where it differs from frame to frame [-]."""
+    """Noise used over noise declared, at least 1; the median if it differs from frame to frame [-]."""
     chi2_per_dof: float
     """Residual sum of squares in declared sigmas over (frames - effective parameters); about 1 if the
     declared sigma is right [-]."""
     dof: float
     """Frames minus effective parameters [-]."""
     static_scatter: float
-    """Scatter of the static frames over the declared sigma: the check that needs no fit [-]."""
+    """Scatter of the static frames over the declared sigma: a check without a fit [-]."""
 
     @property
     def start(self) -> float:
@@ -123,11 +123,11 @@ class FlyerPath:
 
     @cached_property
     def sigma_onset(self) -> float:
-        """Standard uncertainty of when the motion sets in [s].
+        """Standard uncertainty of the time at which the motion begins [s].
 
-        A displacement that is off by ``sigma_position`` is one of a record that is late by that over the
-        velocity. The largest of these counts, from where the path first has half of its largest velocity to
-        where it first has nearly all of it: what no frame of it shows there, the smoothness fills.
+        An error of ``sigma_position`` in displacement equals a time error of that over the velocity. The
+        largest of these is taken, between the times at which the path first reaches half and nearly all of
+        its largest velocity. Where no frame shows this part, the smoothness determines the path.
         """
         velocity = self.velocity(self.knots)
         first, last = (int(np.argmax(velocity >= share * velocity.max())) for share in ONSET)
@@ -138,7 +138,7 @@ class FlyerPath:
         return float(late.max())
 
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
-        """Paths drawn from the posterior, to carry the flyer's noise through a calculation.
+        """Paths drawn from the posterior, to propagate the flyer's noise through a calculation.
 
         ``n``: how many. ``rng``: source of the draws; the same state gives the same paths.
         """
@@ -151,7 +151,7 @@ class FlyerPath:
     def noise_patterns(self, count: int) -> FloatArray:
         """Jerks of one standard deviation each of independent patterns of the path's noise, [q, n_spans].
 
-        Those that move the velocity most come first; all of them together make the covariance.
+        Those with the largest effect on the velocity come first; all of them together give the covariance.
 
         ``count``: most patterns.
         """
@@ -165,7 +165,7 @@ class FlyerPath:
         return np.asarray(turned[:count] @ root.T)
 
     def scaled(self, factor: float) -> "FlyerPath":
-        """The path with every displacement multiplied; its covariance is left as it is."""
+        """The path with every displacement multiplied; its covariance is not changed."""
         return replace(self, jerk=factor * self.jerk)
 
     def faster(self, factor: float) -> "FlyerPath":
@@ -243,15 +243,17 @@ def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[His
 
 
 DRAWS = 128
-"""Draws: some 60 of them count, which tells a standard deviation to a tenth."""
+"""Number of draws: about 60 of them have a significant weight, which gives a standard deviation to a
+tenth."""
 _WIDER = 1.5
-"""Width of what is drawn from over that of the likelihood, whose tails are heavier than normal ones."""
+"""Width of the sampling distribution over that of the likelihood, whose tails are heavier than normal
+ones."""
 STEP = 0.05
 """Half the distance of central differences of the slope, in log tau."""
 _LEAST_CURVATURE = 0.1
 """Least curvature of -ln L in log tau: a factor of e^3 either way."""
 LEAST_WEIGHT = 1e-5
-"""A draw with less weight is left out."""
+"""A draw with less weight is omitted."""
 
 
 class Deviances(Protocol):
@@ -279,9 +281,9 @@ def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Fl
 def importance_draws(
     theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
 ) -> tuple[FloatArray, FloatArray]:
-    """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
+    """Draws around the likeliest values of some unknowns, and their weights, which add up to one.
 
-    Pairs of draws lie opposite to each other; the same call gives the same draws.
+    Draws come in pairs with opposite signs; the same call gives the same draws.
     """
     rows = np.flatnonzero(free)
     steps = STEP * np.eye(theta.size)[rows]
@@ -335,16 +337,15 @@ def fit_flyer(
     motion : FlyerMotion
         The displacement at the frames; its zero is arbitrary. The frames may be unevenly spaced.
     start : float
-        A time in the static frames [s]: there the motion starts with x = v = a = 0. Later than the
-        beginning of the true motion it would distort the ramp; earlier does no harm.
+        A time in the static frames [s]: there the motion starts with x = v = a = 0. A start after the
+        beginning of the true motion distorts the ramp; an earlier start has no effect.
     covariance
         Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
-        beside `FlyerMotion.sigma`, the noise that is each frame's own. The path is the same; what the fit
-        makes of the common part is added to its covariance.
+        in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the same; the
+        effect of the common part is added to its covariance.
     restart
-        Just before a blow that changes the flyer's velocity within few frames, the second impact [s]: from
-        here on the smoothness is one of its own, with as large jerks at first as at the start. None if there
-        is none.
+        Time just before the second impact, which changes the flyer's velocity within few frames [s]. After it
+        a separate smoothness is used, with jerks at first as large as at the start. None if there is none.
     """
     _check(motion, start)
     if covariance is not None and covariance.shape != 2 * motion.time.shape:
@@ -431,7 +432,7 @@ def _shared_noise(
 def whitening(
     t: FloatArray, s: FloatArray, memory: float, shared: tuple[FloatArray, FloatArray] | None
 ) -> Callable[..., FloatArray]:
-    """The map that makes the displacements' errors independent, of variance 1; for columns [n_frames, ...].
+    """The map that makes the displacements' errors independent with variance 1; for columns [n_frames, ...].
 
     Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
     memory)`` = L L', q the shared error's size over sigma; `back` asks for the transposed map.
@@ -446,9 +447,9 @@ def whitening(
 
 
 def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:
-    """Times with those of frames put in where more than one is missing, and which of them are data.
+    """Times, with added frame times where more than one frame is missing, and a mask of the measured ones.
 
-    Without knots there, one constant jerk would have to carry a flyer from rest to its speed.
+    Without knots there, a single constant jerk would have to accelerate a flyer from rest to its speed.
     """
     steps = np.diff(time)
     added = [

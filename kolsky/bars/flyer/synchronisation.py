@@ -1,9 +1,10 @@
 """Cameras against oscilloscope: the lag of the flyer's motion behind the signals.
 
-The clocks are tied by a trigger; this is the cross-check. What a transducer behind a mass feels, twice
-integrated, is that mass's motion; what the bar's waves give as a velocity, once integrated, is the motion of
-its face. Either is laid over the displacement that the cameras saw, with the lag between the clocks as the
-one nonlinear unknown. It is done on displacements because there the noise of the cameras is white and known.
+The clocks are synchronised by a trigger; this is a cross-check. The force of a transducer behind a mass,
+integrated twice, gives the motion of that mass. The face velocity from the bar's waves, integrated once,
+gives the motion of the face. Either is fitted to the displacement measured by the cameras, with the lag
+between the clocks as the only nonlinear unknown. Displacements are compared because the noise of the cameras
+is white and known there.
 """
 
 from collections.abc import Callable
@@ -19,11 +20,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 REACH = 200e-6
-"""Largest lag that is looked for, either way [s]."""
+"""Largest lag in the search, in either direction [s]."""
 FEWEST_FRAMES = 8
-"""Moving frames that are needed: three more than there are unknowns."""
+"""Fewest moving frames: three more than the number of unknowns."""
 UNLIKE = 25.0
-"""Chi-square per degree of freedom beyond which the signal is another motion's: five times the noise."""
+"""Chi-square per degree of freedom above which signal and cameras show different motions: five times the
+noise."""
 COVERAGE = 2.0
 """Standard uncertainties within which clocks agree [-]."""
 
@@ -39,14 +41,14 @@ class Agreement(StrEnum):
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """The lag of the cameras' clock, found from what both instruments saw of one motion."""
+    """The lag of the cameras' clock, from measurements of one motion by both instruments."""
 
     lag: float
-    """To be added to the cameras' times, beyond what is declared [s]."""
+    """Time to be added to the cameras' times, in addition to the declared offset [s]."""
     sigma: float
     """Its standard uncertainty, of the fit and of the declared trigger [s]."""
     gain: float
-    """Motion seen by the cameras over motion computed from the signal [-]; 1 if mass and sensitivity are
+    """Motion measured by the cameras over motion computed from the signal [-]; 1 if mass and sensitivity are
     right."""
     sigma_gain: float
     """Its standard uncertainty [-]."""
@@ -61,7 +63,7 @@ class Synchronisation:
 
     @property
     def agreement(self) -> Agreement:
-        """The verdict at k = 2; not decided if the lag is less well known than a frame interval."""
+        """The verdict at k = 2; undecided if the uncertainty of the lag is larger than a frame interval."""
         if self.chi2_per_dof > UNLIKE:
             return Agreement.UNLIKE
         if self.at_edge or COVERAGE * self.sigma > self.frame_interval:
@@ -103,16 +105,16 @@ def synchronise(
 ) -> Synchronisation:
     """Lag between the cameras and a transducer that sits behind a mass on the flyer.
 
-    ``F = m a + F_s``, so ``x = (integral of (F - F_s)) / m`` twice. What the specimen holds against it,
-    F_s, is not known; for a short travel it is taken as ``Z v + k x`` plus a part that grows with a, and so
-    is the integrals' own response with free factors: the one of a counts as `gain`.
+    ``F = m a + F_s``, so ``x = (integral of (F - F_s)) / m`` twice. The force of the specimen, F_s, is not
+    known. For a short travel it is modelled as ``Z v + k x`` plus a part proportional to a, with free
+    factors; the factor of a is `gain`.
 
     ``motion``: the flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
     ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
     sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
     integration begins there. ``travel``: displacement up to which frames are used [m]; some 5 % of the
-    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``:
-    largest lag that is looked for, either way [s].
+    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``: largest lag in
+    the search, in either direction [s].
     """
     if not mass > 0.0:
         raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")

@@ -23,8 +23,8 @@ _ROLL_OFF = 0.2
 def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
     """The signal within a window, faded to zero by half-cosines outside.
 
-    ``signal``: the signal; samples inside the window stay what they are. ``window``: first and last time on
-    the shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window.
+    ``signal``: the signal; samples inside the window are not changed. ``window``: first and last time on the
+    shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window.
     """
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
@@ -66,8 +66,8 @@ def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
 def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float:
     """Mean square of a filter's response [-]: variance of noise after over before.
 
-    Noise of which `memory` samples carry the information of one is even up to that part of the band, and
-    nothing above.
+    Noise with a given `memory` (samples per independent one) is taken as white up to that part of the band,
+    and zero above.
     """
     weight = np.full(factor.size, 2.0)
     weight[0] = 1.0
@@ -78,24 +78,24 @@ def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float
 
 
 _LARGEST_GAIN = 10.0
-"""Amplification of a spectral component that propagation allows before it ends the band [-]."""
+"""Largest amplification of a spectral component; propagation ends the band where it is exceeded [-]."""
 _SLOPES = 1024
-"""Frequencies at which the delay of the slowest component is sought."""
+"""Number of frequencies in the search for the delay of the slowest component."""
 FEWEST_SAMPLES = 8
-"""A signal with fewer samples has no spectrum worth the name."""
+"""Fewest samples for a useful spectrum."""
 
 
 @dataclass(frozen=True)
 class Propagation:
-    """A signal at another place of the bar, and what the way has done to it."""
+    """A signal at another position of the bar, and the effects of propagation."""
 
     signal: Signal
-    """The signal there; its sigma is that of the samples' noise after the way."""
+    """The signal there; its sigma is that of the samples' noise after propagation."""
     band: float
-    """Frequency above which nothing is left [Hz]; inf if all was kept."""
+    """Frequency above which the signal was filtered out [Hz]; inf if all was kept."""
     energy: float
     """Sum of squares of the result over that of the signal (windowed, if there is a window) [-]: 1 in a bar
-    without loss, less what lies outside the result's times."""
+    without loss, minus the part outside the result's times."""
     noise_gain: float
     """Sigma of a sample after over before [-]."""
     largest_gain: float
@@ -120,20 +120,20 @@ def propagation(
     """Carry a wave's signal along a bar, Eq. (B.9).
 
     The result starts when the signal's start arrives at `waveguide.wave_speed`, so that only the difference
-    from a plain shift passes through the Fourier transform: in a bar without dispersion the samples stay
-    what they are, and their times are exact. Beyond its ends the signal fades out over padding that is longer
-    than the slowest component's delay, so that nothing wraps around.
+    from a plain shift passes through the Fourier transform: in a bar without dispersion the samples do not
+    change, and their times are exact. Beyond its ends the signal fades out over padding that is longer than
+    the slowest component's delay, so that nothing wraps around.
 
     ``signal``: one wave's signal (strain, force, velocity), free of other waves within `window` at least.
-    ``waveguide``: the bar. ``distance``: way along the wave's direction [m]; negative goes back to where the
-    wave came from. ``window``: first and last time that belong to the wave, on the shot's clock [s]; outside,
+    ``waveguide``: the bar. ``distance``: distance along the wave's direction [m]; negative: back toward the
+    wave's origin. ``window``: first and last time that belong to the wave, on the shot's clock [s]; outside,
     the signal fades to zero within a fiftieth of the window. ``band``: frequency at which a half-cosine edge,
     `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz]. ``start``: time of the result's first sample [s],
-    if it shall lie on a clock of its own; interpolated within the band of the sampling. ``samples``: length
+    if the result needs a different clock; interpolated within the band of the sampling. ``samples``: length
     of the result; without it, that of the signal. ``largest_gain``: amplification at which the band of a
     lossy bar ends when going back [-], > 1. Returns: with the band that was kept and the amplification of the
-    noise. Raises ValueError if an argument is outside its range, a sample is not finite, or the band leaves
-    nothing.
+    noise. Raises ValueError if an argument is outside its range, a sample is not finite, or the band is
+    empty.
     """
     _check(signal, distance, window, band, largest_gain)
     value = signal.value if window is None else windowed(signal, window).value
@@ -194,7 +194,7 @@ def _with_noise(
 
 
 def _largest_delay(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
-    """Samples by which the slowest component is later than the arrival, from the slope of the phase."""
+    """Delay of the slowest component after the arrival, in samples, from the slope of the phase."""
     omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), _SLOPES)
     late = waveguide.wavenumber(omega).real - omega / waveguide.wave_speed
     slowest = float(np.abs(np.diff(late) / np.diff(omega)).max()) * abs(distance)
@@ -202,7 +202,7 @@ def _largest_delay(waveguide: Waveguide, distance: float, step: float, limit: fl
 
 
 def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> FloatArray:
-    """A plain shift by a fraction of a sample, for the size of what dispersion adds."""
+    """A plain shift by a fraction of a sample, for comparison with the effect of dispersion."""
     omega = 2.0 * pi * rfftfreq(padded.size)
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
 
@@ -232,7 +232,7 @@ def _check(
 
 
 _SEARCH = 0.1
-"""The wave speed is sought within this share of the one that the bar is stated to have [-]."""
+"""The wave speed is searched within this share of the declared one [-]."""
 _POISSON_STEP = 0.01
 """Difference of Poisson's ratio over which sensitivities are taken [-]."""
 
@@ -246,13 +246,13 @@ class BarsTogether(ResultViews):
     wave_speed: float
     """Fitted c0 [m/s]."""
     gain: float
-    """Fitted ratio of the later to the earlier pulse, as it should be 1 (-1 after one free end) [-]."""
+    """Fitted ratio of the later to the earlier pulse [-]; ideally 1 (-1 after one free end)."""
     covariance: FloatArray
-    """Covariance of `wave_speed` and `gain`, shape [2, 2], from the residual's variance times the number of
-    samples over which it is alike, or from the noise of both gauges if that is more. Distance and Poisson's
-    ratio are not in it."""
+    """Covariance of `wave_speed` and `gain`, shape [2, 2], from the residual's variance times its correlation
+    length in samples, or from the noise of both gauges if that is larger. It does not include distance and
+    Poisson's ratio."""
     distance: float
-    """Way between the stations [m]; d(c0) / c0 = d(distance) / distance."""
+    """Distance between the stations [m]; d(c0) / c0 = d(distance) / distance."""
     time: FloatArray
     """Times of the residual on the shot's clock [s], shape [n]."""
     measured: FloatArray
@@ -268,9 +268,9 @@ class BarsTogether(ResultViews):
     plain_wave_speed: float
     """Speed of that plain shift [m/s]."""
     band: float
-    """Frequency up to which the earlier pulse stands above its noise and is used [Hz]; inf without noise."""
+    """Frequency up to which the earlier pulse exceeds its noise and is used [Hz]; inf without noise."""
     alike: float
-    """Samples over which residuals are alike: their integrated correlation [-], >= 1."""
+    """Correlation length of the residuals in samples: their integrated correlation [-], >= 1."""
     by_poisson: float
     """Change of the fitted c0 per unit of Poisson's ratio [m/s]."""
     rms_by_poisson: tuple[float, float]
@@ -296,8 +296,8 @@ def wave_speed(
 ) -> BarsTogether:
     """Fit c0 and the relative gain to a shot of the two bars without a specimen.
 
-    The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the way between
-    them, times the ratio of what the two channels show of the same strain.
+    The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the distance
+    between them, times the ratio of the two channels' gains.
 
     ``incident``, ``transmission``: the stations; bars of the same diameter, density, modulus and Poisson's
     ratio. ``incident_window``: first and last time of the pulse at the incident gauge [s]: as long as no
@@ -343,7 +343,8 @@ def _fit(
         raise ValueError(f"the later window holds {measured.size} samples, needs 20 or more")
     stated = bar.wave_speed
     peak = float(np.abs(measured).max())
-    # Noise of the first pulse above that would steepen the model's slopes and feign a better known speed.
+    # Noise of the first pulse above that frequency would steepen the model's slopes and make the uncertainty
+    # of the speed too small.
     band = _above_noise(windowed(first, first_window))
 
     def model(speed: float, poisson: float | None) -> FloatArray:
@@ -378,7 +379,8 @@ def _fit(
         )
         return float(found.x[0] * stated), float(found.x[1]), found.fun, found.jac
 
-    # The squares of a shifted pulse have one minimum only near it: the best of many shifts is the start.
+    # The sum of squares has a single minimum only near the right shift, so the best of many shifts is the
+    # start.
     trials = stated * np.linspace(1.0 - _SEARCH, 1.0 + _SEARCH, 81)
     overlap = [_cosine(model(float(speed), None), measured) for speed in trials]
     best = int(np.argmax(overlap))

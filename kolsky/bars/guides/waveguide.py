@@ -94,9 +94,10 @@ def _check_poisson(poisson: float) -> None:
 TABLE_ERROR = 1e-9
 """Largest relative error of a table's wavenumber [-], measured between its knots."""
 FIRST_TABLE = 8.0
-"""omega a / c0 up to which a table reaches at first; it is doubled until it holds what is asked for."""
+"""omega a / c0 up to which a table reaches at first; it is doubled until it covers the required
+frequencies."""
 _SCAN = 400
-"""Phase velocities at which a bracket of the slowest root is sought."""
+"""Number of phase velocities in the search for a bracket of the slowest root."""
 
 
 def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermiteSpline:
@@ -168,7 +169,7 @@ def _refined(
         found, slope = solve(middles)
         error = np.abs(CubicHermiteSpline(knots, values, slopes)(middles) / found - 1.0)
         places = np.flatnonzero(open_) + 1
-        # The error falls with the fourth power: halves of what is already good need no look.
+        # The error falls with the fourth power: halves of accurate intervals need no check.
         again = (error > TABLE_ERROR) & (middles - knots[places - 1] > 1e-7)
         knots, values = np.insert(knots, places, middles), np.insert(values, places, found)
         slopes = np.insert(slopes, places, slope)
@@ -328,7 +329,7 @@ def _polished(k: Array, w: Array, poisson: float) -> Array:
 
 
 _SURFACE_BAND = 2.0
-"""omega a / c0 up to which a gauge on the surface can stand for the section."""
+"""omega a / c0 up to which a gauge on the surface represents the section."""
 
 
 class Waveguide(Protocol):
@@ -336,7 +337,7 @@ class Waveguide(Protocol):
 
     @property
     def wave_speed(self) -> float:
-        """Speed by which arrivals are told [m/s]: dispersion is what differs from a shift at this speed."""
+        """Speed used for arrival times [m/s]: dispersion is the difference from a shift at this speed."""
 
     @property
     def largest_frequency(self) -> float:
@@ -346,7 +347,7 @@ class Waveguide(Protocol):
         """Wavenumber k [rad/m] at angular frequencies omega [rad/s], real or with a small imaginary part."""
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """Force through the section per strain that a gauge shows [N]."""
+        """Force through the section per strain of a gauge [N]."""
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Force through the section per mean particle velocity of one wave [N s/m]."""
@@ -359,9 +360,9 @@ class ElasticWaveguide:
     Raises ValueError if a property of the bar is outside its range.
 
     ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: whether the bar's own
-    Poisson's ratio makes it disperse; without, every wave travels at c0. ``surface``: whether a gauge on the
-    surface shows another strain than the section's mean (M1 of Tyas and Watson). The band then ends at omega
-    a / c0 = `SURFACE_BAND`.
+    Poisson's ratio makes it disperse; if False, every wave travels at c0. ``surface``: whether the strain of
+    a gauge on the surface differs from the section's mean (M1 of Tyas and Watson). The band then ends at
+    omega a / c0 = `SURFACE_BAND`.
     """
 
     bar: Bar
@@ -417,7 +418,7 @@ def area(bar: Bar) -> float:
 
 
 def check_bar(bar: Bar) -> None:
-    """Refuse a bar whose waves cannot be computed."""
+    """Raise ValueError for a bar whose waves cannot be computed."""
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)
         if not (isfinite(value) and value > 0.0):
@@ -474,7 +475,7 @@ class PronyModulus:
 
     @property
     def instantaneous(self) -> float:
-        """Modulus at infinite frequency [Pa]: what the fastest wave feels."""
+        """Modulus at infinite frequency [Pa], which determines the fastest wave."""
         return self.long_term + sum(self.moduli)
 
 

@@ -42,15 +42,15 @@ from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray
 
 LARGEST_BEND = 1.0
-"""Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a
-wave speed shifts are nonlinear; `quoted_values.remarks` names the values that suffer from it."""
+"""Largest disagreement of the budget's two steps, in combined standard uncertainties. A wave speed shifts
+steep fronts, which is nonlinear; `quoted_values.remarks` names the affected values."""
 Progress = Callable[[str, int, int], None]
 
 
 def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total: None) -> WavesResult:
-    """Reduce a classical test, with every correction listed and every uncertainty carried.
+    """Reduce a classical test, with a list of all corrections and full propagation of uncertainty.
 
-    Raises ValueError if the signals hold no such test: see the parts in `kolsky.bars`.
+    Raises ValueError if the signals do not contain such a test: see the parts in `kolsky.bars`.
     """
     progress("waves", 0, 3)
     tension = given.load == "tension"
@@ -122,7 +122,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
 
 
 def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
-    """Windows given by hand, from travel times or, with two stations on a bar, for overlapping pulses."""
+    """Windows from the shot file, from travel times or, with two stations on a bar, for overlapping
+    pulses.
+    """
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     if not given.switches[FREE_END]:
@@ -134,13 +136,13 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
 
 
 def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
-    """The remark on a soft specimen of which hardly a curve can be read."""
+    """The remark on a soft specimen with hardly any valid part of the curve."""
     heavy = acts["radial inertia"].startswith("on: the specimen is soft")
     return (f"validity of the curve: {valid.sentence}",) if heavy and valid.nearly_empty else ()
 
 
 def _left_out(given: WavesInput) -> dict[str, str]:
-    """Why a correction that has no entry has no part in a test between bars."""
+    """Reason why a correction without an entry does not apply to a test between bars."""
     return {
         "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
         FREE_END: "off by default: the windows end before an echo from a far end",
@@ -173,7 +175,7 @@ def _aligned(
     carried: FaceWaves,
     found: tuple[Mapping[str, Alignment], Mapping[str, str]],
 ) -> VariedTest:
-    """The test with the alignments that are switched on; each is listed with what it changes."""
+    """The test with the alignments that are switched on; each is listed with its effect."""
     possible, missing = found
     both = replace(varied, aligned=possible).carried({}, dispersive=True)
     for wave, alignment in possible.items():
@@ -212,7 +214,7 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
 def _budget_with_means(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> tuple[Budget, Summary]:
-    """The budget; means that jump within the inputs' uncertainty are not quoted."""
+    """The budget; means that jump within the inputs' uncertainty are not reported."""
     try:
         return _budget(varied, best, reduction, summary), summary
     except ValueError as error:
@@ -228,7 +230,7 @@ def _budget_with_means(
 def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
-    """Uncertainties of all histories and quoted numbers."""
+    """Uncertainties of all histories and reported results."""
     quantities = budget_quantities(varied.given, best)
     quantities += [alignment.quantity for alignment in varied.aligned.values()]
     quantities += quoted.span_quantities(summary)

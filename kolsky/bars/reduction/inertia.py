@@ -87,17 +87,17 @@ def axial_stress(
 
     A homogeneous compression e of a specimen of length L whose back face accelerates by a_b gives the
     material at the height Y above that face the acceleration ``a_b + e'' Y``; the force there is the back
-    one plus the momentum of what lies between. Its mean over Y is the back stress plus
-    ``rho L (a_b / 2 + L e'' / 6)``; at the front face it is ``rho L (a_b + L e'' / 2)`` above. With the
-    first-order radial term this is the correction of E. D. H. Davies, S. C. Hunter, J. Mech. Phys. Solids 11
-    (1963) 155; D. A. Gorham, J. Phys. D 22 (1989) 1888 has the convective ones.
+    force plus the rate of momentum of the material between. Its mean over Y is the back stress plus ``rho L
+    (a_b / 2 + L e'' / 6)``; at the front face it is ``rho L (a_b + L e'' / 2)`` above. With the first-order
+    radial term this is the correction of E. D. H. Davies, S. C. Hunter, J. Mech. Phys. Solids 11 (1963) 155;
+    D. A. Gorham, J. Phys. D 22 (1989) 1888 has the convective ones.
     """
     e2, a = np.asarray(second, dtype=np.float64), np.asarray(back_acceleration, dtype=np.float64)
     return np.asarray(density * length * (a / 2.0 + length * e2 / 6.0))
 
 
 def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) -> dict[str, FloatArray]:
-    """Mean nominal stress along a specimen less what each analysis has for it, from axial inertia [Pa].
+    """Mean nominal stress along a specimen minus the stress of each analysis, from axial inertia [Pa].
 
     One wave has the stress at the back face, two waves that at the front, three waves the mean of both. With
     `axial_stress` s and the front stress ``rho L (a_b + L e'' / 2)`` above the back one, they lack s,
@@ -139,7 +139,7 @@ def correct_axial_inertia(
 
 
 def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, reason: str) -> Correction:
-    """The audit log's entry of a change over all samples, applied or not."""
+    """The audit log's entry for a change over all samples, applied or not."""
     return Correction(
         name=name,
         key=key,
@@ -152,7 +152,7 @@ def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, rea
 
 
 def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
-    """Refuse histories that have not one value at each of the times of an array."""
+    """Raise ValueError for histories without exactly one value at each time."""
     for history in histories:
         if history.value.shape != like.shape or history.sigma.shape != like.shape:
             raise ValueError(
@@ -162,7 +162,7 @@ def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
 
 
 WAY = "three waves"
-"""The analysis whose motion is taken."""
+"""The analysis whose motion is used."""
 KEYS = ("radial inertia", "axial inertia")
 """Switches of the corrections."""
 
@@ -215,7 +215,7 @@ def inertial_share(reduction: Reduction, specimen: Specimen, bars: Mapping[str, 
 
 
 def inertial_stress(reduction: Reduction, specimen: Specimen, motion: SpecimenMotion) -> FloatArray:
-    """What radial and axial inertia add to the nominal stress by three waves [Pa], shape [n]."""
+    """Contribution of radial and axial inertia to the nominal stress by three waves [Pa], shape [n]."""
     stress = reduction.stress[WAY]
     plain, _ = correct_radial_inertia(stress, reduction.strain[WAY], motion.rate, motion.second, specimen)
     axial = axial_by_analysis(motion.second.value, specimen, motion.back.value)[WAY]
@@ -225,11 +225,12 @@ def inertial_stress(reduction: Reduction, specimen: Specimen, motion: SpecimenMo
 def corrections_that_act(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], switches: Switches, *, share: float
 ) -> dict[str, str]:
-    """Which of `KEYS` are applied: key -> why. What is not stated is on for a soft specimen.
+    """Which of `KEYS` are applied: key -> reason. A switch that is not given is on for a soft specimen.
 
     ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
-    ``bars``: the bars by side. ``share``: share of the stress from which on inertia counts [-]; a specimen
-    that reaches it is soft. Returns: an entry for each key of `KEYS`; the reason begins with "on" or "off".
+    ``bars``: the bars by side. ``share``: share of the stress above which inertia is significant [-]; a
+    specimen that reaches it counts as soft. Returns: an entry for each key of `KEYS`; the reason begins with
+    "on" or "off".
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -247,10 +248,10 @@ def corrections_that_act(
 def correct_inertia(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], acts: Mapping[str, str]
 ) -> tuple[Reduction, tuple[Correction, ...]]:
-    """The stresses without the inertia of the specimen, where that is asked for.
+    """The stresses corrected for the inertia of the specimen, where the switches are on.
 
-    ``specimen``: the specimen before the test; its density counts here. ``bars``: the bars by side. Returns:
-    both entries of the log, applied or not; their sizes are those of the stress by three waves.
+    ``specimen``: the specimen before the test; its density is used. ``bars``: the bars by side. Returns: both
+    entries of the log, applied or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -336,8 +337,8 @@ def compensate_mass(
     ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
     [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
     mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
-    acceleration's clock against the force's [s]. ``apply``: False leaves the force as it is; the correction
-    is measured all the same. ``source``: where the acceleration is from, for the audit log.
+    acceleration's clock against the force's [s]. ``apply``: False leaves the force unchanged; the correction
+    is still measured. ``source``: source of the acceleration, for the audit log.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

@@ -154,7 +154,7 @@ def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
 
 
 def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
-    """Way of analysis, "" for what all share, name and values of every history."""
+    """Method of analysis ("" for histories common to all), name and values of every history."""
     for way in WAYS:
         if way in r.strain:
             yield from ((way, name, getattr(r, name)[way]) for name in ("strain", "rate", "stress"))
@@ -163,7 +163,7 @@ def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
 
 
 def _tables(entry: OpenGroup, result: ReducedTest) -> None:
-    """Corrections, budget, facts, inputs, settings, remarks; a unit of each row is a column of its own."""
+    """Corrections, budget, facts, inputs, settings, remarks; the unit of each row is in a separate column."""
     log, rows = group(entry, "corrections"), result.corrections
     for name in ("name", "key", "unit", "reason"):
         _text(log, name, [getattr(c, name) for c in rows])
@@ -235,7 +235,7 @@ def _test_summary(result: ReducedTest) -> dict[str, Any]:
             "valid": None if result.valid is None else list(result.valid),
             "validity": result.validity,
         }
-    assert isinstance(result, FlyerResult)  # there is no third kind
+    assert isinstance(result, FlyerResult)  # there are only these two kinds
     keys = ("name", "time", "sigma", "how")
     return {
         "events": [dict(zip(keys, event, strict=True)) for event in result.events],
@@ -356,5 +356,5 @@ def _inside(time: FloatArray, span: tuple[float, float] | None) -> FloatArray:
 
 
 def _one_line(text: str) -> str:
-    """A text as one line that no spreadsheet takes for a formula."""
+    """A text as one line that a spreadsheet does not interpret as a formula."""
     return text_cell(" ".join(text.split()))

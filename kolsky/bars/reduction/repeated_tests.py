@@ -1,4 +1,5 @@
-"""Repeated tests on one axis: mean, scatter, confidence band (Type A), and what all tests share."""
+"""Repeated tests on one axis: mean, scatter, confidence band (Type A), and uncertainty common to all
+tests."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,12 +23,12 @@ class Curve:
     value: FloatArray
     """The quantity, shape [n]."""
     sigma: FloatArray | None = None
-    """Standard uncertainty from what is independent from test to test, its noise for one; None if unknown."""
+    """Standard uncertainty that is independent from test to test, e.g. from noise; None if unknown."""
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """Mean of tests with the uncertainty that their scatter gives it."""
+    """Mean of tests with its uncertainty from their scatter."""
 
     axis: FloatArray
     """Common axis, shape [n]."""
@@ -38,8 +39,8 @@ class Repeats:
     scatter: FloatArray
     """Experimental standard deviation between tests, n - 1, Eq. (U.14), shape [n]."""
     within: FloatArray | None
-    """Root mean square of the tests' own sigmas, shape [n]; None if one is unknown. Where the scatter is no
-    larger, the tests differ by no more than their noise."""
+    """Root mean square of the tests' own sigmas, shape [n]; None if one is unknown. If the scatter is not
+    larger, the tests differ only by their noise."""
     remarks: tuple[str, ...]
     """Parts that were cut off, in words."""
 
@@ -59,7 +60,8 @@ class Repeats:
         return self.scatter / np.sqrt(self.count)
 
     def combined(self, shared: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Standard uncertainty of the mean with what all tests share, and its degrees of freedom.
+        """Standard uncertainty of the mean, including the part common to all tests, and its degrees of
+        freedom.
 
         ``shared``: standard uncertainty from what does not differ between the tests: moduli, gauge factors,
         ..., shape [n]. It is not reduced by repeating and its degrees of freedom count as infinite. Returns:
@@ -85,14 +87,14 @@ class Repeats:
 
 
 def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
-    """Mean and scatter of repeated tests over the range that all of them have.
+    """Mean and scatter of repeated tests over their common range.
 
-    Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; what lies
-    outside is cut off, and a remark says so.
+    Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; parts
+    outside are cut off and reported in a remark.
 
-    ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default as many
-    as the test with the fewest has there. Raises ValueError if there are fewer than two tests, an axis does
-    not increase, lengths differ, a value is not finite, or the tests have no range in common.
+    ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default the
+    smallest number of points of any test in that range. Raises ValueError if there are fewer than two tests,
+    an axis does not increase, lengths differ, a value is not finite, or the tests have no range in common.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
@@ -146,19 +148,19 @@ def _check(curve: Curve) -> None:
 
 
 WAY = "three waves"
-"""The analysis that is averaged."""
+"""The analysis used for the average."""
 
 
 @dataclass(frozen=True)
 class RepeatedTests(ResultViews):
-    """The mean of repeated tests, its scatter, and what the tests have in common."""
+    """The mean of repeated tests, its scatter, and the uncertainty common to the tests."""
 
     unit: str
     """Unit of the stress."""
     repeats: Repeats
     """Mean, scatter and single tests on the common axis."""
     shared: FloatArray
-    """Standard uncertainty that repeating does not lower, shape [n]."""
+    """Standard uncertainty that repeated tests do not reduce, shape [n]."""
 
     def history(self) -> History:
         """The mean with its combined standard uncertainty, Eq. (U.16)."""
@@ -172,10 +174,9 @@ class RepeatedTests(ResultViews):
 def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
     """Average the nominal stress of several tests over their strain.
 
-    Only the loading counts, the longest stretch of each test in which its strain increases; a remark says
-    from where to where. The standard uncertainties of the single tests, which all rest on the same bars,
-    gauges and instruments, are taken as shared, their noise with them: where it matters, the band is on the
-    safe side by it.
+    Only the loading is used, the longest part of each test with increasing strain; a remark gives its ends.
+    The tests use the same bars, gauges and instruments. Their standard uncertainties, noise included, are
+    therefore taken as common to all, which makes the band slightly too wide.
 
     ``reductions``: reductions by the names of the tests, with their full bands
     (`kolsky.bars.reduction.analyse`). Raises ValueError as `average`.
@@ -197,7 +198,7 @@ def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
             values=found.values,
             mean=found.mean,
             scatter=found.scatter,
-            within=None,  # it is what is shared here, not what differs from test to test
+            within=None,  # the uncertainty is common here and does not differ between tests
             remarks=(*remarks, *found.remarks),
         ),
         shared=found.within,

@@ -26,9 +26,9 @@ from kolsky.base.arrays import ComplexArray, FloatArray
 from kolsky.base.records import Recording
 
 BAND = 2.0
-"""omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""
+"""omega a / c0 up to which waves are kept under dispersion: a second mode propagates above about 2.3."""
 _GUARD = 256
-"""Samples on either side of a window that take part in an interpolation."""
+"""Samples on either side of a window that are used in an interpolation."""
 
 
 def face_waves(
@@ -50,15 +50,15 @@ def face_waves(
     energy nor its noise.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock, with equal sampling
-    intervals. ``windows``: where the waves lie at the gauges. The shortest decides how long the result is.
-    ``guides``: the incident and the transmission bar as waveguides; None leaves dispersion out. ``band``:
-    frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars:
-    above, a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
-    ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the
-    result. The beginning of the incident window if it is left out. ``delays``: times by which the reflected
-    and the transmitted wave are later at their gauges than travel times say [s]: for waves that are aligned
-    by their arrivals. ``apart``: the incident, reflected and transmitted wave each by itself at its gauge,
-    where they were distinguished; the windows then only say which stretch is wanted.
+    intervals. ``windows``: time windows of the waves at the gauges. The shortest determines the length of the
+    result. ``guides``: the incident and the transmission bar as waveguides; None neglects dispersion.
+    ``band``: frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of
+    the bars: above it, a gauge measures several modes at once, and noise would be propagated like a wave of
+    the first mode. ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is
+    time 0 of the result. The beginning of the incident window if it is left out. ``delays``: delays of the
+    reflected and the transmitted wave at their gauges relative to the travel times [s]: for waves that are
+    aligned by their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their
+    gauges, if available; the windows then only select the part to use.
     """
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
@@ -108,10 +108,10 @@ def face_waves(
 def _widened(
     pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
 ) -> tuple[tuple[float, float], ...]:
-    """Windows extended as long as the gauge shows the same wave alone, or rest before it.
+    """Windows extended over the time in which the gauge measures only this wave, or the rest before it.
 
-    A wave that is cut off while it still presses has an edge there, and what is fast in an edge is carried
-    into the window by dispersion. The fade of a tenth beyond the window must not touch the next wave.
+    If a wave is cut off before it has ended, the cut is an edge, and dispersion carries the edge's high
+    frequencies into the window. The fade of a tenth beyond the window must not overlap the next wave.
     """
     before = (incident.strain.start, pairs[1][0], transmission.strain.start)
     widened = []
@@ -186,8 +186,8 @@ LEAST = 50
 def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> tuple[Recording, ...]:
     """Recordings of one station over the time that all of them cover, at the times of the first.
 
-    Recordings of one time base stay as they are. Another recorder's samples are taken between its own where
-    they fall between them, as of a band-limited signal, which changes neither its energy nor its noise.
+    Recordings with the same time base are not changed. Those of another recorder are interpolated as
+    band-limited signals, which changes neither energy nor noise.
 
     ``recordings``: one for each channel, each on its recorder's clock. ``offsets``: shot's clock minus
     recorder's clock of each [s]. Raises ValueError if the intervals differ, or the recordings have hardly a
@@ -230,7 +230,7 @@ PADDING = 4
 _WRAPPED = 1e-7
 """Remainder of a wave that wraps around the transform, under the exponential window [-]."""
 LARGEST_CONDITION = 1e6
-"""Ratio of singular values of the gauges' matrix beyond which two stations are one."""
+"""Ratio of singular values of the gauges' matrix above which two stations count as one."""
 
 
 @dataclass(frozen=True)
@@ -238,8 +238,8 @@ class SeparatedWaves:
     """The waves at the specimen's face of one bar, and the face's force and velocity with them."""
 
     time: FloatArray
-    """Times at the face on the shot's clock [s], shape [n]; they end when a gauge has not yet seen a wave
-    that is there."""
+    """Times at the face on the shot's clock [s], shape [n]; they end when a wave at the face has not yet
+    reached a gauge."""
     toward: History
     """Strain of the wave toward the specimen, compression positive [-]."""
     away: History
@@ -249,12 +249,12 @@ class SeparatedWaves:
     velocity: History
     """Velocity of the face toward the specimen [m/s]."""
     misfit: tuple[float, ...]
-    """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-];
-    0 within round-off with two gauges, which the waves fit whatever they are, about 1 with more."""
+    """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-]; 0
+    within round-off with two gauges, which two waves always fit exactly; about 1 with more."""
     singular: FloatArray
-    """Frequencies at which the gauges see the two waves alike [Hz]: zero, and with two gauges all at which
-    half-waves fit between them. Noise there grows with the square root of time: only the quiet start tells
-    the waves apart."""
+    """Frequencies at which the gauges cannot distinguish the two waves [Hz]: zero, and with two gauges all at
+    which half-waves fit between them. Noise there grows with the square root of time, because only the quiet
+    start separates the waves."""
     noise_gain: float
     """Largest sigma of `toward` and `away` over that of the quietest gauge [-]."""
 
@@ -270,19 +270,19 @@ def separate(
 
     Both waves must be absent when the records begin. This quiet start is used through an exponential window:
     the equations are solved at frequencies with a small negative imaginary part, where no frequency is
-    singular, and the window is taken off in the end. For two gauges the result is that of the iteration in
-    time (each wave from what the other was one travel time before) and depends on no constant.
+    singular, and the window is removed at the end. For two gauges the result equals that of the iteration in
+    time (each wave from the other, one travel time earlier) and depends on no constant.
 
     ``gauges``: stations of one bar with the same sampling; their records may start at different times.
     ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:
-    last time at the face that is wanted [s]. Returns: with sigmas that grow in time. Raises ValueError if
-    there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
+    last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if there are fewer
+    than two stations, two share a place, records differ in sampling or do not overlap.
     """
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]
     far, near = float(position.max()), float(position.min())
-    # Two gauges: the wave back is known from the near one; more: every record has a say.
+    # Two gauges: the returning wave is known from the near one. More gauges: every record contributes.
     known = begin + interval * (n - 1) - (near if len(gauges) == 2 else far) / waveguide.wave_speed
     last = known if end is None else min(end, known)
     if last <= begin:
@@ -375,7 +375,7 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
 
 
 def _from(gauge: BarSignal, begin: float, n: int) -> FloatArray:
-    """A gauge's strain from a time on, shifted by a fraction of a sample where its clock asks for it."""
+    """A gauge's strain from a given time, shifted by a fraction of a sample if its clock requires it."""
     signal = gauge.strain
     offset = (begin - signal.start) / signal.interval
     whole = round(offset)
@@ -435,7 +435,7 @@ def overlapping_windows(
 
     ``incident``, ``far``: the two stations of the incident bar, the first one nearer to the specimen.
     ``tension``: whether the incident pulse is one of tension. Raises ValueError if `far` is not farther from
-    the specimen, there is no pulse, or nothing of the records is left.
+    the specimen, there is no pulse, or no part of the records remains.
     """
     if far.position <= incident.position:
         raise ValueError(
@@ -465,7 +465,7 @@ def overlapping_windows(
 def separated(
     faces: FaceWaves, incident: BarSignal, far: BarSignal, guide: Waveguide, log: AuditLog
 ) -> FaceWaves:
-    """The incident and the reflected wave by both stations instead of by windows.
+    """The incident and the reflected wave, separated by both stations instead of by windows.
 
     ``faces``: the waves by windows, which overlap: gives the clock and the transmitted wave. Raises
     ValueError as `kolsky.bars.reduction.separation.separate`.
@@ -507,10 +507,10 @@ KEY = "free end"
 
 @dataclass(frozen=True)
 class FreeEnds:
-    """Echoes from the far ends of both bars are taken off."""
+    """Subtraction of echoes from the far ends of both bars."""
 
     reflected: float
-    """Time at the incident gauge when the incident pulse is over and the reflected one not yet there [s]."""
+    """Time at the incident gauge after the incident pulse and before the reflected one [s]."""
 
     def apart(
         self, incident: BarSignal, transmission: BarSignal, guides: tuple[Waveguide, Waveguide], band: float
@@ -541,7 +541,7 @@ def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
 
 
 def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal:
-    """The wave that goes to the free end, from the strain at a station that sees its echoes too."""
+    """The wave that travels to the free end, from the strain at a station that also measures its echoes."""
     strain, way = station.strain, 2.0 * (station.bar.length - station.position)
     passes = ceil((strain.end - strain.start) * guide.wave_speed / way)
     out = strain
@@ -566,9 +566,9 @@ def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit
 
 
 def check_length(windows: Windows, limits: tuple[Limit, Limit]) -> None:
-    """Refuse windows that last until an echo is back at the specimen.
+    """Raise ValueError for windows that last until an echo is back at the specimen.
 
-    Raises ValueError: with the wave and the time.
+    The message names the wave and the time.
     """
     length = max(last - first for first, last in (windows.incident, windows.reflected, windows.transmitted))
     end = min(limits, key=lambda limit: limit.time)

@@ -31,7 +31,7 @@ Weights = tuple[Factor, Factor, Factor]
 
 
 class BarWaves:
-    """The three waves and what the bars make of a strain: force and velocity.
+    """The three waves, and the bars' conversion of strain to force and velocity.
 
     ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None
     takes constants, E A and rho c0 A.
@@ -58,7 +58,7 @@ class BarWaves:
             return
         n = faces.time.size
         self._fade = max(64, n // 4)
-        # What a viscoelastic bar remembers dies away over the padding instead of coming round.
+        # The memory of a viscoelastic bar decays over the padding instead of wrapping around.
         self._length = next_fast_len(6 * n + 2 * self._fade, real=True)
         frequency = rfftfreq(self._length, float(faces.time[1] - faces.time[0]))
         limit = min(guide.largest_frequency for guide in guides)
@@ -67,7 +67,7 @@ class BarWaves:
         self._edge = np.zeros(frequency.size)
         self._edge[kept] = edge_filter(frequency[kept], limit)
 
-        heard = frequency <= min(limit, faces.band)  # where the waves have noise at all
+        heard = frequency <= min(limit, faces.band)  # frequencies at which the waves have noise
         self._heard = np.zeros(frequency.size)
         self._heard[heard] = edge_filter(frequency[heard], min(limit, faces.band))
 
@@ -96,7 +96,9 @@ class BarWaves:
         return History(value, np.full(n, float(np.linalg.norm(noise))), unit)
 
     def slow_sigma(self, weights: Weights) -> float:
-        """Sigma of white noise as strong as the sum's at low frequencies, which an integral collects."""
+        """Sigma of white noise with the sum's level at low frequencies, which determines the noise of an
+        integral.
+        """
         gains = np.array([abs(np.ravel(weight)[0]) for weight in weights])
         return float(np.linalg.norm(gains * self._white))
 
@@ -106,7 +108,7 @@ class BarWaves:
 
 
 def noise_correlation(faces: FaceWaves) -> float:
-    """Samples for each independent one in the waves' noise [-]: 1 if white, more where a band was cut."""
+    """Samples for each independent one in the waves' noise [-]: 1 if white, more after filtering."""
     if faces.white is None:
         return 1.0
     return max(
@@ -130,19 +132,19 @@ def reduce(
 ) -> Reduction:
     """Reduce the waves at the faces to the specimen's nominal strain, rate and stress.
 
-    With compression positive the faces move with v1 = c1 (e_i - e_r) and v2 = c2 e_t and carry the forces
-    F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and
-    the mean force. Equilibrium, F1 = F2, makes one wave superfluous: two waves are the incident and the
-    transmitted one, with the force F1; one wave is the reflected, with the force F2. If the bars' impedances
-    differ, "one wave" needs a share of the transmitted one too, Eqs. (R.7) to (R.9). In tension all of it
-    holds with negative strains.
+    With compression positive the faces move with v1 = c1 (e_i - e_r) and v2 = c2 e_t and carry the forces F1
+    = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and the
+    mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the transmitted
+    one, with the force F1. One wave: the reflected one, with the force F2. If the bars' impedances differ,
+    "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension the same equations
+    hold with negative strains.
 
-    Each sigma is that of the gauges' noise alone, white and independent, carried exactly through the linear
+    Each sigma contains only the gauges' noise, white and independent, propagated exactly through the linear
     combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the transmission bar as
     waveguides: their stiffness and impedance then hold at each frequency, as a viscoelastic bar needs; None
     takes E A and rho c0 A throughout. ``allowance``: |R| up to which it counts as in equilibrium [-].
-    ``average``: time over which the forces are averaged for R [s]; without it the time a wave needs to cross
-    the diameter of the thicker bar.
+    ``average``: time over which the forces are averaged for R [s]; if left out, the time of a wave across the
+    diameter of the thicker bar.
     """
     _check(faces, specimen)
     bars = BarWaves(faces, guides)
@@ -164,7 +166,7 @@ def reduce(
     both = (faces.incident_bar, faces.transmission_bar)
     time = average if average is not None else max(bar.diameter / bar.wave_speed for bar in both)
     width = max(1, round(time / step))
-    # Noise that lies below a band is averaged less than white noise: from its level at low frequencies.
+    # Band-limited noise is averaged less than white noise: its level at low frequencies is used.
     loud = (bars.slow_sigma((k1, k1, 0.0)), bars.slow_sigma((0.0, 0.0, k2)))
     noise = [min(s, width**0.5 * float(f.sigma[0])) for s, f in zip(loud, (front, back), strict=True)]
     ratio = imbalance(front.value, back.value, *noise, width=width)
@@ -185,9 +187,9 @@ def reduce(
 def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
     """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
 
-    ``history``: a rate. ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise as
-    strong as the rate's at low frequencies, where it differs from the rate's own. Returns: starts at 0;
-    sigma_k = step sigma sqrt(k - 1/2) after k steps.
+    ``history``: a rate. ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with
+    the rate's level at low frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k =
+    step sigma sqrt(k - 1/2) after k steps.
     """
     value = history.value
     total = np.concatenate([[0.0], np.cumsum(0.5 * step * (value[1:] + value[:-1]))])
@@ -208,8 +210,8 @@ def hencky_strain(strain: History) -> History:
 def cauchy_stress(stress: History, strain: History) -> History:
     """True stress of a specimen that keeps its volume, compression positive: s (1 - e), Eq. (R.14).
 
-    A compressed specimen is wider, so that its true stress is smaller than the nominal one; a stretched one
-    is thinner. Barrelling and necking are not seen. The sigma takes the two noises as independent.
+    A compressed specimen is wider, so its true stress is smaller than the nominal one; a stretched one is
+    thinner. Barrelling and necking are not considered. The sigma assumes that the two noises are independent.
     """
     left = _stretch(strain)
     sigma = np.sqrt((left * stress.sigma) ** 2 + (stress.value * strain.sigma) ** 2)
@@ -254,7 +256,7 @@ def _check(faces: FaceWaves, specimen: Specimen) -> None:
 
 
 _HALF_SPACE = 16.0 / (3.0 * pi**2)
-"""Mean sinking under an even pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""
+"""Mean indentation under a uniform pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""
 
 _RATIO = np.array([0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 # Static finite elements of a half-infinite bar with a free side, nu = 0.29, extrapolated over three meshes;
@@ -266,11 +268,11 @@ _share = PchipInterpolator(_RATIO, _SHARE)
 
 
 def punching_compliance(bar: Bar, radius: float) -> float:
-    """Mean sinking of a bar's face below that of one-dimensional theory, per force [m/N].
+    """Mean indentation of a bar's face relative to one-dimensional theory, per force [m/N].
 
-    Eq. (R.15): (16 / (3 pi^2)) (1 - nu^2) / (E a) times the share f(a/b) that the bar's finite radius b
-    leaves; f(0) = 1 and f(1) = 0. The pressure is even over the circle of radius a, as under a specimen much
-    softer than the bar; under a rigid one the mean is 8 % smaller.
+    Eq. (R.15): (16 / (3 pi^2)) (1 - nu^2) / (E a) times the factor f(a/b) for the bar's finite radius b; f(0)
+    = 1 and f(1) = 0. The pressure is uniform over the circle of radius a, as under a specimen much softer
+    than the bar; under a rigid one the mean is 8 % smaller.
     """
     ratio = radius / (0.5 * bar.diameter)
     if not 0.0 < ratio <= 1.0 + 1e-9:
@@ -289,16 +291,16 @@ def correct_punching(
     *,
     apply: bool = True,
 ) -> tuple[Reduction, Correction]:
-    """Take the sinking of both faces from the specimen's shortening.
+    """Subtract the indentation of both faces from the specimen's shortening.
 
-    Eq. (R.16): e - (C1 F1 + C2 F2) / L, with the forces that the analysis has: F2 twice for one wave, F1
-    twice for two, both for three. The rate loses the difference quotient of the same over the time that a
-    wave needs to cross the bar's diameter; below that time the sinking is no quasi-static one. Velocities of
-    the faces stay what one-dimensional theory says.
+    Eq. (R.16): e - (C1 F1 + C2 F2) / L, with the forces of the analysis: F2 twice for one wave, F1 twice for
+    two, both for three. From the rate, the difference quotient of the same term is subtracted, over the time
+    of a wave across the bar's diameter; over shorter times the indentation is not quasi-static. The
+    velocities of the faces remain those of one-dimensional theory.
 
     ``reduction``: the reduction. ``specimen``: the specimen before the test. ``incident_bar``,
-    ``transmission_bar``: the bars. ``apply``: False returns the reduction as it is, with the correction it
-    would have had. Returns: the correction's sizes are changes of the nominal strain by three waves.
+    ``transmission_bar``: the bars. ``apply``: False returns the reduction unchanged, with the correction that
+    would have been applied. Returns: the correction's sizes are changes of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

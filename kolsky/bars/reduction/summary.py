@@ -1,6 +1,6 @@
-"""Values by which a test is quoted, with their budget, facts of the recording, and remarks with their cures.
+"""Reported results of a test with their budget, facts of the recording, and remarks with remedies.
 
-Means hold over a plateau, a modulus in equilibrium only.
+Means are taken over a plateau; a modulus only in equilibrium.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,7 +33,7 @@ from kolsky.base.arrays import FloatArray
 RISING_SHARE = 0.5
 """Share of the largest stress up to which a loading modulus is fitted."""
 FEWEST_SAMPLES = 10
-"""Samples that a loading modulus takes."""
+"""Fewest samples for a loading modulus."""
 
 
 @dataclass(frozen=True)
@@ -49,20 +49,20 @@ class EnergyBalance:
     absorbed: float
     """Incident less reflected less transmitted: work of both faces on the specimen [J]."""
     deformation: float
-    """Volume times the integral of stress over strain, by three waves [J]; what is missing to `absorbed` is
-    the work of the force's imbalance on the specimen's motion as a whole."""
+    """Volume times the integral of stress over strain, by three waves [J]. The difference from `absorbed` is
+    the work of the force imbalance on the rigid motion of the specimen."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Numbers of one test by one analysis; compression positive, sigmas from the gauges' noise alone."""
+    """Results of one test by one analysis; compression positive, sigmas only from the gauges' noise."""
 
     analysis: str
     """The analysis: "one wave", "two waves" or "three waves"."""
     maximum_strain: Quantity
     """Nominal strain of largest magnitude, with its sign [-]."""
     plateau: Plateau
-    """Span that the means are taken over, or why there is none."""
+    """Time span of the means, or the reason why there is none."""
     mean_stress: Quantity | None
     """Mean nominal stress over the plateau [Pa]; None without one."""
     mean_rate: Quantity | None
@@ -70,9 +70,9 @@ class Summary:
     absorbed: Quantity
     """Energy per volume up to the largest strain [J/m^3]."""
     modulus: Quantity | None
-    """Slope of stress over strain while loading in equilibrium [Pa]; None where it cannot be claimed."""
+    """Slope of stress over strain while loading in equilibrium [Pa]; None if it cannot be determined."""
     modulus_reason: str
-    """Why there is a modulus or none."""
+    """Reason why there is a modulus or none."""
     energy: EnergyBalance
     """Energies of the waves and of the deformation."""
 
@@ -201,11 +201,11 @@ def _modulus(
 LARGEST_DELAY = 3.0
 """Offset of a pulse's arrival, in its own sigmas beyond two samples, above which a remark is made."""
 LARGEST_TOE = 0.01
-"""Strain before the stress rises, by the transmitted flank's tangent, above which a gap is remarked [-]."""
+"""Strain before the stress rises, by the transmitted flank's tangent, above which a gap is reported [-]."""
 DOMINATES = 0.5
-"""Share of a quoted value's variance from the zero and drift of the gauges above which it is remarked [-]."""
+"""Share of a result's variance from the zero and drift of the gauges above which it is reported [-]."""
 SMALL = 1e-3
-"""Second-order term over a quoted value that does not matter, however small its uncertainty [-]."""
+"""Second-order term over a result that is negligible, however small the result's uncertainty [-]."""
 
 
 def arrival_remarks(
@@ -213,8 +213,8 @@ def arrival_remarks(
 ) -> list[str]:
     """Remarks on pulses that arrive earlier or later than distances and wave speeds allow.
 
-    The reflected pulse must come when predicted. The transmitted one must not come before; how late it comes
-    depends on the specimen, so that it is late where the specimen was shortened by more than `LARGEST_TOE`
+    The reflected pulse must arrive at the predicted time. The transmitted one must not arrive earlier; its
+    delay depends on the specimen. It counts as late if the specimen was shortened by more than `LARGEST_TOE`
     before its stress rises.
     """
     found = []
@@ -247,8 +247,8 @@ def arrival_remarks(
 def way_sigmas(given: WavesInput) -> tuple[float, float]:
     """Standard uncertainties of the predicted arrivals of the reflected and the transmitted pulse [s].
 
-    Travel times x / c with the declared uncertainties of the gauges' distances, all alike, and of the wave
-    speeds, u(c)/c directly or half of hypot(u(E)/E, u(rho)/rho).
+    Travel times x / c with the declared uncertainties of the gauges' distances, the same for all, and of the
+    wave speeds, u(c)/c directly or half of hypot(u(E)/E, u(rho)/rho).
     """
     stated = given.uncertainty
     speed = stated.get("bar_wave_speed", 0.0) or 0.5 * float(
@@ -267,7 +267,7 @@ def way_sigmas(given: WavesInput) -> tuple[float, float]:
 
 
 def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
-    """Remarks on quoted values whose uncertainty the zero and the drift of the gauges decide."""
+    """Remarks on results whose uncertainty is dominated by the zero and the drift of the gauges."""
     found = []
     rows = [i for i, q in enumerate(budget.quantities) if q.name.rstrip("1234567890 ").endswith(DRIFTING)]
     for name in quoted:
@@ -285,10 +285,10 @@ def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
 
 
 WAY = "three waves"
-"""The analysis whose numbers are quoted where a shot names none."""
+"""The analysis whose results are reported if a shot names none."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
-"""Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
+"""Second-order term over the standard uncertainty above which a value's band is only a first estimate [-]."""
 
 
 def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
@@ -299,10 +299,11 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
 
 
 def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
-    """Quoted values: strain and stress of largest magnitude, means over a span where the summary has them.
+    """Reported results: strain and stress of largest magnitude, and means over a span if the summary has
+    them.
 
-    Where a varied input leaves no plateau, and so no span, the means are those over the summary's own span:
-    they say what the input does to the test's values, plateau or not.
+    If there is no plateau, and so no span, with a varied input, the means are taken over the span of the
+    summary. They still show the effect of the input on the results.
 
     Raises ValueError if the summary has means and neither has a span.
     """
@@ -324,7 +325,7 @@ def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[s
 
 
 def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
-    """Standard uncertainties of the quoted values from the gauges' noise."""
+    """Standard uncertainties of the reported results from the gauges' noise."""
     way = summary.analysis
     last, peak = _instants(reduction, way)
     found = {
@@ -338,7 +339,7 @@ def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
 
 
 def span_quantities(summary: Summary) -> list[Quantity]:
-    """The choice of both ends of the plateau as inputs of the budget: times by which they are moved."""
+    """The choice of both ends of the plateau as inputs of the budget: their time shifts."""
     span = summary.plateau.span
     if span is None:
         return []
@@ -346,11 +347,11 @@ def span_quantities(summary: Summary) -> list[Quantity]:
 
 
 def with_both_sides(budget: Budget) -> Budget:
-    """The budget, a quoted value's contribution being the root mean square of its changes to either side.
+    """The budget; the contribution to a result is the root mean square of its changes to either side.
 
     With the central difference c and the second difference b the value changes by c + b and by b - c over one
-    standard uncertainty, in the mean square by c^2 + b^2: a peak that wanders along the history when two
-    waves are moved against each other has little of the first and much of the second.
+    standard uncertainty, in the mean square by c^2 + b^2: if two waves are shifted relative to each other and
+    a peak moves along the history, c is small and b is large.
     """
     contribution = dict(budget.contribution)
     for name in UNITS:
@@ -361,7 +362,7 @@ def with_both_sides(budget: Budget) -> Budget:
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
-    """Quoted values with the share of every input, largest first; `sign` -1 makes tension positive."""
+    """Reported results with the share of every input, largest first; `sign` -1 makes tension positive."""
     found = budget_table(
         budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
     )
@@ -426,7 +427,7 @@ def remarks(
     given: WavesInput,
     summary: Summary,
 ) -> list[str]:
-    """Remarks on conditions that limit the use of the values, each with its cure."""
+    """Remarks on conditions that limit the use of the results, each with its remedy."""
     found = []
     if reduction.balanced is None:
         found.append(
@@ -462,7 +463,7 @@ def remarks(
 
 
 def _bent(budget: Budget, name: str) -> bool:
-    """Whether a quoted value depends on its inputs nonlinearly, and by an amount that matters."""
+    """True if a result depends on its inputs with a significant nonlinearity."""
     ratio, value = budget.nonlinearity(name), abs(float(budget.value[name]))
     return ratio > BEND and ratio * float(budget.sigma(name)) > SMALL * value
 

@@ -1,4 +1,4 @@
-"""Where the values of a test hold: force equilibrium, plateau of stress and rate, validity window."""
+"""Validity of the results of a test: force equilibrium, plateau of stress and rate, validity window."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 ALLOWANCE = 0.05
 """|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""
 LEAST_FORCE = 5.0
-"""Multiple of its averaged noise below which a mean force says nothing of R."""
+"""Multiple of its averaged noise below which a mean force does not determine R."""
 
 
 def imbalance(
@@ -68,25 +68,25 @@ def _runs(flag: BoolArray) -> list[tuple[int, int]]:
 
 
 LEVEL = 0.8
-"""Share of the typical stress, the median of what exceeds half the largest, at which the plateau begins and
-ends [-]."""
+"""Share of the typical stress at which the plateau begins and ends [-]. The typical stress is the median of
+all stresses above half the largest."""
 PLATEAU_SHARE = 0.3
 """Least balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
 LARGEST_CHANGE = 0.2
 """Largest change of a history along the plateau, by its best line, over its mean [-]."""
 LARGEST_SCATTER = 0.1
-"""Largest root mean square of what that line leaves, over the mean [-]."""
+"""Largest root mean square residual of that line, over the mean [-]."""
 INSET = 0.1
-"""Share of the length between those two times that is left out at either end [-]: the rounded corners."""
+"""Share of the length between those two times that is omitted at either end [-]: the rounded corners."""
 END_SIGMA = 0.05
 """Standard uncertainty of the choice of either end, as a share of the plateau's length [-]."""
 ENDS = ("plateau, beginning", "plateau, end")
-"""Names of the budget's inputs that move the ends [s]."""
+"""Names of the budget's inputs that shift the ends [s]."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """A time span and what each sample counts in its means."""
+    """A time span and the weight of each sample in its means."""
 
     first: float
     """Its beginning [s]."""
@@ -99,16 +99,16 @@ class Span:
 
 @dataclass(frozen=True)
 class Flatness:
-    """How flat a history is along a span."""
+    """Flatness of a history along a span."""
 
     change: float
     """Change along the span by the best line, over the mean [-]."""
     scatter: float
-    """Root mean square of what the line leaves, over the mean's size [-]."""
+    """Root mean square residual of the line, over the magnitude of the mean [-]."""
 
     @property
     def fault(self) -> str | None:
-        """What is beyond its limit, in words; None if nothing is."""
+        """The value that exceeds its limit, in words; None if there is none."""
         if not abs(self.change) <= LARGEST_CHANGE:
             return f"changes by {100 * self.change:+.0f} % (allowed are {100 * LARGEST_CHANGE:g} %)"
         if not self.scatter <= LARGEST_SCATTER:
@@ -118,20 +118,20 @@ class Flatness:
 
 @dataclass(frozen=True)
 class Plateau:
-    """The plateau of a test, or the reasons why its means are not quoted."""
+    """The plateau of a test, or the reasons why its means are not reported."""
 
     span: Span | None
     """The span; None if there is no plateau."""
     balanced: float
-    """Balanced length of the span that was judged [s]."""
+    """Balanced length of the span that was checked [s]."""
     pulse: float
     """Length of the incident pulse at half its height [s]."""
     reason: str
-    """The plateau in words, or why there is none."""
+    """The plateau in words, or the reason why there is none."""
     stress_fault: str | None = None
-    """Why no mean stress is quoted; None if one is."""
+    """Reason why no mean stress is reported; None if one is."""
     rate_fault: str | None = None
-    """Why no mean rate is quoted; None if one is."""
+    """Reason why no mean rate is reported; None if one is."""
 
 
 def averaging_width(faces: FaceWaves) -> int:
@@ -149,14 +149,14 @@ def find_span(
     width: int = 1,
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Span | None:
-    """The part of the loading in which the stress stands, each sample weighted by its balance.
+    """The part of the loading with nearly constant stress, each sample weighted by its balance.
 
-    The stress, averaged over `width` samples, stands from where it first exceeds `LEVEL` of its typical value
-    to where it last does, at the latest to the largest strain; `INSET` of that is left out at either end. A
-    sample counts in full while |R| is within the allowance, not at all beyond twice the allowance, and in
-    proportion between. Ends and weights are continuous in all inputs, so that a small change of an input
-    moves the means a little. None if no sample has a weight. ``shift``: times by which beginning and end
-    are moved [s].
+    This part begins when the stress, averaged over `width` samples, first exceeds `LEVEL` of its typical
+    value. It ends when the stress last does, at the latest at the largest strain; `INSET` of its length is
+    omitted at either end. The weight of a sample is 1 while |R| is within the allowance, 0 beyond twice the
+    allowance, and linear between. Ends and weights are continuous in all inputs, so a small change of an
+    input changes the means only slightly. None if no sample has a weight. ``shift``: time shifts of beginning
+    and end [s].
     """
     time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
     last = int(np.abs(strain).argmax())
@@ -253,15 +253,15 @@ def _crossing(time: FloatArray, value: FloatArray, index: int, toward: int, leve
 
 
 VALIDITY_SHARE = 0.05
-"""Default share of the stress that inertia, or the difference of the faces, may have [-]."""
+"""Default for the largest share of inertia, or of the difference of the faces, in the stress [-]."""
 COVERAGE = 2.0
-"""Standard uncertainties of the stress that must fit into the share [-]."""
+"""Number of standard uncertainties that must also be within the share [-]."""
 NEARLY_EMPTY = 0.2
-"""Share of the strain below which a window is called nearly empty [-]."""
+"""Share of the strain below which a window counts as nearly empty [-]."""
 
 
 class Reason(StrEnum):
-    """Why a time does not count, or that it does."""
+    """Reason why a time is excluded, or that it is valid."""
 
     VALID = "within the share"
     BALANCE = "the forces on the two faces differ"
@@ -275,7 +275,7 @@ class Validity:
     """The longest span of a shot in which a classical reduction holds."""
 
     window: tuple[float, float] | None
-    """First and last time [s]; None if no time counts."""
+    """First and last time [s]; None if no time is valid."""
     strain: tuple[float, float] | None
     """Smallest and largest nominal compression there [-]."""
     start_reason: Reason
@@ -299,12 +299,12 @@ class Validity:
 
     @property
     def nearly_empty(self) -> bool:
-        """True if the window leaves out most of the test's strain."""
+        """True if the window excludes most of the test's strain."""
         return self.covered < NEARLY_EMPTY
 
     @property
     def sentence(self) -> str:
-        """The window in words, with what to do about an empty one."""
+        """The window in words, with a remedy for an empty one."""
         limit = f"{100.0 * self.share:g} % of the stress"
         if self.window is None or self.strain is None or self.window[0] == self.window[1]:
             text = f"at no time are inertia and the faces' difference within {limit} ({self.start_reason})"
@@ -336,19 +336,19 @@ def validity(
 ) -> Validity:
     """The validity window of a shot.
 
-    The histories are averaged over intervals, so that noise which a reader's eye would average over does
-    not cut the window. An interval counts if the difference of the forces over their mean, and the inertial
-    stress over the mean stress, are within `share`, and `COVERAGE` sigmas of both sides are too.
+    The histories are averaged over intervals, so that noise does not divide the window. An interval is valid
+    if two ratios are within `share`, including `COVERAGE` sigmas to both sides. They are the difference of
+    the forces over their mean, and the inertial stress over the mean stress.
 
     Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
     intervals.
 
     ``time``: times [s], uniform, shape [n]. ``front_force``, ``back_force``: forces on the specimen's faces,
     the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``: what
-    inertia adds to the nominal stress, radial and axial together [Pa], shape [n]: see
+    inertia contributes to the nominal stress, radial and axial together [Pa], shape [n]: see
     `kolsky.bars.reduction.inertia`. ``area``: cross-section of the specimen before the test [m^2]. ``share``:
-    share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1). ``average``:
-    length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
+    largest share of inertia, and of the difference of the forces, in the stress [-], in (0, 1). ``average``:
+    length of the averaging intervals [s]; 0: no averaging. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)
@@ -369,7 +369,7 @@ def validity(
         inertia = np.where(mean > 0.0, np.abs(added) / mean, np.inf)
     differs = (apart > allowed) & (apart > unsure)
     heavy = (np.abs(added) > allowed) & (np.abs(added) > unsure)
-    # Of the two the larger is named, and the noise only where neither stands out of it.
+    # The larger of the two is named; the noise is named only if neither exceeds it.
     which = np.select(
         [differs & ~(heavy & (inertia > imbalance)), heavy, (unsure > allowed) | (mean <= 0.0)], [0, 1, 2], 3
     )

@@ -1,4 +1,4 @@
-"""A classical test with other values of its quantities: the model that its budget goes through."""
+"""A classical test with other values of its quantities: the model for the uncertainty budget."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -98,8 +98,9 @@ def station_of(
     """The strain at one station.
 
     ``given``: the test. ``key``: a key of its stations. ``values``: other values of its quantities, by name;
-    None: all as declared. ``windows``: where the waves lie: until the last of them drift is an input of the
-    budget; None: until the record ends. Raises ValueError as `kolsky.bars.signals.stations.bar_signal`.
+    None: all as declared. ``windows``: windows of the waves. Drift up to the end of the last one is an input
+    of the budget; None: up to the end of the record. Raises ValueError as
+    `kolsky.bars.signals.stations.bar_signal`.
     """
     values = values or {}
     station, side = given.stations[key], key.removesuffix(" far")
@@ -143,7 +144,7 @@ def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> lis
 
 
 def bar_correlations(given: WavesInput, quantities: Sequence[Quantity]) -> dict[tuple[str, str], float]:
-    """Correlation 1 of equal properties of two bars whose errors are the same, as of bars from one rod."""
+    """Correlation 1 between equal properties of two bars with the same errors, e.g. bars from one rod."""
     names = {q.name for q in quantities}
     pairs = [(f"incident bar, {prop}", f"transmission bar, {prop}") for prop in BAR_PROPERTIES]
     return {pair: 1.0 for pair in pairs if given.alike and names.issuperset(pair)}
@@ -151,7 +152,7 @@ def bar_correlations(given: WavesInput, quantities: Sequence[Quantity]) -> dict[
 
 @dataclass(frozen=True)
 class VariedTest:
-    """One test, its windows held; every result is a function of the `values` of its quantities, by name."""
+    """One test with fixed windows; every result is a function of the `values` of its quantities, by name."""
 
     given: WavesInput
     """The test as declared."""
@@ -159,13 +160,13 @@ class VariedTest:
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
     inertia: Mapping[str, str] = field(default_factory=dict)
-    """Corrections of the specimen's inertia that act, with their reasons; none as long as it is empty."""
+    """Active corrections of the specimen's inertia, with their reasons; none if empty."""
 
     aligned: Mapping[str, Alignment] = field(default_factory=dict)
-    """Alignments that act, by wave."""
+    """Active alignments, by wave."""
 
     ends: FreeEnds | None = None
-    """Echoes from free far ends are taken off; None: the windows end before them."""
+    """Subtraction of echoes from free far ends; None: the windows end before them."""
 
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
@@ -180,7 +181,7 @@ class VariedTest:
         return ViscoelasticWaveguide(bar, prony.scaled(bar.youngs_modulus / prony.instantaneous), dispersive)
 
     def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
-        """The waves at the specimen by windows, with or without what the bars do to them on the way."""
+        """The waves at the specimen by windows, with or without dispersion and attenuation in the bars."""
         incident, transmission = (
             station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
         )
@@ -199,7 +200,7 @@ class VariedTest:
         )
 
     def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:
-        """The waves at the specimen as they are reduced; overlapping ones distinguished."""
+        """The waves at the specimen for the reduction; overlapping waves are separated."""
         found = self.carried(values, dispersive=self.given.switches["dispersion"])
         if FAR not in self.given.stations:
             return found
@@ -211,7 +212,9 @@ class VariedTest:
     def reduced(
         self, faces: FaceWaves, values: Mapping[str, float]
     ) -> tuple[Reduction, tuple[Correction, ...]]:
-        """Reduction with the punching of the faces and the specimen's inertia taken out, where that is on."""
+        """Reduction with corrections for punching of the faces and for the specimen's inertia, where switched
+        on.
+        """
         specimen = varied_specimen(self.given.specimen, values)
         dispersive = self.given.switches["dispersion"] or self.given.polymers
         guides = self.guides(values) if dispersive else None
@@ -239,7 +242,7 @@ class VariedTest:
         )
 
     def outputs(self, values: Mapping[str, float], summary: Summary) -> dict[str, np.ndarray]:
-        """All histories and quoted numbers, for the budget."""
+        """All histories and reported results, for the budget."""
         faces = self.faces(values, AuditLog(self.given.switches))
         reduction, _ = self.reduced(faces, values)
         return {

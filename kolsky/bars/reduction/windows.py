@@ -1,4 +1,4 @@
-"""A classical test as it is declared and recorded, and the time windows of its three pulses.
+"""A classical test as declared and recorded, and the time windows of its three pulses.
 
 Windows come from travel times and are checked against observed arrivals. Alignment shifts each wave so that
 its observed arrival agrees at the specimen.
@@ -29,7 +29,7 @@ NO_PART: Mapping[str, str] = MappingProxyType(
         "the bar's own inertia; an insert or a cap there is not modelled",
     }
 )
-"""Corrections that have no part in a test between bars, and why."""
+"""Corrections that do not apply to a test between bars, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class StationInput:
     recordings: tuple[Recording, ...]
     """One channel, or two of opposed gauges."""
     calibration: Calibration
-    """Recorded values to strain."""
+    """Calibration from recorded values to strain."""
     position: float
     """Distance from the bar's specimen end [m]."""
     baseline: tuple[float, float]
@@ -49,7 +49,7 @@ class StationInput:
     compression: int | tuple[int, ...]
     """+1 if compression gives positive values, -1 otherwise; one for all channels, or one each."""
     full_scale: float | None = None
-    """Largest magnitude that the recorder shows; None if it is not known."""
+    """Largest magnitude that the recorder can measure; None if it is not known."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +68,15 @@ class WavesInput:
     polymers: Mapping[str, PronyModulus] = field(default_factory=dict)
     """Complex moduli of the bars that are not elastic, by side."""
     windows: Windows | None = None
-    """Windows given by hand; None to have the pulses found."""
+    """Windows from the shot file; None for automatic detection."""
     analysis: str = "three waves"
-    """The analysis whose values are quoted: "one wave", "two waves" or "three waves"."""
+    """The analysis whose results are reported: "one wave", "two waves" or "three waves"."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
     plateau: float = PLATEAU
     """Least balanced length of a plateau as a share of the incident pulse's [-]."""
     share: float = VALIDITY_SHARE
-    """Share of the stress that inertia, or the forces' difference, may have where a curve is valid [-]."""
+    """Largest share of inertia, or of the forces' difference, in the stress of a valid curve [-]."""
     switches: Switches = field(default_factory=Switches)
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
@@ -86,7 +86,7 @@ class WavesInput:
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     notes: tuple[str, ...] = ()
-    """Sentences about the files with their cures: units that contradict, samples that were interpolated."""
+    """Remarks on the files with remedies: contradicting units, interpolated samples."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """Declared settings, and the versions."""
 
@@ -100,7 +100,7 @@ OTHER_SIGN = 0.2
 
 @dataclass(frozen=True)
 class Limit:
-    """End of the time in which a gauge shows one pulse alone."""
+    """End of the time in which a gauge measures only one pulse."""
 
     time: float
     """Time after the arrival of its pulse at the gauge [s]."""
@@ -118,7 +118,7 @@ def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
     try:
         other = find_arrival(incident.strain, sign=-sign, average=average, before=arrival.onset)
     except ValueError:
-        return arrival  # nothing of the other sign before it: as it should be
+        return arrival  # no pulse of the other sign before it, as expected
     if abs(other.level) < OTHER_SIGN * abs(arrival.level):
         return arrival
     declared, found = ("tension", "compression") if tension else ("compression", "tension")
@@ -153,12 +153,12 @@ def find_windows(
     incident pulse's duration after its end, or until the first `usable_limits` of any of them.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: whether the
-    incident pulse is one of tension, as the shot declares it. The transmitted window
-    starts where a wave would arrive without a specimen, which is never too late.
-    ``manual``: windows given by hand: they are checked against the records and returned. ``ends``: ends of
-    the windows in place of `usable_limits`, where echoes are taken off. Returns: with the source "travel
-    times", or "shot file" for `manual`. Raises ValueError if there is no incident pulse of the declared sign,
-    if it overlaps with the reflected one at the gauge, or if a window leaves its record.
+    incident pulse is one of tension, as the shot declares it. The transmitted window starts where a wave
+    would arrive without a specimen, which is never too late. ``manual``: windows from the shot file; they are
+    checked against the records and returned. ``ends``: ends of the windows in place of `usable_limits`, where
+    echoes are taken off. Returns: with the source "travel times", or "shot file" for `manual`. Raises
+    ValueError if there is no incident pulse of the declared sign, if it overlaps with the reflected one at
+    the gauge, or if a window leaves its record.
     """
     if manual is not None:
         return _checked(manual, incident, transmission)
@@ -212,7 +212,7 @@ def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, 
 
     Returns: the reflected wave at the incident gauge, the reflected wave's return from the far end of the
     incident bar, and the transmitted wave's return from the far end of the transmission bar, Eq. (R.3). Each
-    is early by one diameter's travel, for what runs ahead of a dispersed pulse's foot.
+    is reduced by one diameter's travel, for the part of a dispersed pulse that precedes its foot.
     """
     margin = max(averaging_time(incident), averaging_time(transmission))
 
@@ -229,7 +229,7 @@ def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, 
 def check_baselines(
     given: WavesInput, incident: BarSignal, transmission: BarSignal, *, tension: bool = False
 ) -> None:
-    """Refuse baselines that end after their gauge's first pulse has begun."""
+    """Raise ValueError for baselines that end after their gauge's first pulse has begun."""
     average, sign = averaging_time(incident), -1 if tension else 1
     rise = first_rise(incident.strain, sign=sign, average=average)
     begins = incident_arrival(incident, tension=tension).time if rise is None else rise.time
@@ -284,9 +284,10 @@ def _checked(windows: Windows, incident: BarSignal, transmission: BarSignal) -> 
 VISIBLE = 0.05
 """Smallest level of an observable reflected or transmitted pulse, as a share of the incident one's."""
 SCATTER = 0.4, 0.05
-"""Scatter of a first rise against the incident one's that noise does not explain, in times that a wave needs
-across the bar, and as a share of the incident pulse's rise: dispersion, ringing, the specimen's part in the
-foot. From the first population of `populations/bar_signals.py`, judged on the second."""
+"""Scatter of a first rise relative to the incident one's that noise does not explain, in units of a wave's
+time across the bar, and as a share of the incident pulse's rise. Its causes are dispersion, ringing and the
+specimen's effect on the foot. From the first population of `populations/bar_signals.py`, judged on the
+second."""
 
 
 @dataclass(frozen=True)
@@ -300,8 +301,8 @@ class PulseCheck:
     reason: str
     """The delay in words, or the reason why there is no observed arrival."""
     offset: float = float("nan")
-    """First rise of the pulse less that of the incident one and the travel time [s]: nothing extrapolated, as
-    the flank's tangent is in `delay`; nan without an observed pulse."""
+    """First rise of the pulse less that of the incident one and the travel time [s]; nan without an observed
+    pulse. Unlike `delay`, it does not extrapolate the flank's tangent."""
     offset_sigma: float = float("inf")
     """Standard deviation of `offset`: noise, sampling, and the estimator's own scatter [s]."""
 
@@ -316,8 +317,8 @@ def check_windows(
 ) -> tuple[PulseCheck, PulseCheck]:
     """Predicted and observed arrivals of the reflected and the transmitted pulse.
 
-    A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
-    touch the bars, or is slow to load, delays the transmitted one.
+    A delayed or early reflected pulse indicates a wrong distance or wave speed. A specimen that does not
+    touch the bars, or loads slowly, delays the transmitted one.
 
     Returns: of the reflected and of the transmitted pulse.
     """
@@ -337,7 +338,7 @@ def check_windows(
 
 @dataclass(frozen=True)
 class _Source:
-    """The incident pulse, against which the others are timed."""
+    """The incident pulse, the reference for the times of the others."""
 
     signal: BarSignal
     arrival: Arrival
@@ -359,9 +360,9 @@ def _pulse_check(
     rough = first_rise(
         strain, sign=sign, average=average, after=behind, before=predicted + length, smallest=smallest
     )
-    if rough is not None:  # one that comes long before it is due
+    if rough is not None:  # a pulse that arrives long before the predicted time
         before = max(min(before, rough.time - 4.0 * average), behind)
-    # The incident pulse leaves a tail on which the reflected one sits; its level is taken off.
+    # The reflected pulse is superposed on the tail of the incident one; the level of the tail is subtracted.
     tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
     if not tail.any():
         return PulseCheck(predicted, None, f"{strain.name}: the record ends before {before:.6g} s")
@@ -385,7 +386,7 @@ def _pulse_check(
 def _offset(
     source: _Source, strain: Signal, predicted: float, sign: int, average: float, span: tuple[float, float]
 ) -> tuple[float, float]:
-    """First rise of a pulse against that of the incident one at the same strain, and its sigma [s]."""
+    """First rise of a pulse relative to that of the incident one at the same strain, and its sigma [s]."""
     nothing = (float("nan"), inf)
     found = first_rise(strain, sign=sign, average=average, after=span[0], before=span[1])
     if found is None:
@@ -425,14 +426,14 @@ class Alignment:
 
     @property
     def quantity(self) -> Quantity:
-        """What the alignment adds to the budget."""
+        """Input that the alignment adds to the budget."""
         return Quantity(f"alignment, {self.wave} wave", 0.0, self.sigma, "s", "A")
 
 
 def alignments(
     arrival: Arrival, checks: tuple[PulseCheck, PulseCheck], switches: Switches
 ) -> tuple[dict[str, Alignment], dict[str, str]]:
-    """Alignment of each wave whose pulse was observed, and why another has none.
+    """Alignment of each wave whose pulse was observed, and the reason why another has none.
 
     ``arrival``: arrival of the incident pulse at its gauge. ``checks``: predicted and observed arrival of the
     reflected and the transmitted pulse. ``switches``: an alignment that is on must be possible. Returns: wave
@@ -459,13 +460,13 @@ def delays(
     transmission: BarSignal,
     values: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Times by which the reflected and the transmitted wave are taken later than travel times say [s].
+    """Delays of the reflected and the transmitted wave relative to the travel times [s].
 
-    An aligned wave stays where it was observed: a longer way or a slower bar changes what is predicted, not
-    what was seen.
+    An aligned wave keeps its observed time: a longer distance or a slower bar changes the prediction, not the
+    observation.
 
-    ``aligned``: the alignments that act, by wave. ``incident``, ``transmission``: the stations, with the
-    varied distances and wave speeds. ``values``: values of the budget's quantities, by name.
+    ``aligned``: the active alignments, by wave. ``incident``, ``transmission``: the stations, with the varied
+    distances and wave speeds. ``values``: values of the budget's quantities, by name.
     """
     ways = {
         "reflected": 2.0 * travel_time(incident),

@@ -15,7 +15,7 @@ FLANK = (0.2, 0.6)
 """Shares of the pulse's level between which the rising flank is fitted by a straight line."""
 
 FLOOR = 0.01
-"""Share of the largest average that a pulse must exceed, however small the noise."""
+"""Share of the largest average that a pulse must exceed, even with little noise."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ def find_arrival(
     onset comes later as noise grows. ValueError if there is no pulse, or if it began before the first sample.
 
     ``signal``: its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative ones.
-    ``average`` [s]: no longer than the pulse rises; a pulse in a bar rises no faster than a wave crosses the
-    bar's diameter. ``after``, ``before``: the pulse is looked for between these times [s]. ``smallest``: a
-    pulse must exceed this too, in the signal's unit.
+    ``average`` [s]: no longer than the pulse rises; a pulse in a bar rises in no less than the time of a wave
+    across the bar's diameter. ``after``, ``before``: the pulse is searched for between these times [s].
+    ``smallest``: a pulse must exceed this too, in the signal's unit.
 
     References
     ----------
@@ -148,9 +148,9 @@ def _last_below(smooth: FloatArray, first: int, value: float) -> int:
 
 
 def _undithered_count(quiet: FloatArray, flank: FloatArray) -> float:
-    """The recorder's count where the noise is too small to average over it, else 0.
+    """The recorder's quantisation step, if the noise is too small to average it out; else 0.
 
-    Noise of less than a quarter of a count leaves the baseline anywhere within the count.
+    With noise below a quarter of a step, the true baseline may lie anywhere within the step.
     """
     gaps = np.diff(np.unique(np.concatenate([quiet, flank])))
     gaps = gaps[gaps > 1e-6 * np.abs(flank).max()]  # the same count, converted, differs in its last digits
@@ -207,7 +207,8 @@ class FirstRise:
 
 
 def low_level(signal: Signal, top: float, average: float) -> float:
-    """Level of a first rise: `LOW` of the pulse's, or `THRESHOLD` standard deviations of averaged noise.
+    """Level of a first rise: `LOW` times the pulse's level, or `THRESHOLD` standard deviations of averaged
+    noise.
 
     ``signal``: the signal, with the noise of its samples. ``top``: level of the pulse, >= 0. ``average``:
     time over which is averaged [s].
@@ -229,14 +230,14 @@ def first_rise(
     """Time at which the flank of the largest pulse passes a low level on its way up.
 
     The averaged signal first exceeds `HALF` of its largest value on the pulse's flank; from there the flank
-    is followed down to the level. A foot of another slope, such as the elastic rise of a specimen that then
-    flows, is followed as it is: nothing is extrapolated.
+    is followed down to the level. A foot of a different slope, such as the elastic rise of a specimen that
+    then flows, is also followed: there is no extrapolation.
 
     ``signal``: the signal, its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative
-    ones. ``average``: time over which is averaged [s], > 0. ``after``, ``before``: the pulse is looked for
-    between these times [s]. ``level``: the level, > 0; without it `low_level` of the largest value found.
-    ``smallest``: a pulse's largest value must exceed this, in the signal's unit. Returns: None if nothing
-    rises beyond the level there.
+    ones. ``average``: averaging time [s], > 0. ``after``, ``before``: the pulse is searched for between these
+    times [s]. ``level``: the level, > 0; without it `low_level` of the largest value found. ``smallest``: a
+    pulse's largest value must exceed this, in the signal's unit. Returns: None if nothing rises beyond the
+    level there.
     """
     width = max(1, round(average / signal.interval))
     smooth = sign * moving_mean(signal.value, width)
@@ -252,11 +253,11 @@ def first_rise(
     flank = int(np.flatnonzero(part >= max(HALF * top, low))[0])
     below = np.flatnonzero(part[: flank + 1] < low)
     if not below.size:
-        return None  # it is there from the beginning: when it rose is not seen
+        return None  # the pulse began before the record: its rise was not recorded
     at = int(below[-1])
     step = signal.interval
     share = (low - part[at]) / (part[at + 1] - part[at])
-    # The slope over the averaging time: what noise of the average makes of the crossing.
+    # The slope over the averaging time converts noise of the average to a time of crossing.
     ahead = min(at + max(width, 1), part.size - 1)
     slope = float(part[ahead] - part[at]) / ((ahead - at) * step)
     noise = signal.sigma * sqrt(min(signal.memory / width, 1.0))

@@ -103,18 +103,19 @@ def _spectrum(rho: FloatArray, size: int) -> FloatArray:
 
 
 FEWEST_SAMPLES = 20
-"""With 20 samples the noise is known to 16 %."""
+"""Fewest samples of a baseline: with 20 the noise is known to 16 %."""
 RESTING_SHARE = 8.0
-"""Deviation of a part of the baseline from the median part, in scaled median deviations, that is no rest."""
+"""Deviation of a part of the baseline from the median part, in scaled median deviations, above which the
+signal is not at rest."""
 _FEWEST_BLOCKS = 8
 """Fewest parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
-"""Probability of a false drift: a baseline without drift is called drifting."""
+"""Probability that a baseline without drift is classified as drifting."""
 
 
 @dataclass(frozen=True)
 class SignalZero:
-    """A stretch in which nothing happens; values in the unit of the signal."""
+    """The baseline: a part of the record without signal; values in the unit of the signal."""
 
     first: float
     """Time of its first sample [s]."""
@@ -182,11 +183,11 @@ def measure_signal_zero(
     mean, slope = float(v.mean()), float(tc @ v / (tc @ tc))
     noise = estimate_noise(v - mean - slope * tc, freedom_lost=2)
     step = quantisation_step(v)
-    # Noise well below half a step leaves the codes still most of the time and looks smaller than it may be.
+    # With noise well below half a step the codes rarely change, and the noise looks smaller than it may be.
     noise = Noise(max(noise.sigma, step / np.sqrt(12.0)), noise.correlation)
     memory = max(
         noise.memory, 1.0
-    )  # what alternates is not credited with a mean better than that of white noise
+    )  # alternating noise does not count as having a better mean than white noise
     return SignalZero(
         first=float(t[0]),
         last=float(t[-1]),
@@ -202,11 +203,11 @@ def measure_signal_zero(
 
 
 def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, float]) -> None:
-    """Refuse a baseline that holds part of a pulse.
+    """Raise ValueError if the baseline contains part of a pulse.
 
-    Means over `width` samples are compared with their median: two in a row, or the last one, that are off by
-    more than `REST` times their median deviation are no rest. Noise, hum and a steady drift are: the median
-    deviation has them in it.
+    Means over `width` samples are compared with their median: the signal is not at rest if two successive
+    means, or the last one, deviate by more than `REST` times their median deviation. Noise, hum and a steady
+    drift are accepted, because the median deviation contains them.
 
     ``value``: samples of the baseline, shape [n]. ``width``: samples that are averaged, the fastest rise of a
     pulse, >= 1. ``name``: whose baseline it is, for messages. ``times``: first and last time of the baseline
@@ -236,8 +237,7 @@ def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, 
 def quantisation_step(value: FloatArray) -> float:
     """Distance of neighbouring codes: the median gap of the distinct values; 0 if most samples are distinct.
 
-    A recorder with codes finer than the noise by far shows none in a short stretch, and then they do not
-    matter.
+    If the codes are far finer than the noise, a short record does not show them, and they do not matter.
     """
     distinct = np.unique(value)
     if distinct.size < 2 or distinct.size > 0.5 * value.size:
@@ -250,7 +250,7 @@ def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_s
 
     With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its
     largest or smallest value for at least 8 samples in a row and three times as long as any value of the
-    baseline: noise does not stop on top of a pulse.
+    baseline: at the top of a pulse noise does not disappear.
 
     ``value``: recorded samples, offset included, shape [n]. ``baseline``: of the same samples. ``name``:
     whose they are, for messages. ``full_scale``: largest magnitude the recorder can show, in the unit of
@@ -287,7 +287,7 @@ def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 CONTRASTS = 3
-"""Slowest parts of the baseline that the drift's strength is estimated from."""
+"""Number of the slowest cosine components of the baseline from which the drift's strength is estimated."""
 WEAKEST = 1.0
 """Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
 is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
@@ -301,11 +301,10 @@ def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float
     """Strength D of a random walk that the baseline shows, by its posterior mean [unit^2/s].
 
     A random walk of variance D t, less its mean over the baseline T, is the sum of cosines cos(k pi t / T)
-    whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance
-    D T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior
-    from the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1,
-    D0 = `WEAKEST` s^2 pi^2 / T. It changes steadily with the samples: no test decides whether there is
-    one.
+    whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance D
+    T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior from
+    the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1, D0 = `WEAKEST` s^2 pi^2 / T. The
+    estimate is a continuous function of the samples: no test decides whether there is drift.
 
     ``value``: samples of the baseline, shape [n]. ``interval``: sampling interval [s]. ``sigma``: standard
     deviation of a sample's noise, > 0. ``memory``: samples that carry the information of one [-], >= 1.

@@ -24,8 +24,9 @@ KINDS: Mapping[str, tuple[str, str, str, str]] = {
 }
 """Strain of arms 1 to 4, in their order round the bridge: 1 and 3 face each other.
 
-"half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which takes
-bending out; the others see it. Gauges in series in one arm count as one that sees their mean.
+"half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which
+cancels bending; the others measure it too. Gauges in series in one arm count as one gauge that measures their
+mean.
 """
 
 
@@ -46,7 +47,7 @@ class Bridge:
     gain: float = 1.0
     """Recorded volts per volt of the bridge's output [-], > 0."""
     poisson: float | None = None
-    """Poisson's ratio of the bar [-], where a gauge lies across."""
+    """Poisson's ratio of the bar [-], for arrangements with a transverse gauge."""
     gauge_resistance: float = 120.0
     """Resistance of a gauge [ohm]."""
     lead_resistance: float = 0.0
@@ -81,7 +82,7 @@ class Bridge:
 
     @property
     def arms(self) -> Arms:
-        """Strain that arms 1 to 4 see per axial strain [-]."""
+        """Strain of arms 1 to 4 per axial strain [-]."""
         seen = {AXIAL: 1.0, ACROSS: -(self.poisson or 0.0), REST: 0.0}
         a, b, c, d = (seen[what] for what in KINDS[self.kind])
         return a, b, c, d
@@ -109,7 +110,7 @@ class Bridge:
         A, B, C, D = s1 + s2, s3 + s4, s1 - s2 + s3 - s4, s1 * s3 - s2 * s4
         slope = C - 2.0 * e * (A + B)
         under = slope**2 - 16.0 * e * (e * A * B - D)
-        bottom = slope + np.sqrt(np.maximum(under, 0.0))  # a negative one is refused below
+        bottom = slope + np.sqrt(np.maximum(under, 0.0))  # a negative value raises an error below
         with np.errstate(divide="ignore", invalid="ignore"):
             x = 8.0 * e / bottom
             possible = (under >= 0.0) & (bottom > 0.0)
@@ -124,7 +125,7 @@ class Bridge:
         return np.asarray(x / self.arm_factor)
 
     def linear_strain(self, volts: ArrayLike) -> FloatArray:
-        """The same with the slope at zero, which is what most instruments take for granted."""
+        """The same with the slope at zero, which most instruments assume."""
         return self.strain_per_volt * np.asarray(volts, dtype=float)
 
     def volts(self, strain: ArrayLike) -> FloatArray:
@@ -141,10 +142,10 @@ class Bridge:
     ) -> list[Quantity]:
         """Inputs of the strain, for a budget.
 
-        ``gauge``: whose values they are, e.g. "incident gauge"; begins the names. ``uncertainty``: standard
-        uncertainties (k = 1, SI) by field; a field without one is listed with 0. ``bar``: whose Poisson's
-        ratio it is; begins its name. Raises ValueError if an uncertainty belongs to no field that matters
-        here.
+        ``gauge``: name of the gauge, e.g. "incident gauge"; prefix of the names. ``uncertainty``: standard
+        uncertainties (k = 1, SI) by field; a field without one is listed with 0. ``bar``: name of the bar,
+        prefix of the name of Poisson's ratio. Raises ValueError if an uncertainty is given for a field
+        without effect.
         """
         used = self._fields()
         check_fields(uncertainty, used, f"a bridge '{self.kind}'")
@@ -156,7 +157,7 @@ class Bridge:
         ]
 
     def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Bridge":
-        """The bridge with other values of its `quantities`, by their names; the rest stays."""
+        """The bridge with other values of its `quantities`, by their names; the others do not change."""
         names = {f: self._name(f, gauge, bar) for f in self._fields()}
         changed: dict[str, Any] = {f: values[name] for f, name in names.items() if name in values}
         return replace(self, **changed)
@@ -220,9 +221,9 @@ Calibration = Bridge | Linear
 
 
 def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) -> None:
-    """Refuse uncertainties of fields that have no effect, and impossible ones.
+    """Reject uncertainties of fields that have no effect, and impossible values.
 
-    Raises ValueError: naming the field and those that matter.
+    Raises ValueError: the message names the field and those with an effect.
     """
     for field, sigma in uncertainty.items():
         if field not in used:
@@ -237,7 +238,7 @@ def _listed(names: Mapping[str, object] | list[str]) -> str:
 
 @dataclass(frozen=True)
 class Shunt:
-    """A resistance laid across one arm of a bridge, and the step that was recorded."""
+    """A resistance connected across one arm of a bridge, and the recorded step."""
 
     resistance: float
     """Resistance of the shunt [ohm], > 0."""
@@ -246,7 +247,7 @@ class Shunt:
     arm: int = 1
     """The arm it lies across, 1 to 4; see `kolsky.bars.signals.bridge.KINDS`."""
     at_gauge: bool = False
-    """Across the gauge itself, not across gauge and leads at the instrument."""
+    """True if it is connected across the gauge, not across gauge and leads at the instrument."""
     resistance_sigma: float = 0.0
     """Standard uncertainty of the shunt [ohm]."""
     step_sigma: float = 0.0
@@ -267,7 +268,7 @@ class Shunt:
 
 @dataclass(frozen=True)
 class ShuntCheck:
-    """Gain and sign of a shunt calibration, beside the stated ones."""
+    """Gain and sign from a shunt calibration, compared with the stated values."""
 
     gain: float
     """Gain with the stated excitation, from the step [-]."""
@@ -276,7 +277,7 @@ class ShuntCheck:
     ratio: float
     """Measured over stated product of gain and excitation [-]."""
     apparent_strain: float
-    """Axial strain that the step stands for, tension positive [-]."""
+    """Axial strain equivalent to the step, tension positive [-]."""
     compression_sign: int
     """Sign of the recorded volts under compression, from the sign of the step."""
 
@@ -308,10 +309,10 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
 
 
 def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tuple[Bridge, ShuntCheck]:
-    """The bridge with the gain that a shunt measured.
+    """The bridge with the gain from a shunt calibration.
 
-    ``bridge``: as stated. ``shunt``: what was measured. ``allowance``: largest relative difference of
-    measured and stated gain [-]. Beyond it one of them is a mistake.
+    ``bridge``: the stated bridge. ``shunt``: the measured step. ``allowance``: largest relative difference of
+    measured and stated gain [-]; a larger one indicates an error in one of them.
     """
     found = check_shunt(bridge, shunt)
     if abs(found.ratio - 1.0) > allowance:

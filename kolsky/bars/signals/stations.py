@@ -24,14 +24,15 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
 
 LARGEST_STRAIN = {"metal": 0.02, "polymer": 0.1}
-"""Strain that no elastic bar bears [-]: maraging steel yields at 1.3 %, titanium and aluminium alloys below
-1 %, glassy polymers at 3 to 8 %. The signal's unit or sensitivity is wrong there, unless the bar yielded."""
+"""Strain beyond the elastic limit of any bar [-]: maraging steel yields at 1.3 %, titanium and aluminium
+alloys below 1 %, glassy polymers at 3 to 8 %. A larger strain means a wrong unit or sensitivity, or a bar
+that yielded."""
 POLYMER = 20e9
 """Young's modulus below which a bar counts as one of a polymer [Pa]."""
 
 
 def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> None:
-    """Refuse strains that the bar cannot have borne elastically.
+    """Raise ValueError for strains beyond the bar's elastic limit.
 
     Means over the time a wave needs across the bar's diameter must stay below the yield strength over the
     modulus or, where none is declared, below `LARGEST_STRAIN`.
@@ -59,7 +60,7 @@ SIDES = ("incident", "transmission")
 
 
 class Station(NamedTuple):
-    """A bar's strain with its corrections and the quantities it rests on."""
+    """A bar's strain with its corrections and the input quantities."""
 
     signal: BarSignal
     corrections: list[Correction]
@@ -90,13 +91,13 @@ def bar_signal(
     whose errors they then share, or one each. ``position``: their distance from the bar's specimen end [m].
     ``side``: "incident" or "transmission". ``baseline``: first and last time of the rest on the shot's clock
     [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. ``compression``: +1 if compression gives
-    positive values, -1 otherwise; one for all channels, or one each. ``full_scale``: largest magnitude the
-    recorder can show, in the unit of the recordings; None if it is not known. ``switches``: which corrections
-    are applied: "bridge nonlinearity", "bending", "baseline drift". ``uncertainty``: standard uncertainties
-    of the calibration's fields, by their names. ``values``: values to take instead of the estimates of
-    `quantities`, by name, as `kolsky.bars.budget.propagate` hands them out. ``drift_until``: last time that
-    is used of the signal, up to which its drift is an input of the budget, on the shot's clock [s]; the
-    record's last time if it is left out.
+    positive values, -1 otherwise; one for all channels, or one each. ``full_scale``: largest magnitude that
+    the recorder can measure, in the unit of the recordings; None if it is not known. ``switches``: which
+    corrections are applied: "bridge nonlinearity", "bending", "baseline drift". ``uncertainty``: standard
+    uncertainties of the calibration's fields, by their names. ``values``: values to take instead of the
+    estimates of `quantities`, by name, as `kolsky.bars.budget.propagate` passes them. ``drift_until``: last
+    time that is used of the signal, up to which its drift is an input of the budget, on the shot's clock [s];
+    the record's last time if it is left out.
     """
     if side not in SIDES:
         raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")
@@ -171,7 +172,7 @@ def _strain(
     log: AuditLog,
     after: BoolArray,
 ) -> FloatArray:
-    """One channel in strain, compression positive, its zero taken out."""
+    """One channel in strain, compression positive, its zero subtracted."""
     if sign not in (1, -1):
         raise ValueError(f"{name}: compression must be +1 or -1, got {sign}")
     if recording.unit != calibration.UNIT:
@@ -181,7 +182,7 @@ def _strain(
     volts = -sign * (recording.value - rest.mean)  # rises in tension, as a gauge does
     exact = calibration.strain(volts)
     if not isinstance(calibration, Bridge):
-        return -exact  # a stated factor knows no nonlinearity
+        return -exact  # a stated factor has no nonlinearity
     linear = calibration.linear_strain(volts)
     return -log.choose(
         f"bridge nonlinearity, {name}",
@@ -232,8 +233,9 @@ def _zeroed(
 ) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
     """Remove or report the drift; give zero and drift as quantities of the budget, with their values.
 
-    The zero is the baseline's mean. Its error at the baseline's end is that of the mean and, of a random walk
-    of the strength D over the baseline T, D T / 3; from there the walk goes on in its modes.
+    The zero is the baseline's mean. The variance of its error at the baseline's end is that of the mean plus
+    D T / 3, for a random walk of strength D over the baseline T. Beyond the baseline the walk is represented
+    by its modes.
     """
     rest = measure_signal_zero(time, axial, baseline, name=gauge)
     verdict = "significant" if rest.drifts else "not significant"

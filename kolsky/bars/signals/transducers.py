@@ -1,8 +1,8 @@
 """Force transducers: from volts to a force with noise, droop compensation and calibration, and means over
 bins.
 
-Charge leaks from transducer and amplifier with one time constant, so that a force that stays is seen to
-fall. This is a high-pass filter of first order, whose inverse is Eq. (U.6).
+Charge leaks from transducer and amplifier with one time constant, so the output of a constant force decays.
+This is a high-pass filter of first order, whose inverse is Eq. (U.6).
 """
 
 from collections.abc import Mapping
@@ -70,7 +70,7 @@ def _check_time_constant(time_constant: float) -> None:
 
 
 _FEWEST_BASELINE = 20
-"""With 20 samples the noise is known to 16 %."""
+"""Fewest samples of a baseline: with 20 the noise is known to 16 %."""
 CAMERA_FRAME = 1.0 / 120e3
 """Frame interval of the cameras [s]: the default width of a force bin."""
 

@@ -44,7 +44,7 @@ class Compression:
 
 
 class NoEquilibriumError(ValueError):
-    """No equilibrium was found; the message says at which strain."""
+    """No equilibrium was found; the message gives the strain."""
 
 
 GAUSS = 5
@@ -53,7 +53,7 @@ GAUSS = 5
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """Places on the body's boundary and their share of its undeformed area."""
+    """Points on the body's boundary and their share of its undeformed area."""
 
     nodes: NDArray[np.int64]
     """Nodes that carry each point, shape [n, 3]."""
@@ -113,7 +113,7 @@ _STIFF = 200.0
 
 @dataclass(frozen=True)
 class Grip:
-    """What each contact point remembers from the last equilibrium."""
+    """State of each contact point at the last equilibrium."""
 
     touching: NDArray[np.bool_]
     """True where a point lay on the platen, shape [n_contact]."""
@@ -157,7 +157,7 @@ class Platen:
     friction: float
     """Coulomb's coefficient [-]; infinity: no slip."""
     modulus: float
-    """Shear modulus that the penalty is measured in [Pa]."""
+    """Shear modulus that scales the penalty [Pa]."""
 
     @cached_property
     def points(self) -> ContactPoints:
@@ -172,7 +172,7 @@ class Platen:
         return np.asarray(_STIFF * self.modulus / smallest * self.points.areas)
 
     def at_rest(self, n_parameters: int) -> Grip:
-        """Before the platen moves: the face lies on it."""
+        """State before the platen moves: the face is in contact."""
         r, z = self.points.at(self.mesh.nodes).T
         nothing = np.zeros((r.size, n_parameters))
         touching = z >= self.mesh.height * (1.0 - 1e-9)
@@ -214,7 +214,7 @@ class Platen:
         down: FloatArray,
         slid: FloatArray,
     ) -> Grip:
-        """What the points remember of an equilibrium.
+        """State of the points at an equilibrium.
 
         `moved`, `down` and `slid` are the derivatives of the points' radii, heights and tangential forces by
         the parameters, shape [n_contact, n_parameters].
@@ -277,11 +277,12 @@ class Equations:
 STEP = 0.01
 """Largest step of compression [-]."""
 LEAST_STEP = 5e-4
-"""Step below which the search for an equilibrium is given up [-]."""
+"""Smallest step in the search for an equilibrium [-]."""
 ITERATIONS = 20
 """Most Newton iterations of a step."""
 FULL = 8
-"""Iterations with full steps; later ones are shortened, since nodes that touch and leave in turn go round."""
+"""Iterations with full steps; later ones are shortened, since nodes that alternately touch and separate cause
+cycles."""
 FIRST_DRAG, LAST_DRAG = 10.0, 0.02
 """Drag of a creep step, first and last before it is taken away, over the body's stiffness [-]."""
 CREEP_STEPS, CREEP_FAILURES = 60, 8
@@ -306,10 +307,11 @@ def compress(
 
     ``laws``: the law, then for each parameter the law with that parameter changed by its entry of `steps`.
     ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape [n]. ``bulk``: bulk
-    modulus K [Pa]. ``modulus``: shear modulus at rest, which contact is measured in [Pa]. ``steps``: change
-    of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued to the platens, where the
-    side sticks too once it lands. ``friction``: coulomb's coefficient of face and side if they are not;
-    infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more parameter, the last.
+    modulus K [Pa]. ``modulus``: shear modulus at rest, which scales the contact penalty [Pa]. ``steps``:
+    change of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued to the platens,
+    where the side sticks too once it lands. ``friction``: coulomb's coefficient of face and side if they are
+    not; infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more parameter, the
+    last.
     """
     if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a compression must ascend inside (0, 1)")

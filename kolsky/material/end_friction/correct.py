@@ -9,11 +9,12 @@ where it was measured, radius: least squares with the derivatives of the simulat
 .. math:: \\min_\\theta \\sum_i \\left(\\frac{\\ln S_\\theta(\\epsilon_i) - \\ln S_i}{\\sigma_i}\\right)^2
           + \\text{prior}(\\theta).                                                              \\qquad (N.1)
 
-Two things no force tells: how the material goes on past the strains of the curve, where much of a barrelled
-specimen is, and how it behaves in other modes than uniaxial compression. So several laws are fitted, curves
-of nodes with several continuations and laws of the library, and averaged with the weights of Schwarz's
-criterion (N.2); their spread is part of the band. A force alone does not tell friction from the curve's shape
-either: the coefficient is free only where the radius at mid-height was measured, else it is declared.
+The force does not determine two properties. One is the material behaviour beyond the strains of the curve,
+which much of a barrelled specimen reaches. The other is the behaviour in modes other than uniaxial
+compression. Several laws are therefore fitted: curves of nodes with several continuations, and laws of the
+library. They are averaged with the weights of Schwarz's criterion (N.2), and their spread is part of the
+band. The force also cannot distinguish friction from the curve's shape. The coefficient is free only if the
+radius at mid-height was measured; otherwise it is declared.
 """
 
 from collections.abc import Sequence
@@ -52,13 +53,13 @@ from kolsky.material.fits.compare import candidates
 from kolsky.material.uniaxial import CurveBand
 
 LARGEST_MISFIT = 0.03
-"""Root mean square misfit of the best law from which on a correction is refused [-]."""
+"""Root mean square misfit of the best law above which a correction is rejected [-]."""
 DISAGREE = 0.02
-"""Difference of two laws that meet the test alike above which it is reported [-]."""
+"""Difference of two laws with equal fit above which it is reported [-]."""
 
 
 def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:
-    """Why no law meets a test, from where it is missed most."""
+    """Reason why no law fits a test, from the strain of the largest misfit."""
     off = best.off
     worst = int(np.argmax(np.abs(off)))
     share = worst / max(1, off.size - 1)
@@ -75,7 +76,7 @@ def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:
 def _remarks_on(
     found: list[ModelOptimum], weights: FloatArray, logs: FloatArray, test: MeasuredSpecimen
 ) -> tuple[str, ...]:
-    """Misfits that are no noise, and laws that the test cannot tell apart."""
+    """Misfits that are not noise, and laws that the test cannot distinguish."""
     best = int(np.argmax(weights))
     said = []
     n = test.strain.size
@@ -98,10 +99,10 @@ def _remarks_on(
 
 
 _LAWS_TRIED = ("yeoh", "mooney_rivlin_2", "ogden2", "gent")
-"""Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
-invariants, of the stretches."""
+"""Laws of the library fitted in addition to the curves of nodes: two of the first invariant with different
+continuations, one of both invariants, one of the stretches."""
 LARGEST_LIKENESS = 0.9
-"""Largest autocorrelation of the misfit that is believed [-]."""
+"""Upper limit of the autocorrelation of the misfit [-]."""
 
 
 def correct_friction(
@@ -117,12 +118,12 @@ def correct_friction(
     """Find the uniaxial curve behind a compression test with friction at its ends.
 
     Raises ValueError if friction is free without a measured radius, the stress is not positive, no
-    equilibrium exists, or no law meets the test; the message says which, and where.
+    equilibrium exists, or no law fits the test; the message gives reason and strain.
 
     ``band``: the apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its
     ends. ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of `band` [m], shape [n], and its
-    standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``: laws of the library that are
-    tried beside the curves of nodes, names of `kolsky.material.fits.compare.candidates`.
+    standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``: laws of the library fitted in
+    addition to the curves of nodes, names of `kolsky.material.fits.compare.candidates`.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
@@ -169,7 +170,7 @@ def checked_test(
     bulge_sigma: float,
     numerics: CorrectionNumerics,
 ) -> MeasuredSpecimen:
-    """The test at the strains at which it is compared, with what is asked of it checked."""
+    """The test at the strains of the comparison, after a check of the arguments."""
     if ends.law == "coulomb" and ends.coefficient is None and (bulge is None or not bulge_sigma > 0.0):
         raise ValueError(
             "friction cannot be free with the force alone, which fits any coefficient: give the radius at "
@@ -298,7 +299,7 @@ def _friction(
         slope = best.made.stress_by[:, -1] / best.made.stress
         return f, test.ends.sigma, -response[:, :n] @ slope * test.ends.sigma
     gain = best.gain[-1]
-    # What the mesh does to the radius it does at all strains alike, so no number of them averages it.
+    # The mesh error of the radius is the same at all strains, so averaging does not reduce it.
     together = gain[n : 2 * n].sum() * MODEL_RADIUS * test.specimen.radius / test.bulge_scale
     sigma = f * float(np.hypot(np.linalg.norm(gain), together))
     common = np.full(n, MODEL_RADIUS * test.specimen.radius / test.bulge_scale)

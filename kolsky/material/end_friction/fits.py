@@ -33,13 +33,13 @@ TOLERANCE = 1e-3
 _EVALUATIONS = 12
 """Most simulated tests of one fit's search."""
 NODES = (5, 7, 10)
-"""Numbers of nodes that are tried in turn until the residual is noise."""
+"""Numbers of nodes, tried in this order until the residual is noise."""
 NOISE_LEFT = 1.5
-"""Mean square residual (over noise and mesh) from which on it is not taken for noise."""
+"""Mean square residual (over noise and mesh) above which it is not accepted as noise."""
 _UNUSABLE = 1e3
-"""Residual of unknowns without a law or without an equilibrium."""
+"""Residual for unknowns without a valid law or without an equilibrium."""
 _START_FRICTION = 0.3
-"""Where a search for a free coefficient begins [-]."""
+"""First value in the search for a free coefficient [-]."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class ModelOptimum:
     off: FloatArray
     """ln of the simulated over the measured stress there [-], shape [n]."""
     mesh: MeshError | None = None
-    """What the refined mesh changed of it, where the fit was moved to that."""
+    """Its change by the refined mesh, if the fit was moved to that mesh."""
 
     @property
     def gain(self) -> FloatArray:
@@ -74,7 +74,7 @@ class ModelOptimum:
 
 
 class FitFailedError(ValueError):
-    """A model cannot be fitted; the message says why."""
+    """A model cannot be fitted; the message gives the reason."""
 
 
 def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> ModelOptimum:
@@ -131,7 +131,7 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> M
 def fit_nodes(
     test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
 ) -> list[ModelOptimum]:
-    """Curves of nodes, as many as the residual needs to be noise, with every continuation."""
+    """Curves with as many nodes as needed to reduce the residual to noise, with every continuation."""
     last = float(measure(test.strain[-1]))
     quotient = np.log(test.stress / gaussian_strain(test.strain, compression=True)) - np.log(1.2)
     found: list[ModelOptimum] = []
@@ -158,7 +158,7 @@ def fit_nodes(
 
 
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
-    """A law of the library, begun at its fit to the curve of another one."""
+    """A law of the library, starting at its fit to the curve of another one."""
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
     model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))

@@ -22,8 +22,8 @@ from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.uniaxial import CurveBand, gaussian_strain
 
 Continuation = Literal["tangent", "quadratic", "exponential", "level"]
-"""Courses of 2U' past the last node: straight in s, straight in I1 (two terms of Yeoh's law), exponential in
-I1 (Fung's), constant (neo-Hookean)."""
+"""Continuations of 2U' beyond the last node: linear in s, linear in I1 (two terms of Yeoh's law), exponential
+in I1 (Fung's), constant (neo-Hookean)."""
 CONTINUATIONS: tuple[Continuation, ...] = get_args(Continuation)
 
 
@@ -99,7 +99,7 @@ class NodesLaw:
 
 
 class CurveModel(Protocol):
-    """A law with unknowns that are all of the size of 1."""
+    """A law with unknowns scaled to the order of 1."""
 
     @property
     def name(self) -> str:
@@ -117,7 +117,7 @@ class CurveModel(Protocol):
         ...
 
     def law(self, theta: FloatArray) -> Stretches:
-        """The law of the unknowns; ValueError if they make none."""
+        """The law of the unknowns; ValueError if they give no valid law."""
         ...
 
     def stress(self, theta: FloatArray, strain: FloatArray) -> FloatArray:
@@ -125,7 +125,7 @@ class CurveModel(Protocol):
         ...
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of what is held likely before the test, and their derivatives by the unknowns."""
+        """Residuals of the prior, and their derivatives by the unknowns."""
         ...
 
 
@@ -141,7 +141,7 @@ class NodesModel:
     nodes: FloatArray
     """Places of the nodes in s [-], shape [n]."""
     continuation: Continuation = "tangent"
-    """Course past the last."""
+    """Continuation beyond the last node."""
 
     @property
     def name(self) -> str:
@@ -178,7 +178,7 @@ class LibraryModel:
     """A law of the library; moduli in units of a stress."""
 
     candidate: Candidate
-    """The law, and what is held of it."""
+    """The law and its fixed constants."""
     unit: float
     """That stress [Pa]."""
 
@@ -242,15 +242,17 @@ def _measure(lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
 
 
 _LARGEST_FRICTION = 5.0
-"""Above, nothing slips any more: choose "bonded" or "rough"."""
+"""Above this coefficient nothing slips: choose "bonded" or "rough"."""
 MODEL_STRESS, MODEL_RADIUS = 2e-3, 1e-3
-"""Error of the coarse mesh, relative to stress and radius [-]: what a residual has at least. The side rolls
-onto the platen point by point, which makes the force uneven by about this much: DOLFINx's `ogden2` and `yeoh`
-with f = 0.3 are met within 0.27 and 0.31 % (rms), the bonded `mooney_rivlin` within 0.10 %."""
+"""Error of the coarse mesh, relative to stress and radius [-]: the least standard deviation of a residual.
+The side rolls onto the platen point by point, which makes the force uneven by about this amount. The
+difference from DOLFINx is 0.27 and 0.31 % (rms) for `ogden2` and `yeoh` with f = 0.3, and 0.10 % for the
+bonded `mooney_rivlin`."""
 REFINED_STRESS = 1e-3
-"""That error on the refined mesh [-]: the same cylinders are met within 0.09, 0.11 and 0.07 % (rms)."""
+"""That error on the refined mesh [-]: the same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
+(rms)."""
 COMMON_STRESS = 6e-4
-"""Part of it that is common to all strains, which no number of them averages [-]: the mean differences from
+"""Part of it that is common to all strains and that averaging does not reduce [-]: the mean differences from
 DOLFINx's force are -0.05, -0.08 and -0.03 %, 0.06 % in the root mean square."""
 DIFFERENCE = 1e-4
 """Change of an unknown by which a law's stress is differentiated; moduli enter a stress linearly."""
@@ -265,7 +267,7 @@ class EndFriction:
     coefficient: float | None = 0.0
     """Coulomb's coefficient [-]; None finds it from the radius at mid-height. Only for "coulomb"."""
     sigma: float = 0.0
-    """Its standard uncertainty, where it is declared [-]."""
+    """Its standard uncertainty, if it is declared [-]."""
 
     def __post_init__(self) -> None:
         f = self.coefficient
@@ -280,8 +282,8 @@ class EndFriction:
 
 
 ASSUMED_POISSON_SIGMA = 5e-4
-"""Standard uncertainty of Poisson's ratio where nobody declares it [-]: with the default of 0.499, k = 2
-covers what is usual of rubbers, 0.498 to 0.49999."""
+"""Standard uncertainty of Poisson's ratio if none is declared [-]: with the default of 0.499, k = 2 covers
+the usual range of rubbers, 0.498 to 0.49999."""
 
 
 @dataclass(frozen=True)
@@ -291,11 +293,11 @@ class CorrectionNumerics:
     mesh: tuple[int, int] = (8, 7)
     """Elements across the radius and along the half length, biquadratic, in the fits."""
     refined_mesh: tuple[int, int] = (12, 10)
-    """The mesh that the answer is moved to."""
+    """The refined mesh of the final result."""
     poisson: float = 0.499
-    """Poisson's ratio at rest [-]; that of the shot the curve is meant for."""
+    """Poisson's ratio at rest [-]; that of the shot for which the curve is used."""
     poisson_sigma: float = 0.0
-    """Its standard uncertainty [-], which `fit_specimen` counts."""
+    """Its standard uncertainty [-], included by `fit_specimen`."""
     places: int = 25
     """Most strains at which the test is compared."""
 
@@ -311,8 +313,8 @@ class CorrectionNumerics:
 
 
 LARGEST_NUMBER = 1e5
-"""Constant without a unit from which on the law is that without its term [-]: with Gent's Jm it stiffens by
-(I1 - 3)/Jm, a thousandth of a permille at 70 % strain, which no test shows."""
+"""Dimensionless constant above which its term in the law is negligible [-]: with Gent's Jm the law stiffens
+by (I1 - 3)/Jm, a thousandth of a permille at 70 % strain, which no test can detect."""
 _NUMBERS = {spec.name for law in LAWS.values() for spec in law.PARAMETERS if spec.unit == "1"}
 
 
@@ -337,15 +339,17 @@ class ModelFit:
     weight: float
     """Weight in the average of the laws [-]."""
     evaluations: int
-    """Simulated tests that the fit took."""
+    """Number of simulated tests in the fit."""
     reason: str = ""
-    """Why it has no weight, if it has none."""
+    """Reason why it has no weight, if it has none."""
     remark: str = ""
-    """What a reader of the constants must know."""
+    """Remarks on the constants."""
 
     @property
     def not_determined(self) -> tuple[str, ...]:
-        """Constants whose k = 2 interval reaches zero, or which are so large that the law loses that term."""
+        """Constants whose k = 2 interval includes zero, or which are so large that their term is
+        negligible.
+        """
         return tuple(
             name
             for name, value in self.constants.items()
@@ -362,20 +366,20 @@ class ModelFit:
 
 @dataclass(frozen=True)
 class FrictionCorrection:
-    """The material's curve, and how it was found."""
+    """The material's curve, with the details of the correction."""
 
     band: CurveBand
     """Corrected curve with its modes: those of the tests, "noise", "friction", "mesh", "elements", "law"."""
     ratio: FloatArray
     """Apparent over true nominal stress [-], shape [n]."""
     coefficient: float | None
-    """Coulomb's coefficient that was used or found [-]; None for "bonded" and "rough"."""
+    """Coulomb's coefficient, declared or fitted [-]; None for "bonded" and "rough"."""
     sigma: float
     """Its standard uncertainty [-]."""
     misfit: float
     """Misfit of the law of the greatest weight [-]."""
     models: tuple[ModelFit, ...]
-    """All laws that were tried, the greatest weight first."""
+    """All fitted laws, the greatest weight first."""
     past_data: float
     """Share of the specimen that was strained past the end of the curve [-]."""
     snaps: int = 0
@@ -390,7 +394,7 @@ class FrictionCorrection:
 
 @dataclass(frozen=True)
 class MeshError:
-    """What the refined mesh changes of a simulated test."""
+    """Change of a simulated test by the refined mesh."""
 
     stress: FloatArray
     """ln of its stress over the coarse mesh's [-], shape [n]."""
@@ -429,7 +433,7 @@ class MeasuredSpecimen:
         return self.ends.law == "coulomb" and self.ends.coefficient is None
 
     def friction(self, theta: FloatArray) -> float:
-        """Coulomb's coefficient [-]; infinity where nothing slips."""
+        """Coulomb's coefficient [-]; infinity if nothing slips."""
         if self.ends.law != "coulomb":
             return float("inf")
         return float(np.exp(theta[-1])) if self.ends.coefficient is None else self.ends.coefficient
@@ -443,7 +447,7 @@ class MeasuredSpecimen:
     ) -> Compression:
         """The test with a law. Derivatives by its unknowns and, under Coulomb's law, by the coefficient.
 
-        Raises ValueError if the unknowns make no law, or there is no equilibrium.
+        Raises ValueError if the unknowns give no valid law, or there is no equilibrium.
         """
         x, n = self.own(theta), self.numerics
         law = model.law(x)
@@ -464,7 +468,7 @@ class MeasuredSpecimen:
         )
 
     def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
-        """What the refined mesh changes of a test that the coarse one simulated.
+        """Change by the refined mesh of a test simulated on the coarse one.
 
         Raises ValueError if there is no equilibrium on the refined mesh.
         """

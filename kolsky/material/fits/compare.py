@@ -1,13 +1,13 @@
 """Comparison of laws fitted to the same tests: goodness of fit, uncertainty, Drucker's stability.
 
 A material is stable where d tau : d eps > 0 for every step (Drucker 1959), with the Kirchhoff stress and the
-logarithmic strain. In the principal axes of an incompressible solid the steps are those with d eps_1 +
-d eps_2 + d eps_3 = 0, so the criterion is that H of Eq. (L.2) is positive definite in that plane,
-both of its eigenvalues > 0 (as in Abaqus, Theory Manual 4.6). It says more than that a nominal stress rises
-with its stretch: a law may have a rising uniaxial curve and be unstable across it.
+logarithmic strain. In the principal axes of an incompressible solid the steps are those with d eps_1 + d
+eps_2 + d eps_3 = 0, so the criterion is that H of Eq. (L.2) is positive definite in that plane, both of its
+eigenvalues > 0 (as in Abaqus, Theory Manual 4.6). The criterion is stricter than a nominal stress that rises
+with stretch: a law may have a rising uniaxial curve and be unstable in a lateral direction.
 
-Uniaxial compression is equibiaxial tension and the reverse, and planar compression is planar tension with the
-axes named anew; all are listed because a user looks for the test that was made.
+Uniaxial compression is equibiaxial tension and the reverse, and planar compression is planar tension with
+renamed axes. All are listed because a user searches for the actual test.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,23 +27,23 @@ from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.search import Weighting
 
 POINTS = 2000
-"""Deformations looked at between rest and the end of a path, equal in ln(stretch)."""
+"""Number of deformations checked between rest and the end of a path, equally spaced in ln(stretch)."""
 _COMPRESSIBLE_POINTS = 100
-"""The same of a compressible solid, whose lateral stretch has to be searched at each."""
+"""The same for a compressible solid, whose lateral stretch must be solved for at each."""
 _ACROSS = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
 _ALONG = np.array([2.0, -1.0, -1.0]) / np.sqrt(6.0)
-"""Two steps that keep the volume, without and with the first axis."""
+"""Two volume-preserving steps, without and with the first axis."""
 
 
 class Stability(Enum):
     """Outcome of a path."""
 
     STABLE = "stable"
-    """To the end of the path that was looked at."""
+    """Stable to the end of the checked path."""
     UNSTABLE = "unstable"
-    """From a strain on a step of strain does no work, or negative."""
+    """Beyond some strain, a strain step does zero or negative work."""
     UNDEFINED = "not defined"
-    """From a strain on the law has no energy: it locks there."""
+    """Beyond some strain the law has no energy: it locks there."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
     lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         H = logarithmic_hessian(law, lam)
-        # Steps that leave the stiffest axis as it is must not be the small difference of large numbers.
+        # Steps without strain along the stiffest axis must not be a small difference of large numbers.
         first = np.argmax(np.nan_to_num(np.diagonal(H, axis1=-2, axis2=-1), nan=0.0), axis=-1)
         axes = (first[..., None] + np.arange(3)) % 3
         H = np.take_along_axis(np.take_along_axis(H, axes[..., :, None], -2), axes[..., None, :], -1)
@@ -108,7 +108,7 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
 def drucker(
     law: Stretches, *, most: float = 10.0, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
-    """The strain at which a law stops being stable, in every mode."""
+    """The strain at which a law becomes unstable, in every mode."""
     if not 1.0 < most < float("inf"):
         raise ValueError(f"most must be > 1 and finite, got {most}")
     log = np.linspace(0.0, np.log(most), POINTS)
@@ -168,12 +168,12 @@ def _path(
 
 
 FARTHEST = 10.0
-"""Principal stretch to which stability is followed at least [-]."""
+"""Principal stretch up to which stability is checked at least [-]."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law to be tried."""
+    """A law to be fitted."""
 
     name: str
     """Name in tables."""
@@ -195,7 +195,7 @@ class Row:
     over_data: tuple[PathStability, ...]
     """The same from rest to the ends of the tests."""
     reason: str = ""
-    """Why there is no fit."""
+    """Reason why there is no fit."""
 
     @property
     def stable(self) -> bool:
@@ -263,14 +263,14 @@ def compare_laws(
     seed: int = 1,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Comparison:
-    """Fit every law and judge its stability; a law that cannot be fitted has a row that says why.
+    """Fit every law and check its stability; the row of a law that cannot be fitted gives the reason.
 
     Raises ValueError if there is no law or no test.
 
     Parameters
     ----------
     laws
-        What to try, see `candidates`.
+        The laws to fit, see `candidates`.
     tests, weighting, bounded, poisson, free_poisson, starts, seed
         See `kolsky.material.fits.fit.fit_law`.
     progress

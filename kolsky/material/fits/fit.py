@@ -5,8 +5,9 @@ With n residuals r_i, k free constants and S = sum r_i^2,
     RMSE = sqrt(S / n),  R^2 = 1 - S / sum (T_i - mean T)^2,                                   (Q.6)
     AIC = n ln(S / n) + 2 k,  BIC = n ln(S / n) + k ln n,                                      (Q.7)
 
-where the noise is unknown and the constant of the likelihood is left out (Burnham and Anderson 2002): only
-differences between laws fitted to the same points count. With known noise n ln(S / n) is replaced by chi^2.
+where the noise is unknown and the constant of the likelihood is omitted (Burnham and Anderson 2002). Only
+differences between laws fitted to the same points are meaningful. With known noise n ln(S / n) is replaced by
+chi^2.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +38,7 @@ def rmse(residual: FloatArray) -> float:
 
 
 def r_squared(residual: FloatArray, measured: FloatArray) -> float:
-    """Coefficient of determination, Eq. (Q.6); negative where the mean of the data does better."""
+    """Coefficient of determination, Eq. (Q.6); negative if the mean of the data fits better."""
     return float(1.0 - (residual @ residual) / np.sum((measured - measured.mean()) ** 2))
 
 
@@ -64,23 +65,24 @@ def _deviance(chi2: float, n: int, known_noise: bool) -> float:
 
 
 STARTS = 12
-"""Starts that are polished where a law has more than moduli."""
+"""Number of starts that are refined if a law has constants other than moduli."""
 WEAKEST = 1e-7
-"""Ratio of the least to the largest singular value of the scaled Jacobian below which the data do not tell
-the constants apart: half the digits of the residuals."""
+"""Ratio of the least to the largest singular value of the scaled Jacobian below which the data do not
+distinguish the constants: half the digits of the residuals."""
 
 
 class FitOutcome(Enum):
     """Outcome of a fit: whether the data determine the constants."""
 
     DETERMINED = "determined"
-    """One minimum, inside the bounds, that two starts agree on (moduli alone have one minimum)."""
+    """One minimum, inside the bounds, reached from two starts (with moduli only there is a single
+    minimum)."""
     AT_BOUND = "at a bound"
-    """The least sum of squares lies on a bound: the data ask for a constant outside."""
+    """The least sum of squares lies on a bound: the data favour a constant outside."""
     UNCONFIRMED = "not confirmed"
-    """Inside the bounds, but one start alone ended there: there may be a better minimum."""
+    """Inside the bounds, but reached from only one start: there may be a better minimum."""
     NOT_DETERMINED = "not determined"
-    """Different constants meet the data alike: fix some, or take a law with fewer."""
+    """Different constants fit the data equally well: fix some, or use a law with fewer."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,10 @@ class PartFit:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law with what the data leave open."""
+    """A fitted law with the uncertainties of its constants."""
 
     name: str
-    """The law, and what was held of it."""
+    """The law and its fixed constants."""
     law: AnyLaw
     """The law with its constants."""
     free: tuple[str, ...]
@@ -137,7 +139,7 @@ class Fit:
     chi2: float
     """Sum of the weighted squared residuals [-]."""
     n: int
-    """Residuals that counted."""
+    """Number of residuals with a nonzero weight."""
     covariance: FloatArray
     """Of the fitted constants, SI, shape [n_free, n_free]: that of independent residuals. Rows of constants
     at a bound are zero; NaN throughout if the constants are not determined."""
@@ -203,8 +205,9 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Least Durbin-Watson number of the tests: far below 2 the law misses the curve's shape, and
-        `covariance`, which counts every point as new, is too small."""
+        """Least Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
+        `covariance`, which takes all points as independent, is then too small.
+        """
         return min(durbin_watson(part.residual) for part in self.parts)
 
     @property
@@ -254,7 +257,7 @@ def fit_law(
     seed
         Seed of the starts.
     name
-        How the fit is called; the law's name with what is held, if not given.
+        Name of the fit; if not given, the law's name with the fixed constants.
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")
@@ -288,7 +291,7 @@ def fit_law(
 
 
 def _covariance(problem: Residuals, found: SearchResult) -> tuple[FloatArray, bool]:
-    """Covariance of the free constants in SI, and whether the data tell them apart."""
+    """Covariance of the free constants in SI, and whether the data distinguish them."""
     inside = ~np.array(found.at_bound)
     k = len(inside)
     whole = np.zeros((k, k))
@@ -299,7 +302,8 @@ def _covariance(problem: Residuals, found: SearchResult) -> tuple[FloatArray, bo
     _, s, vt = np.linalg.svd(J / length, full_matrices=False)
     if s.size and s[-1] < WEAKEST * s[0]:
         return np.full((k, k), np.nan), False
-    # Unknown noise: its variance from the residuals; known noise: not less than that, if the law misses more.
+    # Unknown noise: its variance from the residuals; known noise: at least that noise, more if the residuals
+    # are larger.
     variance = found.chi2 / (problem.n - int(inside.sum()))
     if problem.weighting is Weighting.SIGMA:
         variance = max(1.0, variance)

@@ -1,6 +1,6 @@
 """Nominal stress of a hyperelastic law in homogeneous deformations, incompressible and compressible.
 
-Tension is positive. The modes stand here too.
+Tension is positive. The modes are also defined here.
 
 With beta_i = lam_i dW/dlam_i the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p; the free
 face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
@@ -85,7 +85,7 @@ def mode_named(text: str) -> Mode:
 
 
 def check_deformation(mode: Mode, deformation: FloatArray) -> None:
-    """Refuse a number that is no deformation."""
+    """Raise ValueError for a number that is not a deformation."""
     bad = ~np.isfinite(deformation)
     if mode is not Mode.SIMPLE_SHEAR:
         bad |= deformation <= 0.0

@@ -1,4 +1,4 @@
-"""Properties of a tensile curve that standards ask for, and their recovery by healing.
+"""Properties of a tensile curve required by standards, and their recovery by healing.
 
 Young's modulus, Poisson's ratio, fracture and recovery; undamaged specimens against healed ones.
 """
@@ -22,7 +22,7 @@ DROP = 0.2
 BACK = 0.02
 """Share of its strain by which a specimen may spring back as it breaks [-]."""
 FEWEST = 3
-"""Points that a regression needs."""
+"""Fewest points for a regression."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Measured:
     value: float
     """The number."""
     sigma: float
-    """Its standard uncertainty; NaN where nothing tells."""
+    """Its standard uncertainty; NaN if it is not known."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def mean_of(values: Sequence[float]) -> Measured:
 def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
     """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
 
-    The uncertainty is NaN where a group is one specimen, which does not tell its scatter.
+    The uncertainty is NaN if a group is a single specimen, which has no scatter.
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")
@@ -131,12 +131,12 @@ class SpecimenProperties:
     name: str
     """Its test."""
     values: dict[str, float]
-    """Property -> value in SI; what a test does not show is missing."""
+    """Property -> value in SI; properties that a test does not determine are missing."""
 
 
 @dataclass(frozen=True)
 class Healing:
-    """Properties of both groups and what healing recovered."""
+    """Properties of both groups and their recovery by healing."""
 
     undamaged: tuple[SpecimenProperties, ...]
     """Specimens that were not cut."""
@@ -151,7 +151,7 @@ class Healing:
 
 
 def _reason(name: str) -> str:
-    """Why a test may not show a property, with what it takes."""
+    """Reasons why a test may not determine a property, with the requirements."""
     if name == "Young's modulus to 5 %":
         return f"; it takes {FEWEST} points or more up to {100.0 * INITIAL:g} % strain"
     if name.startswith("fracture"):
@@ -207,7 +207,7 @@ def healing(
 
 
 def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
-    """Young's modulus, constants up to the fracture, and the fracture, as far as a test shows them."""
+    """Young's modulus, constants up to the fracture, and the fracture, as far as a test determines them."""
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
         raise ValueError(f"{test.name} is no uniaxial tensile test")
     values: dict[str, float] = {}

@@ -31,9 +31,10 @@ _FREE_POISSON = ParameterSpec(
 )
 """The unknown beside a law's constants where the compressibility is free."""
 _LATERAL_SCALE = 0.01
-"""Lateral stretch that weighs like the largest stress in a fit [-]: the size of a good strain measurement."""
+"""Error of lateral stretch with the same weight as the largest stress in a fit [-]: the error of a good
+strain measurement."""
 REFUSED = 1e8
-"""Residual, in units of the largest stress, of constants that make no law or no stress."""
+"""Residual, in units of the largest stress, for constants without a valid law or stress."""
 
 
 class Weighting(Enum):
@@ -86,7 +87,8 @@ class Residuals:
     @cached_property
     def counted(self) -> tuple[FloatArray, ...]:
         """Factor of every residual [1/Pa], shape [n] for each test; 0 for a point at rest under relative
-        weighting, where law and measurement are both zero and say nothing."""
+        weighting, where law and measurement are both zero and give no information.
+        """
         factors = []
         for test in self.tests:
             if self.weighting is Weighting.SIGMA:
@@ -101,7 +103,7 @@ class Residuals:
 
     @cached_property
     def n(self) -> int:
-        """Residuals that count."""
+        """Number of residuals with a nonzero weight."""
         lateral = sum(t.lateral.size for t in self.tests if t.lateral is not None) if self.free_poisson else 0
         return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
 
@@ -172,7 +174,7 @@ def residuals_of(
     poisson: float | None = None,
     free_poisson: bool = False,
 ) -> Residuals:
-    """The residuals of a law, with what is asked of it checked."""
+    """The residuals of a law, after a check of the arguments."""
     if not tests:
         raise ValueError("a fit needs at least one test")
     names = [spec.name for spec in law.PARAMETERS]
@@ -203,18 +205,18 @@ DECADES = 2.0
 _LEAST_SIZE = 0.3
 """Smallest size drawn of a constant that may have both signs, as an exponent of Ogden's law."""
 ROUGH, FINE = 60, 500
-"""Most evaluations of the Jacobian for every start, and then for the best of them."""
+"""Largest number of evaluations of the Jacobian: for every start, and then for the best of them."""
 BEST = 3
-"""Starts that are polished to the end."""
+"""Number of starts that are refined to convergence."""
 TIGHT = 1e-14
 """Relative change of sum, constants or gradient at which a search ends: the last digits."""
 EQUAL_MINIMA = 1e-6
-"""Relative difference of sums of squares below which two searches have found one minimum."""
+"""Relative difference of sums of squares below which two searches have found the same minimum."""
 EXACT = 1e-12
-"""Sum of squares, in units of the largest stress, below which a law meets the data to the last digits that
-count: searches that end there agree, whatever their round-off."""
+"""Sum of squares, in units of the largest stress, below which a law fits the data to round-off. Searches that
+end there count as equal."""
 _NO_MODULUS = 1e-6
-"""Initial shear modulus over the largest stress below which a search has run to the edge of what is a law."""
+"""Initial shear modulus over the largest stress below which a search has reached the limit of valid laws."""
 _NO_LAW = (
     "{}: least squares lead to constants that are no law (the initial shear modulus would not be > 0, or "
     "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
@@ -263,7 +265,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         try:
             known = [search(residuals, bounded=True, starts=starts, seed=seed).unknowns]
         except ValueError:
-            known = []  # no law with a positive energy meets the data: the free search stands alone
+            known = []  # no law with a positive energy fits the data: only the free search is used
     ends: list[tuple[float, FloatArray]] = []
     for number in range(ROUNDS):
         begun = known + _starts(residuals, lower, upper, starts, seed + number)
@@ -333,7 +335,7 @@ def _starts(
     ranked.sort(key=lambda pair: pair[0])
     chosen: list[FloatArray] = []
     for _, x in ranked:
-        # Starts of nearly the same exponents would end in the same place.
+        # Starts with nearly the same exponents would reach the same minimum.
         if all(np.max(np.abs(x - y) / (np.abs(x) + np.abs(y) + 1e-12)) > 0.05 for y in chosen):
             chosen.append(x)
         if len(chosen) == count:
@@ -395,7 +397,7 @@ def _refined(
 def _snapped_to_bounds(
     residuals: Residuals, chi2: float, x: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> tuple[float, FloatArray, NDArray[np.bool_]]:
-    """The minimum with what is next to a bound put on it: a trust region only comes near."""
+    """The minimum with unknowns near a bound moved onto it: a trust region never reaches a bound."""
     size = np.maximum(np.abs(x), 1.0)
     low, high = x - lower < _NEAR_BOUND * size, upper - x < _NEAR_BOUND * size
     placed = np.where(low, lower, np.where(high, upper, x))

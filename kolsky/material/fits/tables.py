@@ -1,4 +1,4 @@
-"""A comparison of laws as tables and as JSON: one place for what is written, printed and shown."""
+"""A comparison of laws as tables and as JSON, for files, terminal and display."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from kolsky.material.fits.properties import Fracture, fracture, poissons_ratio, 
 Columns = dict[str, list[Any]]
 
 COSTLY = 1.1
-"""Factor in the sum of squares from which on a bound's cost is said [-]."""
+"""Factor in the sum of squares above which the effect of a bound is reported [-]."""
 CORRELATED = 1.0
 """Durbin-Watson number below which residuals follow each other too closely to count as independent."""
 
@@ -272,7 +272,7 @@ def _fracture(test: HomogeneousTest) -> tuple[Fracture | None, int]:
 
 
 def _broken(test: HomogeneousTest) -> str:
-    """What is said of a test that goes on after its fracture; empty if none does."""
+    """Remark on tests that continue after fracture; empty if there is none."""
     broke, after = _fracture(test)
     if broke is None:
         return ""

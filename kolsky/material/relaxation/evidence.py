@@ -1,7 +1,7 @@
-"""Tests that show rate dependence: histories of stretch, oscillations and, elsewhere, shots.
+"""Tests that show rate dependence: histories of stretch and oscillations; shots are in another module.
 
 An evidence has measured values with their uncertainty, and predicts them for any number of rate models at
-once, so that a fit neither knows nor cares what was done to the specimen.
+once, so that a fit does not depend on the kind of test.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from kolsky.base.arrays import FloatArray
 
 @dataclass(frozen=True)
 class RateModel:
-    """The long-term law times a factor, with branches that relax beside it."""
+    """The long-term law times a factor, with viscoelastic branches in parallel."""
 
     factor: float
     """Factor on the long-term law [-]; the m of a shot."""
@@ -28,7 +28,7 @@ class RateModel:
 
 @dataclass(frozen=True)
 class ScaledLaw:
-    """A law times a factor, as far as a homogeneous test asks."""
+    """A law times a factor, with the interface needed for a homogeneous test."""
 
     law: Any
     """The law: an `explicit.materials.MaterialLaw`."""
@@ -60,7 +60,7 @@ class Evidence(Protocol):
 
     @property
     def time_scales(self) -> tuple[float, float]:
-        """The shortest and the longest time it can tell apart [s]."""
+        """The shortest and the longest relaxation time that it can resolve [s]."""
         ...
 
     def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
@@ -79,7 +79,7 @@ class HistoryTest:
     stress: FloatArray
     """Nominal stress, tension-positive [Pa], shape [n]."""
     sigma: FloatArray
-    """Its standard uncertainty [Pa], shape [n]; infinity where a sample only carries the history."""
+    """Its standard uncertainty [Pa], shape [n]; infinity for samples that only define the history."""
     label: str = "history"
     """Name for tables."""
 

@@ -3,8 +3,8 @@ moduli.
 
 Apparent moduli put slow tests, relaxation, oscillation and shots on one axis of time.
 
-The apparent modulus is that of rubber elasticity, E_a = 3 P / (lam - lam^-2) with the nominal stress P,
-Eq. (M.9), which takes the strain out of a neo-Hookean solid (Fig. 11 of Mates et al. 2012). The time is the
+The apparent modulus is that of rubber elasticity, E_a = 3 P / (lam - lam^-2) with the nominal stress P, Eq.
+(M.9), which does not depend on strain for a neo-Hookean solid (Fig. 11 of Mates et al. 2012). The time is the
 mean age of the strain,
 
     age(t) = (1 / ln lam(t)) int_0^t (t - s) d ln lam(s),                                              (V.4)
@@ -28,7 +28,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
 
 SIGNIFICANT = 0.01
-"""Probability below which chance does not explain what a branch improves."""
+"""Probability of chance below which the improvement by a branch is significant."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class RateFit:
     residuals: tuple[FloatArray, ...]
     """(predicted - measured) / sigma of each evidence [-]."""
     at_bound: tuple[str, ...]
-    """Parameters that ended at the end of their range: the evidence does not determine them."""
+    """Parameters at a bound of their range: the evidence does not determine them."""
 
     @property
     def scatter(self) -> float:
-        """max(1, chi_square / degrees of freedom) [-]: what the covariance is widened by (Birge)."""
+        """max(1, chi_square / degrees of freedom) [-]: the factor on the covariance (Birge)."""
         free = self.n_data - len(self.values)
         return max(1.0, self.chi_square / free) if free > 0 else 1.0
 
@@ -87,14 +87,15 @@ class RateVerdict:
     fits: tuple[RateFit, ...]
     """The fits with 0, 1, 2, ... branches."""
     probabilities: tuple[float, ...]
-    """Of each further branch: the probability that noise alone improves chi-square by so much [-].
-    Two parameters come with a branch and the time means nothing without the strength, so chi-square with two
+    """For each further branch: probability that noise improves chi-square by at least as much [-]. Two
+    parameters come with a branch and the time means nothing without the strength, so chi-square with two
     degrees of freedom is used; improvements are divided by the scatter of the richest fit."""
 
     @property
     def branches(self) -> int:
-        """Branches that are asked for one after the other: each significant, with a lower AIC, and none of
-        its parameters at the end of its range."""
+        """Number of successive branches that are required: each significant, with a lower AIC, and with no
+        parameter at a bound.
+        """
         count = 0
         for k, probability in enumerate(self.probabilities, start=1):
             fit, before = self.fits[k], self.fits[k - 1]
@@ -105,7 +106,7 @@ class RateVerdict:
 
     @property
     def fit(self) -> RateFit:
-        """The fit with as many branches."""
+        """The fit with the required number of branches."""
         return self.fits[self.branches]
 
     @property
@@ -127,17 +128,17 @@ def _chance(probability: float) -> str:
 
 
 STRENGTHS = (1e-4, 1e3)
-"""Allowed strengths of a branch [-]: below, no evidence knows it from none."""
+"""Allowed strengths of a branch [-]: below, no evidence distinguishes it from zero."""
 FACTORS = (1e-3, 1e3)
 """Allowed factors on the long-term law [-]."""
 TIME_SCALE_MARGIN = 10.0
 """Factor by which a relaxation time may lie outside the evidence's own time scales [-]."""
 _FACTOR_GRID = (0.4, 2.5, 32)
-"""Factors that a search without branches begins among: first, last and how many."""
+"""Grid of factors at the start of a search without branches: first, last and number."""
 GRID = (0.1, 0.5, 2.0)
-"""Strengths a further branch is looked for with [-]."""
+"""Grid of strengths in the search for a further branch [-]."""
 _GRID_TIMES = 7
-"""Relaxation times it is looked for at."""
+"""Number of relaxation times in that search."""
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 1e-2
@@ -156,7 +157,7 @@ class PronyProblem:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Values with a finite sigma, which alone count, of all the evidence in a row."""
+        """Values with a finite sigma of all the evidence, in one array; only these are used."""
         return np.concatenate([np.isfinite(e.sigma) for e in self.evidence])
 
     def of_many(self, points: FloatArray) -> FloatArray:
@@ -168,7 +169,7 @@ class PronyProblem:
     def residuals(self, x: FloatArray) -> FloatArray:
         """Residuals at one row of logarithms, shape [n_data]."""
         rows = self.of_many(x[None])[0]
-        # A model that cannot be simulated is worse than any that can: the search turns back.
+        # A model that cannot be simulated gets a larger residual than any other, so the search turns back.
         return rows if np.isfinite(rows).all() else np.full_like(rows, REFUSED)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
@@ -194,7 +195,7 @@ class PronyProblem:
         return lower, upper
 
     def scaled(self) -> RateModel:
-        """The best factor of a grid, without branches: waves give a shot more than one valley."""
+        """The best factor of a grid, without branches: waves can give a shot several local minima."""
         grid = np.log(np.geomspace(*_FACTOR_GRID))[:, None]
         return model_of(grid[self.best(grid)])
 
@@ -316,7 +317,7 @@ def fit_prony(
 def required_branches(
     law: Any, evidence: Sequence[Evidence], *, at_most: int = 2, max_evaluations: int = 60
 ) -> RateVerdict:
-    """Fit 0, 1, ... `at_most` branches and judge each by what it improves."""
+    """Fit 0, 1, ... `at_most` branches and test the improvement by each."""
     fits = [fit_prony(law, evidence, 0)]
     for n in range(1, at_most + 1):
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
@@ -326,9 +327,10 @@ def required_branches(
 
 
 SETBACK = 0.01
-"""Share of the largest strain that a held one may go back by: noise of the strain is no unloading [-]."""
+"""Share of the largest strain by which a held strain may decrease: noise of the strain is not unloading
+[-]."""
 LEAST_STRAIN = 0.02
-"""Least |lam - 1| a sample needs [-]: below, noise and contact outweigh the modulus."""
+"""Least |lam - 1| of a sample [-]: below, noise and contact dominate the modulus."""
 
 
 @dataclass(frozen=True)
@@ -353,9 +355,9 @@ class ApparentModuli:
 
 
 def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
-    """The moduli that a slow test, a relaxation or an oscillation shows by itself.
+    """The moduli of a single slow test, relaxation or oscillation.
 
-    Samples without a measured stress, and those strained by less than `LEAST_STRAIN`, show none.
+    Samples without a measured stress, and those strained by less than `LEAST_STRAIN`, are omitted.
 
     Raises ValueError if a history turns back by more than `SETBACK`, after which its strain has no age, or no
     sample is strained enough.

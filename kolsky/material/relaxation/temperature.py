@@ -1,4 +1,4 @@
-r"""Oscillations at several temperatures brought to one: shift factors, Williams, Landel and Ferry's law.
+r"""Oscillations at several temperatures shifted to one: shift factors, law of Williams, Landel and Ferry.
 
 In a thermorheologically simple solid a change of temperature multiplies all relaxation times by one factor
 :math:`a_T`, so that the moduli are functions of :math:`a_T \omega` alone (Ferry 1980, ch. 11),
@@ -6,10 +6,10 @@ In a thermorheologically simple solid a change of temperature multiplies all rel
 .. math::
    \lg a_T = -\frac{C_1 (T - T_0)}{C_2 + T - T_0}.                                            \qquad (V.5)
 
-The one function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times beside a
-spring, found by non-negative least squares for every trial of the shifts (variable projection). Shifts that
-are free at every temperature say whether the curves fall on one another at all; Eq. (V.5) with its two
-constants is then held against them. Moduli are not shifted vertically.
+The one function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times, in
+parallel with a spring, found by non-negative least squares for every trial of the shifts (variable
+projection). Free shifts at every temperature show whether the curves superpose at all; Eq. (V.5) with its two
+constants is then compared with them. Moduli are not shifted vertically.
 """
 
 from dataclasses import dataclass, replace
@@ -23,17 +23,17 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest
 
 EQUAL_TEMPERATURES = 0.5
-"""Temperatures no further apart are one [K]."""
+"""Temperatures that differ by less count as equal [K]."""
 PER_DECADE = 8
-"""Maxwell elements per decade of time: with 1 % of noise 4 leave a misfit of their own, 8 do not."""
+"""Maxwell elements per decade of time: with 1 % of noise, 4 elements cause a visible misfit, 8 do not."""
 LARGEST_SHIFT = 20.0
 """Largest shift that is tried [decades]."""
 SCAN = np.linspace(-8.0, 8.0, 129)
 """Shifts between neighbouring temperatures that a search begins among [decades]."""
 UNDETERMINED = 0.5
-"""Standard uncertainty of a shift from which on it is not determined [decades]."""
+"""Standard uncertainty above which a shift counts as not determined [decades]."""
 UNLIKELY = 0.01
-"""Probability below which chance does not explain what a law of fewer constants leaves."""
+"""Probability of chance below which the larger residual of a law with fewer constants is significant."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class TemperatureSweep:
     test: DynamicTest
     """Moduli at these temperatures, row by row."""
     reference: float
-    """T0, the temperature that all are brought to, one of those measured [K]."""
+    """Reference temperature T0 of the shifts, one of those measured [K]."""
 
     def __post_init__(self) -> None:
         if self.temperature.shape != self.test.angular_frequency.shape:
@@ -106,12 +106,12 @@ class Superposition:
 
     @property
     def one_curve(self) -> bool:
-        """True if the curves fall on one another within their noise."""
+        """True if the curves superpose within their noise."""
         return self.likely >= UNLIKELY
 
     @property
     def law_holds(self) -> bool:
-        """True if Eq. (V.5) was fitted and leaves no more than chance."""
+        """True if Eq. (V.5) was fitted and its residual is not significant."""
         return self.C1 is not None and self.determined and self.law_likely >= UNLIKELY
 
     @property
@@ -146,8 +146,8 @@ def wlf(difference: FloatArray, C1: float, C2: float) -> FloatArray:
 def superpose(sweep: TemperatureSweep) -> Superposition:
     """Find the shift factors of a sweep, free and by the law of Williams, Landel and Ferry.
 
-    Constants of Eq. (V.5) need three temperatures; with three they go through the shifts and nothing is left
-    to judge the law by.
+    Constants of Eq. (V.5) need three temperatures; with exactly three they fit the shifts exactly, and the
+    law cannot be tested.
     """
     levels, held = sweep.levels, int(np.abs(sweep.levels - sweep.reference).argmin())
     start = _begin(sweep, held)
@@ -180,7 +180,7 @@ def superpose(sweep: TemperatureSweep) -> Superposition:
 def _with_law(
     made: Superposition, problem: "_Problem", square: float, free: NDArray[np.int64]
 ) -> Superposition:
-    """The constants of Eq. (V.5), and what they leave beside the free shifts."""
+    """The constants of Eq. (V.5), and their residual relative to the free shifts."""
     difference = made.sweep.levels - _reference(made.sweep)
     d, lg = difference[free], made.shifts[free]
     # (T - T0) / lg a_T is straight in T - T0: -(C2 + T - T0) / C1.
