@@ -1,4 +1,4 @@
-"""The story of `identify`, top to bottom.
+"""The steps of `identify`, in order.
 
 1. The free parameters are chosen: `kolsky.inverse.problem`.
 2. Runs on coarse meshes give a first optimum. One parameter: a design of runs and a surrogate of the

@@ -1,9 +1,9 @@
 """Simulation of a shot: numerical choices, batches of runs, elastic parts, force transducers.
 
 `Forward` turns parameter values into a batch of the solver. Parts behind the specimen and of the flyer
-are linear (`explicit.bars.elastic`). Specimen and parts run in turn, each under the forces or motions of
-the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of a
-uniform bar shows the force at the face later by x / c_0, plus the inertia of what lies before it.
+are linear (`explicit.bars.elastic`). Specimen and parts are simulated alternately, each with the forces or
+motions of the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of
+a uniform bar measures the force at the face with the delay x / c_0, plus the inertia of the mass before it.
 
 Graded meshes have small elements at the edges of the faces. The edge of a bonded face is a stress
 singularity, which causes most of the mesh error in the ringing of a specimen.

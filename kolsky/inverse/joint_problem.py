@@ -166,8 +166,7 @@ class Stack:
 
 
 BLIND = 0.1
-"""Change of all data by the whole range of an unknown, in standard deviations, below which they do not see
-it."""
+"""The data do not constrain an unknown if its whole range changes them by less, in standard deviations."""
 
 
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
@@ -423,7 +422,7 @@ class JointProblem:
         return found
 
     def _calibrations(self) -> FloatArray:
-        """A pattern a transducer: shots with one sensitivity share the error of its calibration, [n, K]."""
+        """One pattern per transducer: shots with the same sensitivity share its calibration error, [n, K]."""
         groups: dict[tuple[float, float], FloatArray] = {}
         start = 0
         for prepared, one, end in zip(self.runs.prepared, self.stack.shots, self.stack.ends, strict=True):
@@ -439,12 +438,12 @@ class JointProblem:
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
 
     def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
-        """The weights with the discrepancies that explain a residual."""
+        """The weights with the discrepancies estimated from a residual."""
         return self.stack.whitening(self.stack.weighed(residual), more)
 
 
 def declared_point(unknowns: Unknowns, problem: JointProblem) -> FloatArray:
-    """The first shot's own values where it declares them, the curve as it is, shape [d]."""
+    """The values declared by the first shot, with the curve unchanged, shape [d]."""
     shot = problem.first.shot
     values = [PARAMETERS[name].held(shot) for name in unknowns.bounds] + [0.0] * unknowns.nodes
     return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)

@@ -124,8 +124,7 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 ROUNDS = 6
-"""Rounds in which the discrepancies and the front face's share of the residual are distinguished; each leaves
-about a tenth of the error."""
+"""Iterations that separate discrepancies and front-face noise; each leaves about a tenth of the error."""
 
 
 def most_likely_discrepancies(
@@ -264,8 +263,8 @@ class FrontNoise:
     """Changes by one standard deviation of each independent mode, shape [n_modes, n_bins + Q]; see
     `kolsky.inverse.coarse_search`. None until they are known."""
     offset: FloatArray | None = None
-    """What the path, moved to where the data put it, adds along those patterns, shape [n_bins + Q]; see
-    `kolsky.inverse.path_noise`. None if it was not moved."""
+    """Change along those patterns by the path corrected to the data, shape [n_bins + Q]; see
+    `kolsky.inverse.path_noise`. None if the path was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
         """The same over other bins and points; ``entries`` maps rows of shape [..., n_bins + Q] to them."""
@@ -395,7 +394,7 @@ class Objective:
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """The same; an outline point that a run does not reach has its measured value and adds nothing."""
+        """The same; an outline point that a run does not reach gets its measured value (zero residual)."""
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
 
@@ -513,7 +512,8 @@ class Objective:
     def scale_error(self) -> FloatArray:
         """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
-        A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
+        A wrong scale is not noise: it changes the whole force by one factor, and the residuals may not show
+        it.
         """
         transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
         return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
@@ -526,14 +526,13 @@ class Objective:
     def residual_covariance(
         self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint"
     ) -> FloatArray:
-        """Covariance of the optimum from the residuals and the prior, correlated in time or not, [d, d].
+        """Covariance of the optimum from residuals and prior, with or without time correlation, [d, d].
 
-        What the front face's noise explains of the residuals is not in it; the slow error of the outline is.
-        It is the Gauss-Newton covariance for independent residuals, or the block "sandwich" in which the
-        residuals of a block of time may be correlated in any way, whichever is larger
-        (`kolsky.inverse.objective`). Nor is one preferred below that of weights by each entry's whole
-        variance, as if the front face's noise had nothing in common: the patterns serve the answer, its
-        interval does not rest on them.
+        The part of the residuals due to the front face's noise is excluded; the slow error of the outline is
+        included. It is the larger of the Gauss-Newton covariance for independent residuals and the block
+        "sandwich", in which residuals may be correlated within a time block (`kolsky.inverse.objective`). The
+        variance is never smaller than with uncorrelated weights: the common patterns may improve the
+        estimate, not shrink its interval.
         """
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)
@@ -549,6 +548,6 @@ class Objective:
         return np.asarray(scale[:, None] * best * scale)
 
     def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
-        """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
+        """Variances of the optimum with uncorrelated weights (total variance of each entry), shape [d]."""
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
         return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))

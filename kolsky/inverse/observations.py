@@ -160,7 +160,7 @@ class Observations:
     incident: ForceBins | None = None
     """The incident force at the flyer's transducer in bins of its own samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
-    """Standard uncertainty of the transmitted force's scale, common to all samples [-]; in no sigma above."""
+    """Standard uncertainty of the scale of the transmitted force [-]; not part of the sigmas above."""
 
     @property
     def has_shape(self) -> bool:

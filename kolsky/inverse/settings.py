@@ -89,8 +89,9 @@ class Numerics:
             panel=NUMERICAL,
         ),
     ] = None
-    """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
-    `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
+    """Poisson's ratio of the runs; coarser meshes give the correction to the wanted ratio, see
+    `explicit.run_nearly_incompressible`. None runs the wanted ratio directly. Every wanted ratio must be
+    larger."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
