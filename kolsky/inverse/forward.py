@@ -66,7 +66,7 @@ AGREED = 1e-3
 """Convergence limit of specimen and parts: root mean square change of the forces between two passes over that
 of the forces [-]."""
 MOST_PASSES = 8
-"""Passes after which it is given up."""
+"""Maximum number of passes."""
 
 RunBatches = Callable[[Sequence[explicit.Problem]], list[explicit.Response]]
 

@@ -1,11 +1,11 @@
 """Gauss-Newton steps on the refined mesh, with slopes from the surrogate's mesh or from the refined mesh.
 
 A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters. At its
-own optimum, though, its response oscillates at the measured times, and its derivatives are those of the
-refined mesh at the refined mesh's optimum, up to a share that a few steps correct. So slopes are taken
-once, about the surrogate mesh's optimum, and every step takes one run on the refined mesh (the chord
-method), lengthened where two steps show that the slopes fall short. Where these steps do not converge,
-`descend` takes slopes on the refined mesh itself and halves a step that makes the misfit worse.
+optimum, however, its oscillations are in phase with the measured ones. Its derivatives there agree with those
+of the refined mesh at the refined mesh's optimum, except for an error that a few steps correct. Slopes are
+therefore computed once, about the optimum of the surrogate's mesh. Every step needs one run on the refined
+mesh (chord method); it is lengthened if two steps show that the slopes are too large. If these steps do not
+converge, `descend` computes slopes on the refined mesh and halves a step that increases the misfit.
 
 The front face's path is then corrected by the amplitudes estimated from the residual on a graded mesh, and
 the optimum is searched again with this path, until both converge.
@@ -188,7 +188,7 @@ of the surrogate's mesh, since the point is nearer to its optimum."""
 def descend(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> tuple[RefinedRun, FloatArray]:
-    """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
+    """The final run of steps with slopes of the refined mesh, and the slopes used to assess it, [k, d].
 
     ``runner``: all runs are added to its table. ``objective``: selects the outline points and holds the
     prior. ``slope``: slopes of the coarser mesh, shape [k, d], kept if a neighbouring run does not complete.

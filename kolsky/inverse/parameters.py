@@ -445,9 +445,10 @@ def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot
 def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
     """Poisson's ratio that keeps the bulk modulus if the instantaneous stiffness increases by a factor [-].
 
-    The bulk modulus goes with m (1 + c) / (1 - 2 nu), of all strengths c, and sets the pace of the ringing: a
-    branch that moved it by a percent would be out of step within the shot, which is no effect of a branch
-    where Poisson's ratio is free to follow.
+    The bulk modulus is proportional to m (1 + c) / (1 - 2 nu), with c the sum of all strengths, and
+    determines the frequency of the ringing. If a branch changed it by one percent, the ringing would be out
+    of phase within the shot. A free Poisson's ratio compensates this change, so it is not an effect of the
+    branch.
 
     ``poisson``: Poisson's ratio [-]. ``stiffer``: factor on the instantaneous stiffness [-].
     """

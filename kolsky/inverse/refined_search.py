@@ -239,7 +239,7 @@ def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
 
 
 def _moved_to_inside(runner: Runner, middle: FloatArray, edge: float) -> QuadraticFit:
-    """A quadratic on the refined mesh, about its optimum."""
+    """A quadratic on the refined mesh, with its box moved until the optimum lies inside."""
     for _ in range(MOST_MOVES):
         found = _fit(runner, middle, edge, runner.problem.refined)
         if not at_inner_face(found.x, found.surrogate.box, runner.problem.box):

@@ -99,7 +99,7 @@ class Search:
     def paper_route(self) -> Route | None:
         """The optimum of the paper's cost; from the stiffness-only search, as in the paper, if it was made.
 
-        None if no surrogate can be fitted to that cost: a comparison must not cost the answer.
+        None if no surrogate can be fitted to that cost; this comparison must not stop an identification.
         """
         try:
             if self.held is None:

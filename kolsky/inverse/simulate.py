@@ -31,7 +31,7 @@ class Simulation:
     response: Response
     """The run, a batch of one, with all nodes."""
     prediction: Prediction | None
-    """What the instruments would have seen; None if the run did not complete."""
+    """The simulated measurements; None if the run did not complete."""
     terms: Terms | None
     """Misfit terms over the whole window, Eqs. (M.3)-(M.8); None if the run did not complete."""
     prepared: PreparedShot

@@ -173,7 +173,7 @@ def follow_front(
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
-            # Another object: no run so far serves a surrogate under it.
+            # A new path object: no earlier run can be used for a surrogate with it.
             return first, FrontPath(replace(fitted), FrontNoise(modes.patterns))
         if shares.any() or rms_amplitude(amplitudes) > followed:
             shares = amplitudes @ modes.shares

@@ -33,7 +33,7 @@ from kolsky.uncertainty.input_changes import height_follows, outline_follows, pa
 from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
 
 OUTLINE = "common errors of the outline"
-"""Name of the part by errors that outline points have in common."""
+"""Name of the part from errors common to outline points."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
     objective
         Defines the data vector and the scale error of the force.
     replicates
-        Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
-        replicate leaves adds nothing. Where no other motion was run, the patterns of its noise in the weights
-        stand for them.
+        Runs with other motions and curves, the reference first; None omits their noise. An outline point that
+        a replicate does not reach has zero change. If no other motion was run, the noise patterns in the
+        weights are used instead.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:

@@ -234,7 +234,7 @@ class MovedRuns:
 
     @property
     def forward(self) -> Forward:
-        """The shot ready to run, its surface kept beside the frames too."""
+        """The shot prepared to run, with surface output also shortly before and after each frame."""
         forward = self.runner.forward
         frames = self.runner.problem.observations.frame_times
         if not frames.size:

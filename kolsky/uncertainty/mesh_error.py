@@ -26,8 +26,8 @@ ORDER = 3.2
 """Order of the mesh error in the parameters, as `populations.mesh_order` fits it over both elements on seed
 1, with a standard error of 0.4."""
 LOW_ORDER = 2.1
-"""The same on twelve tests of seed 2, with a standard error of 0.5: what it would correct more is the
-standard uncertainty of the correction."""
+"""The same on twelve tests of seed 2, with a standard error of 0.5. The difference of the two corrections is
+the standard uncertainty of the correction."""
 ELEMENT_ORDER = 1.5
 """Order of convergence of the two elements' answers to each other, fitted in the same way."""
 WITHOUT_ELEMENT_SHARE = 3.5
@@ -181,7 +181,7 @@ class MeshRun:
     numerics: Numerics
     """Its numerical choices."""
     prediction: Prediction | None
-    """What the instruments would have seen; None if it did not complete."""
+    """The simulated measurements; None if it did not complete."""
     ending: str
     """How it ended, a sentence without a full stop."""
 
@@ -211,7 +211,7 @@ def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs at a point, those on the surrogate's mesh where it resembles the refined one."""
+    """Runs at a point; on the surrogate's mesh, at the shifted point that resembles the refined mesh."""
     launches = []
     for k, one in enumerate(numerics):
         values = runner.at(point, one.mesh) if k < BOTH_ELEMENTS else runner.problem.point(point)
@@ -263,11 +263,10 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
 
 
 JOINT_ELEMENT_SHARE = 1.0
-"""Share of the elements' distance that is uncertain [-]: the mesh errs alike in all shots, whose noise is
-small together. With half of it, as for one shot, the errors of m, nu and beta over what was said had root
-mean squares of 1.26, 1.64 and 1.45 in fifty planted draws of seed 52631. With the whole of it, and what was
-cured since, they have 0.94, 1.17 and 0.69 in fifty of seed 90731, which it was judged on
-(docs/validation/planted_shots.md)."""
+"""Share of the elements' distance that counts as uncertainty [-]. The mesh error is similar in all shots,
+while their combined noise is small. In fifty synthetic draws of seed 90731, the errors of m, nu and beta over
+their stated uncertainties have root mean squares of 0.94, 1.17 and 0.69. With a share of 0.5, as for one
+shot, they had 1.26, 1.64 and 1.45 in fifty draws of seed 52631 (docs/validation/planted_shots.md)."""
 
 
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:

@@ -96,7 +96,8 @@ def _outline_noise_warnings(result: Identification) -> Iterator[str]:
 def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
     """Report failed runs of `kolsky.uncertainty.mesh_error.MeshChange`, and the formula used instead.
 
-    ``lost``: the runs. ``coarse``: elements of the search's mesh, across the radius and along the length.
+    ``lost``: the failed runs. ``coarse``: elements of the search mesh, across the radius and along the
+    length.
     """
     for run in lost:
         across, along = run.numerics.mesh
@@ -403,7 +404,7 @@ def mesh_warnings(result: Identification) -> Iterator[str]:
 
 
 def _left_out_warnings(result: Identification) -> Iterator[str]:
-    """Say that the interval leaves out the noise of an input."""
+    """Warning if the interval does not include the noise of an input."""
     for source in ("flyer motion", "material curve"):
         if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
             yield f"the interval leaves out the noise of the {source}"
