@@ -1,4 +1,4 @@
-"""Least squares with one input changed, weighted by what a correct model leaves (no simulations).
+"""Least squares with one input changed, weighted by the residual of a correct model (no simulations).
 
 Value, uncertainty, significance and evidence of a change. The covariance of the expected residual is
 diagonal plus patterns, inverted by Woodbury's identity: the full matrix is never formed.
@@ -75,7 +75,7 @@ class ExpectedResidual:
     def misfits(self, residual: FloatArray) -> FloatArray:
         """Mean of r^T C^-1 r over the entries of each channel, separately and without tau, shape [2].
 
-        1 is the residual of a correct model; of a channel without entries it is 1.
+        1 is the residual of a correct model; a channel without entries has 1.
         """
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):

@@ -188,7 +188,7 @@ class CauseSearch:
         return evidence(self.before, misfits, self.expected.times)
 
     def loss(self, misfits: FloatArray) -> float:
-        """What a search makes small; below the residual of a correct model it still falls."""
+        """Loss that a search minimises; it still decreases below the residual of a correct model."""
         return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
 
     def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:
@@ -346,7 +346,7 @@ def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
 
 
 def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
-    """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
+    """The two best local minima of each candidate; ringing causes several."""
     trials: dict[str, list[Trial]] = {}
     for t in tried:
         trials.setdefault(t.candidate.key, []).append(t)
@@ -439,7 +439,7 @@ def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
 
 
 def without_change(search: CauseSearch) -> None:
-    """Let evidence count against the best valley that the free parameters reach with no input changed."""
+    """Measure evidence relative to the best valley reached by the free parameters without a changed input."""
     start = Trial(NO_CHANGE, search.at, 0.0, search.before, search.left)
     for found in search.followed(in_valleys(search, [start])):
         search.against(found)

@@ -546,7 +546,7 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 
 
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
-    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
+    """Warnings on the inputs that are likely to be wrong, or that no input explains the misfit.
 
     ``analysis``: all inputs that were tried. ``explained``: True if the model explains force and outline on
     the refined mesh; then no misfit remains to be explained.

@@ -71,12 +71,12 @@ SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 ALONE = 0.1
 """A channel with a smaller share of the information on a parameter does not determine its value,"""
 CHECKS = 2.0
-"""But by itself it checks the value if its standard uncertainty is at most this many times the answer's."""
+"""but it confirms the value if its separate standard uncertainty is at most this many times the answer's."""
 CONTRADICTION = 4.0
 """Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
-"""Misfit of a channel from which on causes far away are tried; 1 is the residual of a correct model, and
-below this a tangent reaches whatever is wrong."""
+"""Misfit of a channel above which large changes of inputs are tried; 1 is the residual of a correct model.
+Below this value, a linear step is sufficient."""
 
 
 BLOCKS = 8
@@ -329,10 +329,10 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
 def checked(result: Identification, name: str, channel: str) -> bool:
     """True if the other channel separately determines a parameter well enough to contradict this one.
 
-    The weights of the data count what errors have in common, and may leave a channel next to no part in the
-    answer that alone, with its whole budget, tells the value nearly as well. It checks the value if its
-    standard uncertainty is at most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its optimum
-    lies inside what was searched.
+    The weights include common errors. A channel may therefore have almost no weight in the answer, although
+    it separately determines the value nearly as well. It confirms the value if its standard uncertainty is at
+    most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its optimum lies inside the searched
+    range.
     """
     routes = {route.name: route.sigma.get(name, inf) for route in result.routes}
     joint, other = routes.get("joint", 0.0), routes.get(ROUTES[OTHER_CHANNEL[channel]], inf)
@@ -376,7 +376,7 @@ def contradicted(result: Identification, name: str) -> bool:
 
 
 def routes_apart(result: Identification, name: str) -> float:
-    """Force alone minus outline alone over the standard uncertainty of their difference [-]; 0 if unknown."""
+    """Force-only minus outline-only value over the uncertainty of their difference [-]; 0 if unknown."""
     found = result.route_difference
     if found is None or not found.sigma.get(name, 0.0) > 0.0:
         return 0.0
@@ -384,7 +384,7 @@ def routes_apart(result: Identification, name: str) -> float:
 
 
 def route_at_edge(result: Identification, name: str) -> bool:
-    """True if force or outline alone end at an edge of the box that was searched."""
+    """True if the optimum by force only or by outline only lies at an edge of the searched box."""
     routes = {route.name: route for route in result.routes}
     ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]

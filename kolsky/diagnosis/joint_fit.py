@@ -69,10 +69,9 @@ LARGEST_RATIO = 1.5
 of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity, unit or material
 changes a shot by a factor of two or more."""
 ROUGH_LIMIT = 10.0
-"""Largest residual over the rest of the residual of a correct model where the noise of front face and curve
-was not
-drawn [-]. That noise is at most some seven times the instruments' in right shots; a foreign curve or unit
-leaves a hundred."""
+"""Largest residual over that expected of a correct model if the noise of front face and curve was not drawn
+[-]. In correct shots, that noise is at most about seven times that of the instruments; a wrong curve or unit
+gives about a hundred."""
 LEAST_GAIN = 16.0
 """Least decrease of -2 ln L by one input of one shot to name it as a cause [-]: four standard deviations, for
 the likeliest of four inputs of a dozen shots."""

@@ -71,7 +71,7 @@ def branch_test(
     size = np.linalg.norm(own, axis=1)
     seen = size > 1e-9 * max(float(np.linalg.norm(directions, axis=1).max()), np.finfo(float).tiny)
     if not seen.any():
-        raise ValueError("no branch has an effect that the free parameters cannot follow")
+        raise ValueError("the free parameters absorb the effect of every branch")
     unit, taus, size = own[seen] / size[seen, None], np.asarray(times, dtype=float)[seen], size[seen]
     scale = _block_deviations(unit, left, blocks)
     score = unit @ left / scale
@@ -222,8 +222,9 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
     """Points with a branch that have the mean stiffness of an elastic point, shape [n, d + 2].
 
-    A branch of strength c stiffens by 1 to 1 + c: m gives way by the root of 1 + c. The bulk modulus, which
-    goes with m (1 + c) / (1 - 2 nu) and sets the pace of the ringing, stays where Poisson's ratio is free.
+    A branch of strength c increases the stiffness by a factor of 1 to 1 + c; m is divided by the root of 1 +
+    c. The bulk modulus is proportional to m (1 + c) / (1 - 2 nu) and determines the ringing frequency. It is
+    kept constant if Poisson's ratio is free.
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []
@@ -306,7 +307,7 @@ def shot_branch_test(
             blocks=[block // length for length in BLOCKS],
             seed=runner.problem.settings.seed,
         )
-    except ValueError:  # no branch has an effect that the free parameters cannot follow
+    except ValueError:  # the free parameters absorb the effect of every branch
         return None
 
 

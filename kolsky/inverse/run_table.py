@@ -199,7 +199,7 @@ class CompletedRuns:
     rows: NDArray[np.intp]
     """Their rows in the design, shape [n]."""
     prediction: Prediction
-    """What the instruments would have seen."""
+    """The simulated measurements."""
     response: Response
     """The solver's full answer."""
     lost: str
