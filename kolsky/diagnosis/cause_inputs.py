@@ -60,7 +60,7 @@ def _force(change: Change, response: Response, edges: FloatArray, sample: int, w
     if which == "flyer":
         impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
     elif change.flyer_share != 0.0:
-        # Both forces are extrapolated in the same way.
+        # The channel records a mean of its force and that of the other end, weighted by the share.
         share = change.flyer_share
         impulse = (1.0 - share) * impulse + share * response.impulse_flyer[sample]
         force = (1.0 - share) * force + share * response.force_flyer[sample]

@@ -71,7 +71,7 @@ def branch_test(
     size = np.linalg.norm(own, axis=1)
     seen = size > 1e-9 * max(float(np.linalg.norm(directions, axis=1).max()), np.finfo(float).tiny)
     if not seen.any():
-        raise ValueError("the free parameters absorb the effect of every branch")
+        raise ValueError("no branch has an effect that the free parameters cannot follow")
     unit, taus, size = own[seen] / size[seen, None], np.asarray(times, dtype=float)[seen], size[seen]
     scale = _block_deviations(unit, left, blocks)
     score = unit @ left / scale
