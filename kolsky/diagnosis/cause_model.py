@@ -38,7 +38,7 @@ class Point:
     """One simulation: free parameters and a changed input."""
 
     x: FloatArray
-    """Free parameters in SI, then the coordinate of an input that is free beside them, shape [d]."""
+    """Free parameters in SI, then the coordinate of a free input, if there is one, shape [d]."""
     changed: Change = UNCHANGED
     """The input that is tried."""
 

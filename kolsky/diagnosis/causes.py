@@ -420,7 +420,7 @@ def _findings(
 def _search_beside_leading(
     first: Best, judge: CauseSearch, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
-    """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
+    """The findings with the first one updated on the refined mesh, and with further errors in addition to it.
 
     The correction by the refined mesh is not valid for a change that needs other runs, or for another valley
     of a free Poisson's ratio; one run there renews it. Then the first input is free like the parameters, and

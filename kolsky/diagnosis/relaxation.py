@@ -488,7 +488,7 @@ def points_in_step(names: Sequence[str], points: FloatArray, strength: float) ->
 
 
 def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
-    """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
+    """The choice with the strengths' uncertainties: an effect that the mesh error can cause is rejected.
 
     A branch whose time ends at a bound of its range is rejected too: a short one is equivalent to damping, a
     long one to a stiffer curve.

@@ -386,7 +386,7 @@ class Forward:
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law.
 
-        What relaxes is as the shot declares it; samples that vary it bring their own, see `run`.
+        The relaxation is the declared one; samples that vary it define it themselves, see `run`.
         """
         shot = self.shot
         relaxing = () if shot.relaxation is None else what_relaxes(shot.relaxation.values, shot.relaxation)[1]

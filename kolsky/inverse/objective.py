@@ -422,7 +422,7 @@ class Objective:
         return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
-        """The objective whose discrepancies explain this vector's residual beyond noise and front face.
+        """The objective with discrepancies estimated from this vector's residual beyond noise and front face.
 
         See `kolsky.inverse.objective`.
         """
@@ -440,15 +440,15 @@ class Objective:
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual without its most likely part by what the data have in common, shape [k].
+        """A residual minus its most likely part due to common errors, shape [k].
 
-        D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M, by Woodbury's
-        identity: the matrix that is inverted has the size of those.
+        It is D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M.
+        Woodbury's identity reduces the inverse to the number of rows of M.
         """
         return residual_without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
-        """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
+        """Minus twice the log-likelihood of vectors [n, k], with discrepancies estimated for each, shape [n].
 
         Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
         """
@@ -460,23 +460,22 @@ class Objective:
         return np.array(found)
 
     def balanced_deviance(self, vectors: FloatArray) -> FloatArray:
-        """`deviance` in which a frame's outline counts as one entry, shape [n].
+        """`deviance`, with the outline of each frame counted as one entry, shape [n].
 
-        For vectors from a mesh that is too coarse for the outline's noise: their residuals are smooth fields,
-        of which a frame's points are no independent witnesses, and by number alone the outline's points would
-        outvote the force.
+        For vectors from a mesh that is too coarse for the outline's noise. Their residuals are smooth fields,
+        so the points of a frame are not independent and would outweigh the force by their number.
         """
         if not self.observations.has_shape:
             return self.deviance(vectors)
         return self.deviance(vectors, "force") + self.deviance(vectors, "shape") / self.points_per_frame
 
     def prior_chi2(self, x: FloatArray, part: Part = "joint") -> float:
-        """What the prior adds to `chi2` at a point, shape [d]; nothing for a part of the data alone."""
+        """Contribution of the prior to `chi2` at a point, shape [d]; zero for a single part of the data."""
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """What the prior adds to the normal matrix J^T C^-1 J, shape [d, d]; of what comes behind the free
-        parameters (a clock's lag, fitted beside them) it says nothing."""
+        """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]; zero for unknowns after
+        the free parameters, such as a clock lag."""
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)

@@ -158,7 +158,7 @@ class Observations:
     centre_line: CentreLine
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     incident: ForceBins | None = None
-    """The incident force at the flyer's transducer in bins of its own samples; None if it is not compared."""
+    """The incident force at the flyer's transducer, in bins of its samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
     """Standard uncertainty of the scale of the transmitted force [-]; not part of the sigmas above."""
 

@@ -610,7 +610,7 @@ class Identification(ResultViews):
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison
-    """The check run beside the data."""
+    """The check run, compared with the data."""
     response: Response
     """The check run itself: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]

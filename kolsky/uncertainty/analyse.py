@@ -168,7 +168,7 @@ def _narrower_bins(
     n, bins = len(seen.bins.mean), force_between(seen.force, halves)
 
     def twice(rows: FloatArray) -> FloatArray:
-        """Rows of bins and points in which both halves of a bin have its own value."""
+        """Rows of bins and points in which both halves of a bin have the value of the bin."""
         return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
 
     front = answer.objective.front.over(twice)

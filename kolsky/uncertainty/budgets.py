@@ -195,10 +195,10 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A constant of the material has one row, what is a shot's own a row for each shot. The scale of the curve
-    is none of them: m takes it up whole.
+    A material constant has one row; an independent input of each shot has one row per shot. The scale of the
+    curve is excluded, because m absorbs it completely.
 
-    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a moved input does
+    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a changed input does
     not complete.
     """
     changes: dict[str, FloatArray] = {}
@@ -228,12 +228,12 @@ def declared_parts(
     """Standard uncertainties of the unknowns by declared source, shape [d] each.
 
     ``problem``, ``found``: the problem and its optimum. ``gain``: linear map from a change of the data to the
-    move of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
+    shift of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
     """
     parts: dict[str, FloatArray] = {}
     for key in _declared_keys(problem):
         if key == "curve_scale" and MOVED in problem.unknowns.names:
-            # m times the curve is what the data see: the whole of it goes into m
+            # the data depend on m times the curve: m absorbs the whole scale
             sigmas = [p.forward.shot.uncertainty.get(key, 0.0) for p in problem.runs.prepared]
             i = problem.unknowns.names.index(MOVED)
             parts[key] = np.zeros(len(found.x))

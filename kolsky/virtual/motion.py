@@ -119,7 +119,7 @@ class Ramp:
     """A smooth ramp to a speed, followed by a slowdown with the square of time, Eq. (E.1)."""
 
     start: float
-    """When it starts [s]."""
+    """Start time [s]."""
     speed: float
     """[m/s]"""
     rise: float
@@ -152,7 +152,7 @@ class Sampled:
     end."""
 
     start: float
-    """When it starts [s]."""
+    """Start time [s]."""
     spline: CubicSpline
     """Displacement [m] of the time since the start [s]."""
 

@@ -58,10 +58,9 @@ class Rig:
 def rig_of(q: Specification, *, shot: int) -> Rig:
     """The cameras of a specification.
 
-    The view reaches from `flyer_share` of the picture's length beyond the specimen's face at rest
-    downward, so the
-    point looked at is ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills the
-    picture.
+    The upper end of the view is `flyer_share` of the picture's length beyond the specimen's face at rest. The
+    cameras therefore look at ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills
+    the picture.
 
     Raises ValueError if a picture does not fit on its sensor around the point that its camera looks at.
     """

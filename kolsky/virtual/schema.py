@@ -1,6 +1,6 @@
 """The tables of a specification: true quantities, cameras, and [imperfections] of the test that is made.
 
-All imperfections zero is a shot without errors of declaration.
+If all imperfections are zero, the declarations have no errors.
 """
 
 import math

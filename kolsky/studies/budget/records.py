@@ -232,7 +232,7 @@ def slope_half_width(rates: FloatArray, sigma: float) -> float:
 
 
 def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) -> Campaign:
-    """The fewest shots, half at either of two rates, whose slope is known to a wanted expanded uncertainty.
+    """The smallest number of shots, half at each of two rates, for a wanted uncertainty of the slope.
 
     ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
     decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-].

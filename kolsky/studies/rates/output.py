@@ -284,7 +284,7 @@ _UNIT = re.compile(r" \(([^()]*)\)$")
 def write_hdf5(path: Path, report: RateReport) -> None:
     """Write every table to one HDF5 file, atomically: one group per table, one dataset per column.
 
-    Stress-strain and outline data of the shots stay in their own results.
+    Stress-strain and outline data of the shots are in the results of the shots.
 
     Raises OSError if the file cannot be written; an older one is then unchanged.
     """
