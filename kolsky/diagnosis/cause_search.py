@@ -114,7 +114,8 @@ class CauseSearch:
         self.vector = vectors[0]
         self.slope = self._columns(vectors, model.steps(x))
         self.columns: dict[str, FloatArray] = {}
-        """Change of the prediction per unit of each candidate's coordinate, shape [k]; of lost runs none."""
+        """Change of the prediction per unit of each candidate's coordinate, shape [k]; none for failed
+        runs."""
         for (c, u), vector in zip(steps.values(), vectors[1 + len(slopes) :], strict=True):
             if np.isfinite(vector[: self.n_force]).all():
                 change = np.nan_to_num(vector - self.vector)[use]

@@ -179,7 +179,7 @@ def _box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
 MOST_STEPS = 6
 """Maximum number of points with computed slopes; a converging search needs two or three."""
 MOST_HALVINGS = 5
-"""Most halvings of a step."""
+"""Maximum number of halvings of a step."""
 OWN_DIFFERENCE_STEP = 0.25
 """Half step of the central differences for the slopes, in standard deviations of the optimum. It is half that
 of the surrogate's mesh, since the point is nearer to its optimum."""

@@ -110,7 +110,7 @@ class ShotAgreement:
 
     @property
     def apart(self) -> bool:
-        """Whether a shot contradicts the others."""
+        """True if a shot contradicts the others."""
         return bool(self.shots)
 
     @property

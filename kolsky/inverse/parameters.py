@@ -67,7 +67,7 @@ class Parameter:
     enters: Callable[[Fields, Any], Fields] | None = None
     """Function that enters a value into the solver's samples; None sets the field of its name."""
     uncertainty: bool = False
-    """Whether [uncertainty] of shot.toml has a key of its name."""
+    """True if [uncertainty] of shot.toml has a key of this name."""
     slides: bool = False
     """True if naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
     read_by: str = ""

@@ -261,7 +261,7 @@ class CauseFinding:
     key: str
     """Key of shot.toml to be checked, or a name of another cause; unique."""
     words: str
-    """What is changed, in words."""
+    """The changed input, in words."""
     unit: str
     """Unit of `exact` and `value`; "1" for a factor or a plain number."""
     exact: float
@@ -384,7 +384,7 @@ class Variation:
     """An alternative choice of the analyst, with the same data and runs, searched again on the surrogate."""
 
     key: str
-    """What was chosen: "window_end" or "force_bins"."""
+    """The choice: "window_end" or "force_bins"."""
     value: float
     """The other choice: end of the window, or width of the force's bins [s]."""
     shifts: Mapping[str, float]
@@ -627,11 +627,11 @@ class Identification(ResultViews):
     seconds: dict[str, float]
     """Wall time by stage [s]."""
     warnings: tuple[str, ...] = ()
-    """What a user must know before using the answer, one sentence each; see `kolsky.uncertainty`."""
+    """Warnings to read before using the answer, one sentence each; see `kolsky.uncertainty`."""
     methods: tuple[Method, ...] = ()
     """Results of other methods from the same data; the first is the method of the answer."""
     systematic: tuple[Declaration, ...] = ()
-    """What declared uncertainties of the inputs do to the answer, and what was not declared."""
+    """Effect of the declared input uncertainties on the answer, and the inputs that were not declared."""
     profiles: tuple[ParameterProfile, ...] = ()
     """The profile likelihood of each free parameter."""
     ridge: PairMap | None = None

@@ -219,7 +219,7 @@ class Runs:
     rows: NDArray[np.intp]
     """Indices of the completed runs."""
     prediction: Prediction | None
-    """What the instruments would have seen in those; None if there are none."""
+    """The simulated measurements of those; None if there are none."""
 
     @classmethod
     def of(

@@ -37,7 +37,7 @@ VALLEY = "poisson"
 PHASE = 0.4
 """Step of the scan, in oscillations over the whole test: a run in phase is at most half a step away."""
 MOST_LEVELS = 240
-"""Most values of Poisson's ratio in a scan."""
+"""Maximum number of values of Poisson's ratio in a scan."""
 SMALL_STRAIN = 0.05
 """Strain up to which a curve's slope is its small-strain modulus [-]."""
 LIKELY = {"balanced": 3, "force": 1, "joint": 2}

@@ -343,7 +343,7 @@ def screening(
     shot, box, held, numerics
         As in `solver_sensitivity`.
     trajectories
-        How many; they cost this many times one more run than there are parameters.
+        Number of trajectories; each needs one more run than there are parameters.
     rng
         Seed.
 

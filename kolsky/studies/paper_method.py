@@ -385,7 +385,7 @@ def _friction(answer: PaperAnswer) -> str:
 
 
 def paper_warnings(answer: PaperAnswer) -> list[str]:
-    """What to know before the paper's answer is used."""
+    """Warnings on the paper's answer."""
     said = []
     low, high = answer.design
     if at_bound(answer.factor, answer.design):

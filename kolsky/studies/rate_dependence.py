@@ -59,7 +59,7 @@ class SlowDynamics(ResultViews):
     fitted: ApparentModuli
     """E(t) of the series that the data need."""
     remarks: tuple[str, ...]
-    """What a reader must know."""
+    """Remarks that a user must read."""
 
     @property
     def fit(self) -> RateFit:

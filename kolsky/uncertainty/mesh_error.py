@@ -84,7 +84,7 @@ class LostRun:
     why: str
     """How it ended, or of which shots it was, without a full stop."""
     is_graded: bool
-    """Whether its mesh is one of `GradedChange`."""
+    """True if its mesh is one of `GradedChange`."""
 
 
 @dataclass(frozen=True)

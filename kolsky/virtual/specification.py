@@ -173,7 +173,7 @@ class Series:
 
     file: TomlFile
     declared: SpecificationFile
-    """What it declares, in SI; a drawn quantity has the value written for it, or its default."""
+    """The declared values in SI; a drawn quantity has its written or default value."""
 
     @property
     def numbers(self) -> range:

@@ -170,7 +170,7 @@ FIRST_DIFFERENCE = 2e-3
 
 
 class RealisationOutcome(StrEnum):
-    """How one realisation of a test with errors ended."""
+    """Outcome of one realisation of a test with errors."""
 
     REFITTED = "re-fitted"
     """By the re-fit only, as requested."""
@@ -207,7 +207,7 @@ class Estimate:
     sigma: Mapping[str, float]
     """Their standard deviations from the residuals."""
     outcome: RealisationOutcome
-    """How it ended."""
+    """Its outcome."""
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
@@ -312,7 +312,7 @@ class Realisations:
     factors: tuple[Factor, ...]
     """Sources of error, length k."""
     settings: Settings
-    """How each realisation is identified."""
+    """Settings for the identification of each realisation."""
     start: Mapping[str, float] | None = None
     """The optimum of the test without errors, the start of the re-fits; None: every realisation uses the
     complete search. It follows from the other fields and is not part of `model_hash`."""
