@@ -87,8 +87,8 @@ def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> Fl
 
 
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
-    """Radii at the points without the offset from the axis [m], linear in time between the frames and
-    beyond the last; at rest before the first. None of a shot without an outline."""
+    """Radii at the points without the offset from the axis [m], linear in time between the frames and after
+    the last one; undeformed before the first. Empty for a shot without an outline."""
     if not observations.has_shape:
         return np.zeros(0)
     line, times = observations.centre_line, response.surface_times
@@ -114,8 +114,8 @@ def radii(change: Change, response: Response, observations: Observations, sample
 def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     """Delays of the strips of a tilted round face, and their shares of its area.
 
-    The face's chord at the distance x from the middle has the length 2 sqrt(R^2 - x^2): the delays have the
-    density of a semicircle, whose Gauss quadrature is Chebyshev's of the second kind.
+    At the distance x from the middle, the chord of the face has the length 2 sqrt(R^2 - x^2). The delays
+    therefore have a semicircular density; its Gauss quadrature is Chebyshev's of the second kind.
     """
     angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)

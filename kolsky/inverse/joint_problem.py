@@ -187,7 +187,7 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
 def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The step to the least-squares optimum of a linear model inside bounds, shape [d].
 
-    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction less data, whitened, shape [k].
+    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction minus data, whitened, shape [k].
     ``lower``, ``upper``: bounds of the step, around 0, shape [d].
     """
     width = upper - lower  # unknowns of different units

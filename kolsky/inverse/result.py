@@ -38,8 +38,8 @@ class Method:
     values: dict[str, float]
     """The values it finds, in parameter units."""
     distances: dict[str, float]
-    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN where the method
-    has no value or the answer no width."""
+    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN if the method has
+    no value, or if the interval of the answer has no width."""
     runs: int
     """Number of simulations, including those of the surrogate it uses."""
     shared_runs: int
@@ -476,7 +476,7 @@ class Estimate:
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
     """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
-    motion" (the noise of whatever moves the front face), "material curve"."""
+    motion" (the noise of the measured front-face motion), "material curve"."""
     outcome: Verdict
     """How the search ended."""
     sigma_systematic: float = 0.0

@@ -110,8 +110,10 @@ def _step(one: Input, shot: Shot, objective: Objective) -> float:
 
 
 def plain_amount(key: str, value: float) -> float:
-    """A plain amount of an input, in its unit or relative: 1 %, 1 us, 10 um; of the other constants the power
-    of ten that is not above a hundredth of its distance from 1/2 (Poisson's ratio) or 0.01.
+    """Reference change of an input, in its unit or relative: 1 %, 1 us, 10 um, or a plain number.
+
+    For Poisson's ratio it is the largest power of ten not above a hundredth of its distance from 1/2. For
+    other constants it is 0.01.
 
     ``key``: the input. ``value``: its value in SI; only Poisson's ratio needs it.
     """
@@ -154,7 +156,7 @@ class ModelAtOptimum:
     """The run at the optimum; its times include `CLOCK` before and after each frame."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data from those of the transmitted force, of all forces and of the
+        """A change of prediction minus data, composed of changes of the transmitted force, all forces and the
         outline, shape [k]."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
@@ -171,7 +173,7 @@ class ModelAtOptimum:
         return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
-        """Change of prediction minus data by the outline's heights that go with a longer specimen
+        """Change of prediction minus data by the outline's heights that are correlated with a longer specimen
         (`height_follows`), shape [k]; zero without an outline."""
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():

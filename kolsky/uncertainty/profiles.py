@@ -1,5 +1,5 @@
-"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that runs along the profiles
-confirm.
+"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that is confirmed by runs
+along the profiles.
 
 The data vector is reduced to the components that can change; `sample_posterior` needs emcee (extra
 [bayes]).

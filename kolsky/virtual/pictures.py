@@ -436,7 +436,7 @@ def write_pictures(
     """Write both picture series and the calibration series of a shot into its folder.
 
     ``surface``: specimen and flyer at the true times of the frames. ``shot``: its number in the population.
-    ``threads``: threads on a CPU; those the process may use if left out. Raises ValueError if a picture does
+    ``threads``: threads on a CPU; default: all available to the process. Raises ValueError if a picture does
     not fit on its sensor, or the target does not fit in both cameras' views.
     """
     rig = rig_of(q, shot=shot)

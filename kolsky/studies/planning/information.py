@@ -150,9 +150,10 @@ class Information:
         return column[: self.n_force], field
 
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Shares in what is known of each parameter, per time [1/s], shape [d, n_bins], and per time and
-        height [1/(m s)], shape [d, n_frames, n_heights], NaN where nothing is seen.
+        """Shares in the information on each parameter, per time, and per time and height.
 
+        Per time [1/s], shape [d, n_bins]; per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN
+        where nothing is visible.
         If some direction is unconstrained, the shares in the joint estimate are all NaN.
         """
         try:

@@ -95,8 +95,9 @@ def camera_windows(found: Information, share: float) -> list[Choice]:
 
 
 def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The few heights at which an outline would tell most, together with the force; none without cameras, or
-    if no choice decides all parameters.
+    """The heights at which an outline gives most information, together with the force.
+
+    None without cameras, or if no choice constrains all parameters.
     """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):

@@ -234,8 +234,8 @@ def compare(
     """Compare shots, at least one, within their groups.
 
     ``strains``: nominal compressive strains of the tables, each in (0, 1). ``shared``: relative standard
-    uncertainty of all stiffness factors together, e.g. of a transducer's calibration or the baseline's bias,
-    which no result contains [-]. ``grouped_by``: key of the shot files that gave the groups. Raises
+    uncertainty common to all stiffness factors, e.g. of a transducer's calibration or the baseline's bias,
+    which is not included in the results [-]. ``grouped_by``: key of the shot files used for grouping. Raises
     ValueError if there is no shot, a strain is outside (0, 1), or `shared` is negative.
     """
     if not shots:

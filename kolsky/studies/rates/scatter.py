@@ -1,7 +1,8 @@
 """Mean and rate slope of several values with known uncertainties and an unknown scatter between them.
 
 y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (S.2).
-A slope needs a minimum of shots, of the span of their rates, and no single shot with a large leverage.
+A slope needs a minimum number of shots, a minimum span of their rates, and no single shot with a large
+leverage.
 """
 
 from dataclasses import dataclass
@@ -293,8 +294,8 @@ class Slope:
     """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
 
     fit: MixedFit | None
-    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if no line has a
-    scatter about it: fewer than three shots, or one rate."""
+    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if a scatter about the
+    line is not defined: fewer than three shots, or one rate."""
     reference: float
     """Geometric mean of the shots' rates [1/s]."""
     span: float
@@ -367,9 +368,9 @@ def slope(
     """Meta-regression on log10 rate, with the conditions that a claim must meet.
 
     ``rates``: nominal strain rate of each shot [1/s], shape [n]. ``spreads``: standard uncertainty of log10
-    rate as the rate of a whole test: its spread inside the test, and the noise of its mean [decade], shape
-    [n]. ``values``, ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a
-    number cannot be used.
+    rate of a test: spread of the rate inside the test, and noise of its mean [decade], shape [n]. ``values``,
+    ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a number cannot be
+    used.
     """
     v, spread, y, s = (np.asarray(a, dtype=float) for a in (rates, spreads, values, sigma))
     if v.size == 0 or not ((v > 0.0) & np.isfinite(v)).all():
