@@ -69,9 +69,9 @@ LIMITS = {"force": 3.0, "outline": 2.0}
 SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 """The same for the means over blocks [-]."""
 ALONE = 0.1
-"""A channel with a smaller share of the information on a parameter does not determine its value,"""
+"""A channel with a smaller share of the information on a parameter does not determine its value."""
 CHECKS = 2.0
-"""but it confirms the value if its separate standard uncertainty is at most this many times the answer's."""
+"""It still confirms the value if its separate uncertainty is at most this many times the answer's."""
 CONTRADICTION = 4.0
 """Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5

@@ -64,7 +64,7 @@ def estimates(
     If a parameter lies at a bound, the data prefer a value beyond it, and the other parameters compensate.
     Their values hold only if the bound is the true value of that parameter. It would lie at the bound on a
     finer mesh too and is not corrected. A value that the correction would move past a bound is set to the
-    bound. A parameter without effect on the data is not corrected either.
+    bound. A parameter that the data do not constrain is not corrected either.
 
     ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``:
     standard uncertainties by source, shape [d] each; they add in quadrature. ``numerical``: standard

@@ -77,8 +77,8 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
     """Most likely standard deviation of the patterns' amplitudes, in the residual's unit.
 
     ``other``: the weights by the covariance C of all other errors. With the whitened patterns B = V S U' and
-    the coordinates h = U' r of the whitened residual, -2 ln L is ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2
-    S^2)`` up to a constant.
+    the coordinates h = U' r of the whitened residual, -2 ln L is
+    ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
     """
     if not len(patterns):
         return 0.0

@@ -32,9 +32,9 @@ from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
 
 CONFIRMED = 0.2
-"""An optimum is confirmed if the check run shifts it by less than this share of the residuals' sigma,"""
+"""An optimum is confirmed if the check run shifts it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
-"""or by less than this many standard deviations of the response's roughness, which is in the interval."""
+"""It is also confirmed below this many standard deviations of the roughness, which is in the interval."""
 
 
 @dataclass(frozen=True)
