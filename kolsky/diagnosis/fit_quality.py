@@ -1,4 +1,4 @@
-"""Goodness of fit by channel, and the verdicts that follow: does the model explain the data?
+"""Goodness of fit by channel, and the verdicts that follow: whether the model explains the data.
 
 The residual of a correct model consists of the measured noise, the effect of the inputs' noise, the mesh
 error and the effect of declared uncertainties. Actual and expected residual are compared point by point and

@@ -4,9 +4,9 @@ Each residual is compared with that expected of a correct model, as for a single
 (`kolsky.diagnosis.fit_quality`): the effect of noise, inputs, mesh and declared uncertainties after the
 shared unknowns are refitted. The deviation of a shot by the scatter is removed first.
 
-The agreement of the shots is tested with the stiffness estimated from each shot separately. It is linear
-about the joint optimum, with the residual r = prediction minus data of one shot and the change u of its data
-by a relative change of its stiffness,
+The agreement of the shots is tested with the stiffness estimated from each shot separately. This test is
+linear about the joint optimum. With the residual r = prediction minus data of one shot, and the change u of
+its data by a relative change of its stiffness, it is
 
     a = -u C^-1 r / (u C^-1 u),    Q = sum_k (a_k - mean)^2 / v_k,
 

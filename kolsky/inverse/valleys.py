@@ -1,7 +1,7 @@
 """Valleys of the misfit along Poisson's ratio: scan, floors, summit, search coordinates.
 
-The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio
-sets that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)), so the misfit has a valley wherever the model's
+The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio sets
+that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)). The misfit has a valley wherever the model's
 oscillations are in phase with the measured ones, or shifted by whole oscillations. Valleys are equally spaced
 in the number of oscillations, N = T c / (2 L), with the window T, the length L and the wave speed c^2 = (K +
 4 G / 3) / rho. The scan takes equal steps of N.

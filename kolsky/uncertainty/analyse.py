@@ -360,8 +360,8 @@ def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
     """Factor on the answer's interval if its noise part had the same relative error as the profile [-].
 
     The rise is proportional to the square of the distance. If a profile's rise is too large by the share e of
-    its level, its interval ends at sqrt(1 - e) of the correct distance, and the noise variance is larger by 1
-    / (1 - e).
+    its level, its interval ends at sqrt(1 - e) of the correct distance. The noise variance is then larger by
+    1 / (1 - e).
     """
     e = profile.error / profile.level
     return float(np.sqrt(1.0 + noise_share * e / (1.0 - e))) if e < 1.0 else np.inf

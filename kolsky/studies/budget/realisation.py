@@ -164,7 +164,7 @@ LONGEST = 0.02
 """Longest step of a coordinate, over the edge of its design: a step must not cross a ridge."""
 OUT_OF_STEP = 0.08
 """A re-fit has left its valley if `phase` changes by more than this. 8 % of m / (1 - 2 nu) are 4 % of the
-ringing period, or a third of an oscillation at the end of a test with ten oscillations."""
+ringing period: a third of an oscillation at the end of a test of ten."""
 FIRST_DIFFERENCE = 2e-3
 """Half step of the first differences over the edge of the design; later half a standard deviation."""
 
