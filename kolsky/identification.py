@@ -1,17 +1,17 @@
-"""The story of `identify`, top to bottom.
+"""The steps of `identify`, in order.
 
-1. What is free: `kolsky.inverse.problem`.
-2. Runs on coarse meshes give a first optimum: a design and a surrogate of the *response* (force bins and
-   outline points) of one parameter (`kolsky.inverse.coarse_search`), a scan of the valleys and least squares
-   for several (`kolsky.inverse.surrogate_mesh_search`).
-3. The optimum is moved to the refined mesh and confirmed by a run there: by Gauss-Newton steps
-   (`kolsky.inverse.gauss_newton`), or by a quadratic through a design of runs on the refined mesh (a surface
-   that slides or lets go, `kolsky.inverse.refined_search`). `kolsky.inverse.search` chooses.
-4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
-   (`kolsky.uncertainty.budgets`), the numerics (`kolsky.uncertainty.mesh_error`), what is declared
-   uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`), likely causes of a misfit.
-5. Does the model explain the data, and if not, why? `kolsky.diagnosis`; the last word is
-   `kolsky.diagnosis.judgement`: verdicts, and all warnings.
+1. The free parameters are chosen: `kolsky.inverse.problem`.
+2. Runs on coarse meshes give a first optimum. One parameter: a design of runs and a surrogate of the
+   *response*, which is force bins and outline points (`kolsky.inverse.coarse_search`). Several parameters: a
+   scan of the valleys of the misfit, then least squares (`kolsky.inverse.surrogate_mesh_search`).
+3. The optimum is moved to the refined mesh and confirmed by a run there. Gauss-Newton steps do this
+   (`kolsky.inverse.gauss_newton`). If a surface slides or lets go, a quadratic through a design of runs on
+   the refined mesh does it (`kolsky.inverse.refined_search`). `kolsky.inverse.search` chooses.
+4. The uncertainty is estimated from the residuals' covariance (`kolsky.inverse.objective`), the noise of the
+   inputs (`kolsky.uncertainty.budgets`) and the numerics (`kolsky.uncertainty.mesh_error`). Declared
+   uncertainties, profile likelihoods and other choices of the analyst are in `kolsky.uncertainty.analyse`.
+5. The fit is checked, and likely causes of a misfit are searched: `kolsky.diagnosis`. The verdicts and all
+   warnings are made in `kolsky.diagnosis.judgement`.
 """
 
 from dataclasses import replace
@@ -47,18 +47,18 @@ def identify(
     shot
         A loaded shot, or its folder.
     settings
-        What is free, what is held, numerical choices.
+        Free parameters, held parameters, numerical choices.
     progress : callable, optional
         Called as ``progress(stage, runs done, runs in the stage)``.
 
     Notes
     -----
-    BLAS works on one thread meanwhile, see `kolsky.base.process.set_blas_threads`.
+    BLAS uses one thread during the call, see `kolsky.base.process.set_blas_threads`.
 
     Returns
     -------
     Identification
-        Estimates with intervals and verdicts, the check run beside the data, every run of the design.
+        Estimates with intervals and verdicts, the check run with the data, every run of the design.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def identify(
         If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
         message says how, when and where the first one failed.
     InputError
-        If the folder holds no shot, or a wrong one.
+        If the folder holds no shot, or an invalid one.
     """
     loaded = load_shot(shot) if isinstance(shot, str | Path) else shot
     search = search_shot(InverseProblem.of(loaded, settings or Settings()), Work(progress))
@@ -89,26 +89,27 @@ def identify(
 
 
 LEADING = 2
-"""Likely causes with which `diagnose` identifies anew."""
+"""Number of likely causes for which `diagnose` repeats the identification."""
 
 
 def diagnose(
     found: Identification, shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
 ) -> Identification:
-    """Identify anew with each of the leading likely causes put right.
+    """Repeat the identification with each of the leading likely causes corrected.
 
     Parameters
     ----------
     found
-        The identification of the shot as it is declared.
+        The identification of the shot as declared.
     shot, settings, progress
         As of `identify`.
 
     Returns
     -------
     Identification
-        The same, its leading causes with the free parameters that a whole identification gives, a cause found
-        beside another with both put right. One that no number puts right has none.
+        The same identification. Its leading causes also hold the free parameters of a complete identification
+        with the cause corrected. If a cause was found together with another one, both are corrected. A cause
+        that no number can correct has no such values.
 
     Raises
     ------

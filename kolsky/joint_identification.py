@@ -1,14 +1,17 @@
-"""The story of a joint identification, top to bottom.
+"""The steps of a joint identification, in order.
 
-1. What is shared and free: what every shot frees alone (`kolsky.inverse.problem`).
-2. Scans of the stiffness, of relaxation and of Poisson's valleys on the mesh of the search, then least
-   squares over all shots and slow tests together (`kolsky.inverse.joint_problem`).
-3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
-4. The optimum is moved to the refined mesh (`kolsky.inverse.joint_search`). A model that relaxes is compared
-   with the same shots without it (`kolsky.diagnosis.relaxation`). The noise patterns are computed again at
-   the optimum, and the scatter between the shots is estimated; the weights contain it from then on.
-5. The answer: shared values with intervals (weights, residuals correlated in time, the curve's noise, the
-   mesh, declared inputs), each shot's own part, and the curve, if it is free.
+1. The shared free parameters are those that are free in every single shot (`kolsky.inverse.problem`).
+2. The stiffness, the relaxation and the valleys of Poisson's ratio are scanned on the search mesh. Then all
+   shots and slow tests are fitted together by least squares (`kolsky.inverse.joint_problem`).
+3. The noise of the front faces, the clocks and the scales are computed at that point and added to the
+   weights. The least-squares fit is repeated.
+4. The optimum is moved to the refined mesh (`kolsky.inverse.joint_search`). A model with relaxation is
+   compared with the fit of the same shots without relaxation (`kolsky.diagnosis.relaxation`). The noise
+   patterns are computed again at the optimum. The scatter between the shots is estimated and added to the
+   weights.
+5. The result holds the shared values, the values of each shot and, if it is free, the curve. The intervals
+   include the weights, the time correlation of the residuals, the noise of the curve, the mesh error and the
+   declared inputs.
 """
 
 from __future__ import annotations
@@ -71,7 +74,7 @@ from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts
 from kolsky.uncertainty.warnings import lost_mesh_runs
 
 FEW_SHOTS = 5
-"""Shots below which a scatter between them is hardly known."""
+"""With fewer shots, the scatter between them is poorly estimated."""
 
 
 def joint_result(
@@ -79,7 +82,7 @@ def joint_result(
 ) -> JointResult:
     """Values, intervals and verdicts at an optimum.
 
-    Raises ValueError if the run at the answer on the search's mesh does not complete.
+    Raises ValueError if the run at the optimum on the search mesh does not complete.
     """
     stack, unknowns = problem.stack, problem.unknowns
     residual = found.vector - stack.data
@@ -185,13 +188,13 @@ def joint_result(
 
 
 def _amount(part: ShotPart, problem: JointProblem, found: Optimum, scatter: float) -> float:
-    """A shot's own part of the scatter, in standard deviations."""
+    """Deviation of one shot from the shared stiffness, in standard deviations of the scatter."""
     m = float(problem.values(found.x).get(MOVED, 1.0))
     return (part.factor / m - 1.0) / scatter if scatter > 0.0 else 0.0
 
 
 def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
-    """Variances with the same discrepancies, as if the shots had no unknown of a name, shape [d]."""
+    """Variances with the same discrepancies, but without the shots' unknown of this name, shape [d]."""
     bare, residual = [], found.vector - stack.data
     for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
         rest = {key: row for key, row in one.own.items() if key != name}
@@ -209,7 +212,7 @@ def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> 
 def _shot_parts(
     problem: JointProblem, found: Optimum, weighed: FloatArray, objectives: Sequence[Objective]
 ) -> tuple[ShotPart, ...]:
-    """Each shot's own unknowns, most likely ones, and how well it is explained."""
+    """Each shot: the most likely values of its unknowns, and its goodness of fit."""
     stack, parts = problem.stack, []
     m = float(problem.values(found.x).get(MOVED, 1.0))
     residuals = stack.parts(found.vector - stack.data)
@@ -242,10 +245,10 @@ def _shot_parts(
 
 
 def _shot_unknown(row: FloatArray, pull: FloatArray, objective: Objective) -> tuple[float, float]:
-    """Most likely amount of a pattern and what is left of its uncertainty, in standard deviations.
+    """Most likely amplitude of a pattern and its remaining uncertainty, in standard deviations.
 
-    With the residual r = prediction less data, of covariance C that knows the pattern u: -u C^-1 r, and
-    the root of 1 - u C^-1 u.
+    The residual is r = prediction minus data; its covariance C includes the pattern u. The amplitude is -u
+    C^-1 r; its uncertainty is the square root of 1 - u C^-1 u.
     """
     left = 1.0 - float(row @ objective.whitening().precision(row[None])[0])
     return -float(row @ pull), float(np.sqrt(max(left, 0.0)))
@@ -268,7 +271,8 @@ def _free_curve(
     numerical: Mapping[str, FloatArray],
     correction: FloatArray,
 ) -> CurveFound:
-    """The curve with its band: k = 2 of the nodes' factors, between the nodes as their logarithm is."""
+    """The curve with its k = 2 band, from the nodes' factors; their logarithm is interpolated between
+    nodes."""
     n = problem.unknowns.n_parameters
     logs = (found.x + correction)[n:]
     sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
@@ -318,10 +322,12 @@ def _joint_warnings(
 
 
 FIRST_STEPS, LATER_STEPS = 10, 6
-"""Trial points of the first search, and of those with better weights."""
+"""Trial points of the first search, and of the later searches with improved weights."""
 SAME_VALLEY = 10.0
-"""Distance of two ends of searches, in standard deviations, up to which they lie in one valley: a search that
-its steps have cut short ends within some of them, the next valley of Poisson's ratio is tens away."""
+"""Largest distance of two results in one valley, in standard deviations.
+
+A search that stops at its step limit ends within some of them; the next valley of Poisson's ratio is tens
+away."""
 
 
 @one_blas_thread()
@@ -333,18 +339,18 @@ def identify_shots(
     ledger: Path | None = None,
     progress: Progress | None = None,
 ) -> JointResult:
-    """Identify what several shots of one material share.
+    """Identify the shared parameters of several shots of one material.
 
     Parameters
     ----------
     shots
         The shots, two or more; they may differ in specimen, speed, interface and instruments.
     settings
-        What is free, what is held, numerical choices.
+        Free parameters, held parameters, numerical choices.
     slow
         Slow tests of the same material.
     ledger
-        File that keeps every run; one that is there goes on where it ended.
+        File that stores every run. An existing file is continued.
     progress
         Called as ``progress(stage, runs done, runs in the stage)``.
 
@@ -395,7 +401,7 @@ def identify_shots(
 
 
 def _search_joint(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
-    """The optimum on the refined mesh, shots without a scatter between them."""
+    """The optimum on the refined mesh, without scatter between the shots."""
     numerics = problem.mesh
     x, _ = problem.search(starts(problem, numerics), numerics, FIRST_STEPS)
     problem.learn_noise(x, numerics)
@@ -408,12 +414,12 @@ def _search_joint(problem: JointProblem, *, beside: FloatArray | None = None) ->
     other = refined_optimum(problem, end, slopes)
     if not problem.deviance(other.vector) < problem.deviance(found.vector):
         return found
-    problem.learn_noise(other.start, numerics)  # the patterns are those of a point
+    problem.learn_noise(other.start, numerics)  # the noise patterns depend on the point
     return refined_optimum(problem, *_search_again(problem, other.start))
 
 
 def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
-    """An optimum that explains no less than that of a model which is contained in its own."""
+    """An optimum that fits at least as well as the optimum of the simpler, nested model."""
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
         return found
@@ -426,13 +432,13 @@ def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, wit
 
 
 def _search_again(problem: JointProblem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The optimum and slopes on the search's mesh, with the weights of now, from a point near it."""
+    """The optimum and slopes on the search mesh, with the current weights, from a nearby start."""
     x, sigma = problem.search(x[None], problem.mesh, LATER_STEPS)
     return x, problem.slopes(x, sigma, problem.mesh)[1]
 
 
 def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
-    """How far a point on the search's mesh is from where an optimum was searched, in standard deviations."""
+    """Distance of a point on the search mesh from the start of an optimum, in standard deviations."""
     rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
     away = x - found.start
     return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
@@ -441,7 +447,8 @@ def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
 def _shared_bounds(
     prepared: Sequence[PreparedShot], freed: Sequence[Freed], settings: JointSettings, said: list[str]
 ) -> dict[str, tuple[float, float] | None]:
-    """Free parameters of all shots and their bounds; what some shot holds is held, and said."""
+    """Free parameters of all shots and their bounds; a parameter held in one shot is held in all, with a
+    note."""
     bounds = dict(freed[0].free)
     for one in freed:
         for name in [n for n in bounds if n not in one.free]:
@@ -459,7 +466,7 @@ def _shared_bounds(
 
 
 def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:
-    """Refuse shots that do not share what they are to share."""
+    """Raise ValueError for shots that cannot be identified together."""
     if len(shots) < 2 and not slow and not settings.curve_nodes:
         raise ValueError("one shot by itself is identified alone: give more shots, slow tests or curve nodes")
     names = [shot.name for shot in shots]

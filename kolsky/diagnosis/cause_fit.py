@@ -1,4 +1,4 @@
-"""Least squares with one input changed, weighted by what a correct model leaves (no simulations).
+"""Least squares with one input changed, weighted by the residual of a correct model (no simulations).
 
 Value, uncertainty, significance and evidence of a change. The covariance of the expected residual is
 diagonal plus patterns, inverted by Woodbury's identity: the full matrix is never formed.
@@ -17,10 +17,10 @@ from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class ExpectedResidual:
-    """What a correct model leaves of the data vector."""
+    """The expected residual of a correct model."""
 
     sigma: FloatArray
-    """Standard deviation of what is independent, shape [k]."""
+    """Standard deviation of the independent errors, shape [k]."""
     patterns: FloatArray
     """Changes of the data vector by one standard deviation of each common cause, shape [k, q]."""
     channel: IntArray
@@ -28,11 +28,11 @@ class ExpectedResidual:
     block: IntArray
     """Number of the time of each entry, the same for both channels, shape [k]."""
     tau: FloatArray
-    """What is left beyond, of each channel, in its unit, shape [2]."""
+    """Discrepancy of each channel, the residual beyond these errors, in its unit, shape [2]."""
 
     @cached_property
     def variance(self) -> FloatArray:
-        """Of what is independent, with tau, shape [k]."""
+        """Variance of the independent errors, with tau, shape [k]."""
         return np.asarray(self.sigma**2 + self.tau[self.channel] ** 2)
 
     @cached_property
@@ -50,15 +50,15 @@ class ExpectedResidual:
         return np.asarray(plain - VN @ np.linalg.solve(core, self.patterns.T @ plain)).reshape(x.shape)
 
     def independent(self, residual: FloatArray) -> FloatArray:
-        """The residual without what the patterns most probably brought, shape [k]."""
+        """The residual minus its most likely part by the patterns, shape [k]."""
         return np.asarray(self.variance * self.weighted(residual))
 
     def of(self, channel: int) -> "ExpectedResidual":
-        """One channel alone."""
+        """The part of one channel."""
         return self.among(self.channel == channel)
 
     def among(self, use: BoolArray) -> "ExpectedResidual":
-        """Some of the entries alone, shape of `use` [k]."""
+        """A subset of the entries; shape of `use` [k]."""
         return replace(
             self,
             sigma=self.sigma[use],
@@ -69,13 +69,13 @@ class ExpectedResidual:
 
     @cached_property
     def _channels(self) -> tuple["ExpectedResidual", ...]:
-        """Each channel alone, without tau."""
+        """Each channel separately, without tau."""
         return tuple(replace(self.of(channel), tau=np.zeros(2)) for channel in range(2))
 
     def misfits(self, residual: FloatArray) -> FloatArray:
-        """Mean of r^T C^-1 r over the entries of each channel, on its own and without tau, shape [2].
+        """Mean of r^T C^-1 r over the entries of each channel, separately and without tau, shape [2].
 
-        1 is the residual of a correct model; of a channel without entries it is 1.
+        1 is the residual of a correct model; a channel without entries has 1.
         """
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):
@@ -85,7 +85,7 @@ class ExpectedResidual:
         return found
 
     def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
-        """With the tau that explains a residual, of each channel."""
+        """The same with the tau of each channel estimated from a residual."""
         left = self.independent(residual)
         excess = [
             (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0
@@ -103,12 +103,12 @@ class ExpectedResidual:
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in times of a channel, over which residuals may be correlated."""
 ROUNDS = 3
-"""Rounds of least squares and tau, which depend on each other."""
+"""Iterations of least squares and tau, which depend on each other."""
 
 
 @dataclass(frozen=True)
 class Allowances:
-    """Inputs that may be off within their declared uncertainty."""
+    """Inputs that may be wrong within their declared uncertainty."""
 
     columns: FloatArray
     """B: change of the prediction by one standard uncertainty of each, shape [k, q]."""
@@ -120,7 +120,7 @@ class Allowances:
 
 @dataclass(frozen=True)
 class Solution:
-    """The least squares of r + A z + B a, without its uncertainty."""
+    """The least-squares solution of r + A z + B a, without its uncertainty."""
 
     step: FloatArray
     """The best z, shape [p]."""
@@ -130,12 +130,12 @@ class Solution:
 
 @dataclass(frozen=True)
 class LinearFit(Solution):
-    """The least squares of r + A z + B a."""
+    """The least-squares solution of r + A z + B a, with its uncertainty."""
 
     covariance: FloatArray
-    """Of z, with residuals correlated in time, shape [p, p]."""
+    """Covariance of z, with residuals correlated in time, shape [p, p]."""
     tau: FloatArray
-    """What the residual leaves beyond the residual of a correct model, of each channel, shape [2]."""
+    """Discrepancy of each channel: the residual beyond that of a correct model, shape [2]."""
     inflation: float
     """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
 
@@ -146,7 +146,7 @@ def fit_linear(
     expected: ExpectedResidual,
     allowed: Allowances | None = None,
 ) -> LinearFit:
-    """Minimise (r + A z + B a)^T C^-1 (r + A z + B a) + a^T a, tau as the remaining residual asks for.
+    """Minimise (r + A z + B a)^T C^-1 (r + A z + B a) + a^T a, with tau from the remaining residual.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def fit_linear(
         A: change of the prediction per unit of each entry of z, shape [k, p]; a column of zeros
         gets a step of zero and an infinite variance.
     expected
-        What a correct model leaves.
+        The expected residual of a correct model.
     allowed
         B and the bounds of a; none if left out.
     """
@@ -182,7 +182,7 @@ def solve_linear(
     expected: ExpectedResidual,
     allowed: Allowances | None = None,
 ) -> Solution:
-    """The step and the residual of `fit_linear`, for half its price; its parameters."""
+    """The step and the residual of `fit_linear`, at half its cost; same parameters."""
     one = _System.of(columns, expected, allowed)
     z, left, _ = one.solved(residual, expected)
     return Solution(one.whole(z)[len(one.seen) - columns.shape[1] :], left)
@@ -195,14 +195,14 @@ class _System:
     A: FloatArray
     """The columns [k, n]."""
     prior: FloatArray
-    """Of an amplitude its precision, of a parameter 0 [n]."""
+    """Prior precision: that of an amplitude, 0 for a parameter [n]."""
     low: FloatArray
     """Bounds [n]."""
     high: FloatArray
     scale: FloatArray
     """Sizes of the columns [n]."""
     seen: BoolArray
-    """Which of all columns these are [q + p]."""
+    """Mask of these among all columns [q + p]."""
 
     @classmethod
     def of(cls, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None) -> "_System":
@@ -220,7 +220,7 @@ class _System:
     def solved(
         self, residual: FloatArray, expected: ExpectedResidual
     ) -> tuple[FloatArray, FloatArray, ExpectedResidual]:
-        """The scaled step, the residual it leaves, and the weights it was found with."""
+        """The scaled step, the remaining residual, and the weights used."""
         z, left, weighted = np.zeros(self.A.shape[1]), residual, expected
         for _ in range(ROUNDS):
             weighted = weighted.with_tau(left)
@@ -230,7 +230,7 @@ class _System:
         return z, left, weighted
 
     def whole(self, z: FloatArray) -> FloatArray:
-        """The step of all columns in their own units, 0 of those without an effect, shape [q + p]."""
+        """The step of all columns in their units, 0 for those without an effect, shape [q + p]."""
         step = np.zeros(len(self.seen))
         step[self.seen] = z / self.scale
         return step
@@ -251,7 +251,7 @@ def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) ->
 def _sandwich(
     gain: FloatArray, residual: FloatArray, expected: ExpectedResidual
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance that independent residuals bring, and that with blocks of times correlated in any way."""
+    """Covariance with independent residuals, and with residuals correlated within time blocks."""
     own = (gain * expected.variance) @ gain.T
     score = gain * expected.independent(residual)
     best, p = own, len(gain)
@@ -268,9 +268,9 @@ def _sandwich(
 
 
 def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
-    """Twice the logarithm of the likelihood ratio, a time of a channel counted as one residual [-].
+    """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-].
 
-    A channel whose misfit is the residual of a correct model, or less, cannot get better.
+    A channel whose misfit is at most that of a correct model cannot improve.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
 
 
 def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) -> float:
-    """Share of the misfit beyond the residual of a correct model that a change takes away [-].
+    """Share of the misfit beyond that of a correct model that a change removes [-].
 
     ``before``, ``after``: `ExpectedResidual.misfits` without and with the change, shape [2]. ``entries``:
     entries of each channel, shape [2].
@@ -293,7 +293,7 @@ def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) ->
 
 
 def chance(change: float, sigma: float, *, degrees: float) -> float:
-    """Probability of a change at least so large if there is none, by the F-test with 1 and `degrees` [-]."""
+    """Probability of a change at least this large by chance, by the F-test with 1 and `degrees` [-]."""
     if not sigma > 0.0:
         return 1.0
     if not np.isfinite(sigma):
@@ -302,8 +302,8 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:
-    """Probabilities adjusted for as many tests as there are (Holm 1979): the smallest counts n times, the
-    next n - 1 times, and none less than one before it."""
+    """Probabilities adjusted for the number n of tests (Holm 1979): the smallest is multiplied by n, the next
+    by n - 1, and so on; none is less than the one before it."""
     adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
     for place, i in enumerate(np.argsort(probabilities, kind="stable")):
         largest = max(largest, min(1.0, (n - place) * probabilities[i]))

@@ -1,7 +1,7 @@
-"""What a changed input makes of a run, whether and how far it may be changed, and the shot with it put right.
+"""Effect of a changed input on a run, whether and how far it may be changed, and the corrected shot.
 
-A simulation does not know when its clock started: a flyer's record that is late by L makes every
-prediction late by L, and needs no other run. So do scales and offsets of what was measured.
+If a flyer's record is late by L, every prediction is late by L, and no further run is needed. Scales and
+offsets of measurements need no run either.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 SPREAD_NODES = 7
-"""Nodes of the mean over a contact that spreads; exact for polynomials in time of degree 13."""
+"""Quadrature nodes for the mean over a spreading contact; exact for polynomials in time of degree 13."""
 
 
 def changed_vector(
@@ -44,7 +44,7 @@ def changed_vector(
 ) -> FloatArray:
     """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where a radius is unknown.
 
-    ``known``: the `radii` of the same run under a change of the same `sight`, if they are known.
+    ``known``: the `radii` of the same run with a change of the same `sight`, if already computed.
     """
     force = observations.of_forces(lambda bins, which: _force(change, response, bins.edges, sample, which))
     if not observations.has_shape:
@@ -54,13 +54,13 @@ def changed_vector(
 
 
 def _force(change: Change, response: Response, edges: FloatArray, sample: int, which: str) -> FloatArray:
-    """Means of a force between the edges, as changed [N]; the incident one has its own scale and zero."""
+    """Means of a changed force between the edges [N]; the incident force has a separate scale and zero."""
     t = response.force_times
     impulse, force = response.impulse_transmission[sample], response.force_transmission[sample]
     if which == "flyer":
         impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
     elif change.flyer_share != 0.0:
-        # The channel's own force goes on evenly where that of the other end does.
+        # The channel records a mean of its force and that of the other end, weighted by the share.
         share = change.flyer_share
         impulse = (1.0 - share) * impulse + share * response.impulse_flyer[sample]
         force = (1.0 - share) * force + share * response.force_flyer[sample]
@@ -76,7 +76,7 @@ def _force(change: Change, response: Response, edges: FloatArray, sample: int, w
 
 
 def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> FloatArray:
-    """An impulse as a slow amplifier and a leaking charge would show it: both are linear."""
+    """An impulse after a slow amplifier and a charge leak, which are both linear."""
     if change.time_constant > 0.0 or change.leak > 0.0:
         step = (t[-1] - t[0]) / (len(t) - 1)
         if change.time_constant > 0.0:
@@ -87,8 +87,8 @@ def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> Fl
 
 
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
-    """Radii at the points without the offset from the axis [m], linear in time between the frames and
-    beyond the last; at rest before the first. None of a shot without an outline."""
+    """Radii at the points without the offset from the axis [m], linear in time between the frames and after
+    the last one; undeformed before the first. Empty for a shot without an outline."""
     if not observations.has_shape:
         return np.zeros(0)
     line, times = observations.centre_line, response.surface_times
@@ -114,8 +114,8 @@ def radii(change: Change, response: Response, observations: Observations, sample
 def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     """Delays of the strips of a tilted round face, and their shares of its area.
 
-    The face's chord at the distance x from the middle has the length 2 sqrt(R^2 - x^2): the delays have the
-    density of a semicircle, whose Gauss quadrature is Chebyshev's of the second kind.
+    At the distance x from the middle, the chord of the face has the length 2 sqrt(R^2 - x^2). The delays
+    therefore have a semicircular density; its Gauss quadrature is Chebyshev's of the second kind.
     """
     angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)
@@ -141,12 +141,12 @@ def can_be_tried(c: Cause, problem: InverseProblem) -> bool:
 
 
 def start_of(c: Cause, problem: InverseProblem) -> float:
-    """Coordinate of what is declared; NaN where that is no value of it."""
+    """Coordinate of the declared value; NaN if there is none."""
     return nan if c.exact != c.exact else c.coordinate(held_value(c, problem))
 
 
 def held_value(c: Cause, problem: InverseProblem) -> float:
-    """What is declared, in the value's unit."""
+    """The declared or held value, in its unit."""
     if not c.parameter:
         return c.exact
     shot, held = problem.shot, problem.settings.held
@@ -154,13 +154,14 @@ def held_value(c: Cause, problem: InverseProblem) -> float:
 
 
 def declared_sigma(c: Cause, runner: Runner) -> float:
-    """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
+    """Declared standard uncertainty plus the default allowance, in the value's unit; 0 if there is
+    neither."""
     declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
     return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 
 
 def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
-    """Coordinates, the smaller first, within k = 2 of what is declared; None where nothing is."""
+    """Range of coordinates within k = 2 of the declared value; None if no uncertainty is declared."""
     middle, half = held_value(c, runner.problem), COVERAGE * declared_sigma(c, runner)
     if not (half > 0.0 and isfinite(half) and isfinite(middle)):
         return None
@@ -171,14 +172,14 @@ def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
 
 
 MOST_COMPRESSION = 0.8
-"""Nominal compression from which on a value is not tried: elements collapse, and the time step with them."""
+"""Values with a larger nominal compression are not tried: elements and time step would collapse."""
 
 
 def leaves_length(runner: Runner, change: Change) -> bool:
-    """True if the flyer, as changed, leaves the specimen, as changed, some of its length."""
+    """True if the changed flyer motion does not crush the changed specimen."""
     motion, factor = change.motion * change.picture, change.specimen.get("length", 1.0)
     if motion <= factor:
-        return True  # no more than as declared
+        return True  # not more than declared
     path = runner.front.path
     travel = motion * float(np.max(path.position(path.knots)))
     length = factor * runner.problem.shot.specimen.length
@@ -189,11 +190,11 @@ WITHOUT_TRACE = (
     "The scale of the quasi-static curve leaves no residual: the data show only m times the curve. A curve "
     "5 % too low gives an m 5 % too high, and nothing here can tell.",
 )
-"""What no table of causes can show."""
+"""Errors that no table of causes can show."""
 
 
 def corrected(shot: Shot, settings: Settings, finding: CauseFinding) -> tuple[Shot, Settings] | None:
-    """The shot and the settings with the found value; None where none can be given, as for a flyer's tilt."""
+    """The shot and the settings with the found value; None if it cannot be set, as for a flyer's tilt."""
     for one in INPUTS.values():
         if one.cause is not None and one.cause.key == finding.key:
             if one.applied is not None:

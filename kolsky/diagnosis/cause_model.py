@@ -1,4 +1,4 @@
-"""Data vectors with an input changed, on the refined mesh, and what a correct model leaves."""
+"""Data vectors with an input changed, on the refined mesh, and the residual of a correct model."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from kolsky.shot.corrections import changed_curve
 from kolsky.shot.input_records import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
-"""Most outline points that are compared: neighbours in a frame tell the same."""
+"""Maximum number of compared outline points; neighbours in a frame give the same information."""
 MOST_KEPT = 128
-"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
+"""Number of latest runs kept in memory, since a search returns to the end of its last step."""
 MOST_STEPS = 12
-"""A run with more time steps than so many times those at the answer is lost: ten times the stiffness, the
-farthest value that is scanned, takes six times; what takes more crushes the specimen."""
+"""A run fails if its time steps exceed this multiple of those at the answer. Ten times the stiffness, the
+farthest scanned value, needs six times the steps; a run with more steps crushes the specimen."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
 """Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One simulation with what is made of it: free parameters and a changed input."""
+    """One simulation: free parameters and a changed input."""
 
     x: FloatArray
-    """Free parameters in SI, then the coordinate of an input that is free beside them, shape [d]."""
+    """Free parameters in SI, then the coordinate of a free input, if there is one, shape [d]."""
     changed: Change = UNCHANGED
     """The input that is tried."""
 
@@ -46,10 +46,10 @@ class Point:
 class CauseModel:
     """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
 
-    ``runner``: of the identification. ``x``: where the run on the refined mesh was made, shape
-    [d]. ``refined``: that run, a batch of one. ``first``: an input that is free beside the parameters, its
-    coordinate the last entry of every x; None for none. ``numerics``: another mesh than the surrogate's.
-    Raises ValueError if the run there does not complete on the surrogate's mesh.
+    ``runner``: of the identification. ``x``: point of the run on the refined mesh, shape [d]. ``refined``:
+    that run, a batch of one. ``first``: an input that is free in addition to the parameters, with its
+    coordinate as the last entry of every x, or None. ``numerics``: another mesh than the surrogate's. Raises
+    ValueError if the run there does not complete on the surrogate's mesh.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class CauseModel:
 
     @property
     def data(self) -> FloatArray:
-        """What was measured, shape [k]."""
+        """The measured data, shape [k]."""
         return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z])
 
     def vectors(self, points: Sequence[Point]) -> FloatArray:
@@ -101,7 +101,7 @@ class CauseModel:
 
     @cached_property
     def screen(self) -> CauseModel:
-        """The same on the mesh of the replicates, for values of which a few are tried again on this one."""
+        """The same on the mesh of the replicates, to screen values before a few are tried on this mesh."""
         mesh = self.runner.problem.settings.replicate_mesh
         if mesh[0] >= self.numerics.mesh[0]:
             return self
@@ -122,7 +122,7 @@ class CauseModel:
         return response if response.outcomes[0].ok else None
 
     def shift(self, change: Change) -> FloatArray:
-        """What the refined mesh adds at the answer, seen under the same change, shape [k]."""
+        """Correction by the refined mesh at the answer, with the same change applied, shape [k]."""
         if change.seen not in self._shifts:
             o, both = self.observations, (self.refined, self.reference)
             if change.sight not in self._radii:
@@ -133,10 +133,10 @@ class CauseModel:
         return self._shifts[change.seen]
 
     def respond(self, points: Sequence[Point]) -> list[Response | None]:
-        """One response a point, None where it did not complete.
+        """One response per point, None if it did not complete.
 
-        Every group of runs that have mesh and laws in common is a launch, all of them side by side. Points
-        that differ by what is made of a run alone share it, and what was run lately is not run again.
+        Runs with the same mesh and laws form one launch; all launches run in parallel. Points that differ
+        only in the processing of a run share the run. Recent runs are not repeated.
         """
         points = [self.whole(point) for point in points]
         keys = [_key(self.runner, point) for point in points]
@@ -147,7 +147,7 @@ class CauseModel:
         return [found[key] for key in keys]
 
     def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
-        """The points whose runs are not known, each run once, in the groups of one launch."""
+        """The points without a stored run, each once, in groups of one launch."""
         fresh: dict[object, dict[object, Point]] = {}
         for point in points:
             launch, run = key = _key(self.runner, point)
@@ -187,7 +187,7 @@ class CauseModel:
         return Launch(forward, values, numerics, motion, material)
 
     def slopes(self, x: FloatArray, changed: Change) -> list[Point]:
-        """The points beside one, a step along each free parameter, for `columns`."""
+        """The neighbours of a point, one step along each free parameter, for `columns`."""
         return [Point(x + step, changed) for step in np.diag(self.steps(x))]
 
     def steps(self, x: FloatArray) -> FloatArray:
@@ -229,10 +229,10 @@ def _declared(forward: Forward, name: str) -> float:
 
 
 def _key(runner: Runner, point: Point) -> tuple[object, object]:
-    """What tells a run from all others: what all runs of its launch have in common, and what they do not."""
+    """Key of a run: the part common to all runs of its launch, and the part of this run."""
     named = [*runner.problem.settings.held, *runner.problem.box.names, *point.changed.values]
     change = point.changed
-    # A law in closed form and a table do not run in one launch.
+    # A closed-form law and a table cannot run in one launch.
     launch = (tuple(sorted(change.specimen.items())), any_slides(named), bool(change.curve))
     values, curve = (tuple(sorted(one.items())) for one in (change.values, change.curve))
     run = (tuple(point.x.tolist()), values, change.path, curve)
@@ -240,18 +240,18 @@ def _key(runner: Runner, point: Point) -> tuple[object, object]:
 
 
 FIRST_ORDER = 1.0
-"""Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
+"""Order of the mesh error's common part: it is 1, not 2, if the side surface rolls onto a platen."""
 SECOND_ORDER = 2.0
-"""Order of what rings, whose phase differs from mesh to mesh."""
+"""Order of the ringing part, whose phase differs from mesh to mesh."""
 AVERAGED_BINS = 7
-"""Bins over which the size of the mesh's error is averaged."""
+"""Number of bins over which the size of the mesh error is averaged."""
 
 
 def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual:
-    """What a correct model leaves of the data vector at the answer.
+    """The expected residual of a correct model at the answer.
 
     ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
-    is carried to the data.
+    is propagated to the data.
     """
     o, n = model.observations, model.observations.n_force
     meshes = model.runner.problem.settings

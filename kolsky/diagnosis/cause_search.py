@@ -1,8 +1,8 @@
 """The search for the value of one changed input that explains the data best, the free parameters found
 again.
 
-First every input by one linear step from the answer. Where the data are not explained, values far away
-are scanned, the best are followed, and, where Poisson's ratio is free, other valleys of it are tried.
+First, every input is tried by one linear step from the answer. If the data are not explained, large changes
+are scanned and the best are refined. If Poisson's ratio is free, its other valleys are tried too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kolsky.shot.input_records import UNCHANGED, Cause
 
 @dataclass(frozen=True)
 class Trial:
-    """An input at a value, with the free parameters that suit it."""
+    """An input at a value, with the best free parameters for it."""
 
     candidate: Cause
     """The input."""
@@ -46,13 +46,13 @@ class Trial:
     fit: LinearFit | None = None
     """The last linear fit about it."""
     step: float = 0.0
-    """What that fit would still change the coordinate by."""
+    """Remaining change of the coordinate by that fit."""
     lost: str = ""
     """Why it could not be tried; empty if it was."""
 
     @property
     def value(self) -> float:
-        """What the data prefer, in the input's unit."""
+        """Value that fits the data best, in the input's unit."""
         return self.candidate.value(self.u)
 
     @property
@@ -71,22 +71,22 @@ class Trial:
 
 
 FOLLOWED = 6
-"""Most starts that are followed by Gauss-Newton steps."""
+"""Maximum number of starts for Gauss-Newton steps."""
 TURNS = 6
-"""Most Gauss-Newton steps of each."""
+"""Maximum number of Gauss-Newton steps of each."""
 KEPT = 60.0
-"""A start is given up when its loss is so much above the best one's."""
+"""A start is dropped if its loss exceeds the best one's by more than this."""
 SETTLED = 0.1
-"""And is at rest when a step makes the loss smaller by less."""
+"""A start has converged if a step reduces the loss by less than this."""
 DAMPED = (1.0, 0.3, 0.1)
-"""Shares of a step of which the best is taken."""
+"""Shares of a step that are tried; the best is used."""
 
 
 class CauseSearch:
     """All candidates of one identification.
 
-    What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
-    is a misfit.
+    Whatever is tried, inputs may be wrong within k = 2 of their declared uncertainty: only the remaining
+    residual is a misfit.
 
     ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, the residual of
     a correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
@@ -114,7 +114,8 @@ class CauseSearch:
         self.vector = vectors[0]
         self.slope = self._columns(vectors, model.steps(x))
         self.columns: dict[str, FloatArray] = {}
-        """Change of the prediction per unit of each candidate's coordinate, shape [k]; of lost runs none."""
+        """Change of the prediction per unit of each candidate's coordinate, shape [k]; none for failed
+        runs."""
         for (c, u), vector in zip(steps.values(), vectors[1 + len(slopes) :], strict=True):
             if np.isfinite(vector[: self.n_force]).all():
                 change = np.nan_to_num(vector - self.vector)[use]
@@ -129,16 +130,16 @@ class CauseSearch:
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def against(self, unchanged: Trial) -> None:
-        """Let evidence count against other free parameters with no input changed, if they are better."""
+        """Measure evidence relative to other free parameters without a changed input, if these fit better."""
         if self.loss(unchanged.misfits) < self.loss(self.before):
             self.at, self.left, self.before = unchanged.x, unchanged.residual, unchanged.misfits
             self.bare_left = self.residual(self.model.vectors([Point(self.at)])[0])
             self.bare = self.expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
-        """Let evidence count against another search's answer, if that is the better one.
+        """Measure evidence relative to another search's answer, if that fits better.
 
-        ``answer``: the search from the answer, of the same data; it counts all entries that count here.
+        ``answer``: the search from the answer, with the same data; it uses all entries that are used here.
         """
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
@@ -146,12 +147,12 @@ class CauseSearch:
             self.before, self.bare = known, self.expected.misfits(answer.bare_left[kept])
 
     def seen(self, answer: CauseSearch, t: Trial) -> Trial:
-        """Another search's trial with the entries that count here, its misfits as expected here."""
+        """Another search's trial, with the entries and the expected residual of this search."""
         residual = t.residual[self.use[answer.use]]
         return replace(t, residual=residual, misfits=self.expected.misfits(residual))
 
     def allowed(self, tried: Cause | None = None) -> Allowances:
-        """What may be off within its declared uncertainty, without the input that is tried."""
+        """Inputs that may be wrong within their declared uncertainty, without the tried input."""
         columns, lower, upper = [], [], []
         for c in self.declared:
             span = declared_span(c, self.runner)
@@ -165,12 +166,12 @@ class CauseSearch:
         return Allowances(B, np.array(lower), np.array(upper))
 
     def relieved(self, residual: FloatArray, tried: Cause) -> FloatArray:
-        """A residual less what the declared uncertainties explain of it, shape [k]."""
+        """A residual minus the part that the declared uncertainties explain, shape [k]."""
         none = np.zeros((len(residual), 0))
         return solve_linear(residual, none, self.expected, self.allowed(tried)).residual
 
     def alone(self, c: Cause) -> Trial:
-        """A declared input by one linear step with all others as they are declared."""
+        """A declared input by one linear step, with all other inputs as declared."""
         u, own = start_of(c, self.problem), self.columns[c.key]
         fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
         misfits = self.expected.misfits(fit.residual)
@@ -178,16 +179,17 @@ class CauseSearch:
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Prediction minus data at the counted entries; a point that is not reached is as at the answer."""
+        """Prediction minus data at the counted entries; an unreached outline point keeps the answer's
+        value."""
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
 
     def gain(self, misfits: FloatArray) -> float:
-        """Evidence for a change against the answer as it is."""
+        """Evidence for a change, relative to the unchanged answer."""
         return evidence(self.before, misfits, self.expected.times)
 
     def loss(self, misfits: FloatArray) -> float:
-        """What a search makes small; below the residual of a correct model it still falls."""
+        """Loss that a search minimises; it still decreases below the residual of a correct model."""
         return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
 
     def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:
@@ -196,7 +198,7 @@ class CauseSearch:
         return np.asarray((change / steps[:, None]).T)
 
     def tangents(self, candidates: Sequence[Cause]) -> list[Trial]:
-        """Every candidate by one linear step from the answer; none where it has no value there."""
+        """Every candidate by one linear step from the answer, if it has a value there."""
         found, here = [], self.residual(self.vector)
         for c in candidates:
             u = start_of(c, self.problem)
@@ -211,7 +213,7 @@ class CauseSearch:
             to = float(np.clip(u + fit.step[-1], c.lowest, c.highest))
             misfits = self.expected.misfits(fit.residual)
             if to != u + fit.step[-1]:
-                # It ends at the edge of what can be: the others follow it there.
+                # It ends at the limit of its range; the others are refitted there.
                 at = solve_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
             x = self.clipped(self.x + fit.step[:-1])
@@ -231,7 +233,7 @@ class CauseSearch:
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
-        """Gauss-Newton steps from each start with runs of their own; the answer itself if none is better."""
+        """Gauss-Newton steps from each start with new runs; the answer itself if none is better."""
         trials, done = self.measured(list(starts)), []
         for _ in range(TURNS):
             least = min((self.loss(t.misfits) for t in trials), default=0.0)
@@ -265,12 +267,12 @@ class CauseSearch:
         return [*done, *trials]
 
     def _own_step(self, t: Trial) -> float:
-        """Step of the input's coordinate for differences, inward at its end."""
+        """Step of the input's coordinate for differences, inward at the end of its range."""
         c = t.candidate
         return c.step if t.u + c.step <= c.highest else -c.step
 
     def measured(self, trials: list[Trial]) -> list[Trial]:
-        """Trials as runs at their points find them; those whose runs are lost are left out."""
+        """Trials evaluated by runs at their points; those with failed runs are left out."""
         vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in trials])
         found = []
         for t, vector in zip(trials, vectors, strict=True):
@@ -280,7 +282,7 @@ class CauseSearch:
         return found
 
     def _better(self, trials: list[Trial], fits: list[LinearFit]) -> list[Trial]:
-        """Each trial after the best share of its step."""
+        """Each trial after the best share of its step is applied."""
         tried = []
         for t, fit in zip(trials, fits, strict=True):
             for share in DAMPED:
@@ -308,16 +310,16 @@ def _inside(c: Cause, u: float) -> float:
 
 
 FINER = 6
-"""Finer values tried to each side."""
+"""Number of finer values tried on each side."""
 
 Value = tuple[Cause, float]
 """An input and a coordinate of it."""
 
 
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
-    """The best far values of every candidate, the free parameters by a linear step: starts.
+    """Starts: the best large changes of every candidate, with the free parameters by a linear step.
 
-    All of them are one launch on a coarse mesh; finer values about the best of narrow basins follow.
+    All are run in one launch on a coarse mesh; then finer values about the best are run for narrow basins.
     """
     values = _within_bounds([(c, u) for c in candidates for u in c.scan])
     trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
@@ -333,7 +335,7 @@ def _within_bounds(tried: Sequence[Value]) -> list[Value]:
 
 
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
-    """Each value with the free parameters by a linear step; those whose runs are lost are left out."""
+    """Each value with the free parameters by a linear step; those with failed runs are left out."""
     found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
     for (c, u), vector in zip(tried, search.model.screen.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
@@ -345,7 +347,7 @@ def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
 
 
 def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
-    """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
+    """The two best local minima of each candidate; ringing causes several."""
     trials: dict[str, list[Trial]] = {}
     for t in tried:
         trials.setdefault(t.candidate.key, []).append(t)
@@ -359,12 +361,12 @@ def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
 
 
 REACH = 1.0
-"""Oscillations over the whole test to each side of a start: to the next valley of the whole force, between
-which those of its harmonics lie."""
+"""Range of the scan on each side of a start, in oscillations over the whole test: up to the next valley of
+the whole force; those of its harmonics lie between."""
 PHASE = 0.05
-"""Step of the scan, in oscillations: those of a harmonic of the fourth order are in step over a quarter."""
+"""Step of the scan, in oscillations: a fourth-order harmonic stays in phase over a quarter of one."""
 FLOORS = 2
-"""Most floors of valleys that are followed from a start."""
+"""Maximum number of valley floors refined from a start."""
 
 NO_CHANGE = Cause(
     key="",
@@ -374,7 +376,7 @@ NO_CHANGE = Cause(
     typical=1.0,
     changed=lambda _: UNCHANGED,
 )
-"""The free parameters alone."""
+"""Only the free parameters, no changed input."""
 
 
 def valley_is_free(search: CauseSearch) -> bool:
@@ -383,10 +385,10 @@ def valley_is_free(search: CauseSearch) -> bool:
 
 
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """The starts, the best of each input at the floor of another valley where a run finds that lower.
+    """The starts, with the best of each input moved to another valley if a run shows a lower loss there.
 
-    ``search``: the data and the model. ``starts``: inputs at values, with the free parameters that suit them.
-    Returns: as many; those that were scanned about as a run at their point finds them.
+    ``search``: the data and the model. ``starts``: inputs at values, with their best free parameters.
+    Returns: the same number; scanned ones are evaluated by a run at their point.
     """
     best: dict[str, int] = {}
     for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):
@@ -427,7 +429,7 @@ def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
 
 
 def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
-    """A point with Poisson's ratio, its entry i, at equal steps of the oscillations' number about it."""
+    """A point with Poisson's ratio (entry i) varied in equal steps of the number of oscillations."""
     names, low, high = search.problem.box.names, search.model.lower[i], search.model.upper[i]
     factor = float(x[names.index("stiffness_factor")]) if "stiffness_factor" in names else 1.0
     values, number = oscillation_table(search.problem.prepared, factor, (low, high))
@@ -438,7 +440,7 @@ def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
 
 
 def without_change(search: CauseSearch) -> None:
-    """Let evidence count against the best valley that the free parameters reach with no input changed."""
+    """Measure evidence relative to the best valley reached by the free parameters without a changed input."""
     start = Trial(NO_CHANGE, search.at, 0.0, search.before, search.left)
     for found in search.followed(in_valleys(search, [start])):
         search.against(found)

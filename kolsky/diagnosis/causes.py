@@ -1,4 +1,4 @@
-"""Which input is wrong? Each is changed until the model explains the data best; ranking, words."""
+"""Search for a wrong input: each is changed to give the best fit; ranking and description."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ from kolsky.shot.input_records import SHOWN, Cause
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
-"""Probability, adjusted for all inputs tried, below which a change is significant."""
+"""A change is significant if its probability, adjusted for all inputs tried, is smaller."""
 EVIDENCE = 100.0
 """Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
 """Inputs whose losses differ by less cannot be distinguished: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
-"""Where keys of assumptions begin: values that are taken from elsewhere, not from the specimen."""
+"""Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
-"""Least share of the misfit that a cause explains that is named."""
+"""Least share of the misfit that a named cause must explain."""
 FREED_TOGETHER = (POISSON, DAMPING)
-"""Assumptions that an identification frees together by default: where one is refuted, so is the pair."""
+"""Assumptions that an identification frees together by default: if one is refuted, so is the pair."""
 
 
 def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
-    """The findings in order, with probabilities for all tests together and what cannot be distinguished.
+    """The ranked findings, with probabilities adjusted for all tests and indistinguishable inputs.
 
-    An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
-    is listed with what it explains alone.
+    An input whose best value lies within k = 2 of its declared uncertainty is never a likely cause. It is
+    listed with the part that it explains separately.
 
     ``search``, ``trials``: the data, and the best value of every input. ``refuted``: key of a likely cause
-    that is free beside the parameters; empty if there is none.
+    that is free together with the parameters; empty if there is none.
     """
     adjusted = holm([_chance(search, t) for t in trials])
     entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
@@ -61,7 +61,8 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     for t, probability in zip(trials, adjusted, strict=True):
         gain = search.gain(t.misfits) if not t.lost else 0.0
         share = explained_share(search.before, t.misfits, entries)
-        # Beyond its bound the stiffness may leave Poisson's ratio, and the force, in the valley of the bound.
+        # With a stiffness beyond its bound, Poisson's ratio and the force may stay in the valley of the
+        # bound.
         least = 0.0 if t.candidate.key == CURVE_SCALE else LEAST_SHARE
         strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= least
         alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
@@ -86,11 +87,11 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
 
 
 def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
-    """True if the leading input beside a refuted one belongs to its pair and is significant by itself.
+    """True if the leading input after a refuted one belongs to its pair and is separately significant.
 
-    A closed test: that both values are right has been refuted with the evidence and the share of the first,
-    which are those of the pair at least; that this one is right is refuted by its own probability, the first
-    one free, where the likelihoods can be distinguished at all.
+    This is a closed test. The hypothesis that both values are right was refuted by the evidence and share of
+    the first one; those of the pair are at least as large. The hypothesis that this one is right is refuted
+    by its probability with the first one free, if the likelihoods can be distinguished.
     """
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
@@ -98,11 +99,10 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
 
 
 def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
-    """Places of inputs, the most evidence first; of those that cannot be distinguished assumptions first.
+    """Order of inputs by decreasing evidence; among indistinguishable inputs, assumptions come first.
 
-    What `ASSUMED` has in its key nobody has measured on the specimen; a length that is off by as much as the
-    data would have it is a measurement gone wrong. Evidences that differ by less than `ALIKE` do not tell one
-    from the other.
+    Inputs with `ASSUMED` in their key were not measured on the specimen and are more likely to be wrong than
+    a measured length. Inputs whose evidence differs by less than `ALIKE` cannot be distinguished.
     """
     left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
     while left:
@@ -114,13 +114,13 @@ def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
 
 
 def _within(search: CauseSearch, t: Trial) -> bool:
-    """True if the value lies within k = 2 of what is declared."""
+    """True if the value lies within k = 2 of the declared value."""
     span = declared_span(t.candidate, search.runner)
     return span is not None and span[0] <= t.u <= span[1]
 
 
 def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
-    """Keys, the least loss first; of those that cannot be told from it the most usual error first."""
+    """Keys by increasing loss; among indistinguishable ones, the most usual error comes first."""
     left, order = sorted(trials, key=lambda t: search.loss(t.misfits)), []
     while left:
         first = search.loss(left[0].misfits)
@@ -132,14 +132,14 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def without_twin_between(keys: Sequence[str]) -> list[str]:
-    """Keys of equals with the second of gain and density last: both are one scale of the force, and would
-    hide a third explanation."""
+    """Keys of equal rank, with the second of gain and density moved to the end. Both are a scale of the
+    force, and would hide a third explanation."""
     twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
     return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
-    """`strangeness` of the change beside what is declared or granted, or what is usual if that is more."""
+    """`strangeness` of the change, relative to the declared uncertainty or, if larger, the usual one."""
     c, declared = t.candidate, search.problem.shot.uncertainty
     scale = declared_sigma(c, search.runner)
     if not declared.get(c.declared, 0.0) > 0.0:
@@ -148,17 +148,17 @@ def _unusual(search: CauseSearch, t: Trial) -> float:
 
 
 MISTAKE = 2.0
-"""A usual mistake, a factor of two or another definition, is as strange as this many standard uncertainties:
-one input in twenty."""
+"""A usual mistake (a factor of two, another definition) counts as this many standard uncertainties: one input
+in twenty."""
 NEAR = 0.05
-"""Share of a mistake's size within which a value is that mistake: other inputs are off by as much."""
+"""A value within this share of a mistake's size counts as that mistake, due to errors of other inputs."""
 
 
 def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
-    """Size of a change in its usual standard uncertainty [-]; at most `MISTAKE` where it is a usual mistake.
+    """Size of a change over its usual standard uncertainty [-]; at most `MISTAKE` for a usual mistake.
 
-    ``value``, ``sigma``: what the data prefer. ``start``: what is declared, NaN if that is no number.
-    ``scale``: the usual standard uncertainty.
+    ``value``, ``sigma``: the best value and its uncertainty. ``start``: the declared value, NaN if it is not
+    a number. ``scale``: the usual standard uncertainty.
     """
     known = isfinite(start)
     away = abs(value - start) / scale if known and isfinite(scale) else inf
@@ -233,11 +233,11 @@ class CauseAnalysis:
     """All inputs that were tried."""
 
     findings: tuple[CauseFinding, ...]
-    """The likely causes first, the most likely before all; then the others by their evidence."""
+    """The likely causes, the most likely first; then the others by their evidence."""
     misfits: FloatArray
     """Mean squared residual of force and outline over the residual of a correct model, shape [2]."""
     unchanged: Mapping[str, float] = field(default_factory=dict)
-    """The free parameters as the same search finds them with no input changed."""
+    """The free parameters by the same search without a changed input."""
     lost: str = ""
     """Why nothing could be tried; empty if it was."""
 
@@ -249,7 +249,7 @@ class CauseAnalysis:
 
 @dataclass(frozen=True)
 class OtherStart:
-    """Another point from which causes are searched, with a run of its own on the refined mesh."""
+    """Another start for the search of causes, with its run on the refined mesh."""
 
     x: FloatArray
     """Free parameters in SI, shape [d]."""
@@ -259,19 +259,19 @@ class OtherStart:
 
 @dataclass(frozen=True)
 class Best:
-    """The best value of an input, of those that the searches found."""
+    """The best value of an input from all searches."""
 
     seen: Trial
-    """As the search that ranks it sees it."""
+    """The trial, evaluated by the ranking search."""
     own: Trial
-    """As its own search found it."""
+    """The trial, as found by its search."""
     search: CauseSearch
     """That search."""
     model: CauseModel | None = None
-    """With the correction by a run on the refined mesh at its own point; None where none was made."""
+    """The model corrected by a run on the refined mesh at its point; None if none was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The same followed from a run on the refined mesh at its own point; itself where that is lost."""
+        """The same, refined from a run on the refined mesh at its point; unchanged if that run fails."""
         t, search = self.own, self.search
         run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
         if run is None:
@@ -303,11 +303,10 @@ def find_causes(
     refined
         The run on the refined mesh there, a batch of one.
     other
-        Where to search too, for an answer that the model does not explain: a wrong input may have led the
-        free parameters into a valley from which no step leads back once the input is put right.
+        A second start, if the model does not explain the data: a wrong input may have led the free parameters
+        into a valley from which no step leads back after the correction of the input.
     explained
-        Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
-        `kolsky.diagnosis.fit_quality.near_right`.
+        True if the misfit is small enough for linear steps, see `kolsky.diagnosis.fit_quality.near_right`.
     """
     try:
         with one_blas_thread(), runner.work.stage("causes", 1):
@@ -331,7 +330,7 @@ def _analysed(
     unchanged = dict(zip(runner.problem.box.names, search.at.tolist(), strict=False))
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None and not any(solved(t) for t in trials):
-        # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
+        # At the answer, the meshes are in phase; at the other point, the difference of its two runs is used.
         model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
         second = _search_from(model, candidates, counted=search.use)
         second.judge(search)
@@ -343,17 +342,17 @@ def _analysed(
 
 
 SOLVED = 1.5
-"""Misfit of both channels with a cause at which no other start is searched. 1 is the residual of a correct
-model; half of it more is a guess, not chosen on a population."""
+"""If a cause reduces the misfit of both channels to this, no other start is searched. 1 is the residual of a
+correct model; 1.5 is an assumption, not chosen on a population."""
 
 
 def solved(t: Trial) -> bool:
-    """True if a cause leaves what a correct model does, so that no other valley can explain more."""
+    """True if a cause leaves the residual of a correct model, so that no other valley can fit better."""
     return not t.lost and bool((t.misfits <= SOLVED).all())
 
 
 def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
-    """True if the stiffness factor ends at a bound: the curve's scale is seen then."""
+    """True if the stiffness factor ends at a bound; then the scale of the curve affects the residual."""
     ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
     value, low, high = ends.get(MOVED, (0.0, -inf, inf))
     return min(value - low, high - value) <= EDGE * (high - low) < inf
@@ -365,7 +364,7 @@ def _search_from(
     *,
     counted: BoolArray | None = None,
 ) -> CauseSearch:
-    """The search from a model's own point."""
+    """The search from the point of a model."""
     problem = model.runner.problem
     known = np.isfinite(model.vectors([Point(model.x)])[0])
     known &= True if counted is None else counted
@@ -374,7 +373,7 @@ def _search_from(
 
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
-    """Of each input the trial with the least loss; one that could be tried before one that could not."""
+    """The trial of each input with the least loss; successful trials come before failed ones."""
     best: dict[str, Best] = {}
     for one in trials:
         key = one.seen.candidate.key
@@ -388,14 +387,14 @@ def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
 
 
 CONTENDERS = 4
-"""Most inputs that are compared by runs of their own on the refined mesh."""
+"""Maximum number of inputs compared by separate runs on the refined mesh."""
 
 
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
-    """Inputs whose order the meshes could turn round: strong, and behind the best by less than `KEPT`.
+    """Inputs whose order the mesh error could change: strong, and within `KEPT` of the best.
 
-    A changed input leaves the correction by the run at the answer behind, and far beyond the bound of the
-    stiffness the meshes are out of step by other amounts than at it.
+    With a changed input, the correction by the run at the answer is less accurate: far beyond the bound of
+    the stiffness, the phase difference of the meshes is another one.
     """
     strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
     strong.sort(key=lambda one: judge.loss(one.seen.misfits))
@@ -421,12 +420,12 @@ def _findings(
 def _search_beside_leading(
     first: Best, judge: CauseSearch, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
-    """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
+    """The findings with the first one updated on the refined mesh, and with further errors in addition to it.
 
-    A change that needs other runs has left the correction by the refined mesh behind, and so has one with
-    which a free Poisson's ratio is in step in another valley: one run there renews it. Then the first input
-    is free as the parameters are, and the others are tried beside it: with the first put right, what they
-    explained alone says nothing more of them.
+    The correction by the refined mesh is not valid for a change that needs other runs, or for another valley
+    of a free Poisson's ratio; one run there renews it. Then the first input is free like the parameters, and
+    the others are tried together with it. After the correction of the first input, their separate results are
+    not meaningful.
     """
     search, c = first.search, first.own.candidate
     runner, problem = search.runner, search.problem
@@ -453,7 +452,7 @@ def _search_beside_leading(
 
 
 def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """What follows the first cause: likely ones beside it, likely ones in its place, the rest."""
+    """The list after the first cause: likely ones together with it, likely ones instead of it, the rest."""
     likely = [f for f in more if f.named]
     likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
     known = {f.key for f in likely}
@@ -468,9 +467,9 @@ def best_trials(
     *,
     explained: bool = False,
 ) -> list[Trial]:
-    """The best value of every candidate; far ones are tried only where the data are not explained.
+    """The best value of every candidate; large changes are tried only if the data are not explained.
 
-    What a correct model leaves is known to the search from two meshes alone; `explained` may know better.
+    The search estimates the residual of a correct model from two meshes only; `explained` is more accurate.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:
@@ -483,13 +482,13 @@ def best_trials(
     followed = search.followed([*starts, *_same_force_starts(search, starts)])
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
-        if search.gain(t.misfits) > 0.0:  # else the tangent tells more
+        if search.gain(t.misfits) > 0.0:  # otherwise the linear step is better
             best[t.candidate.key] = t
     return list(best.values())
 
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """A density for each gain of the force: these and stress scaled alike leave the motion."""
+    """A density for each gain of the force: scaling force, density and stress equally keeps the motion."""
     names = search.problem.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
     density = next(c for c in causes() if c.key == DENSITY)
@@ -502,17 +501,17 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
 
 
 SURE = 1e-6
-"""Probability, adjusted for all inputs tried, below which a change counts that the fit does not ask for."""
+"""If the data are explained, a change counts only below this probability, adjusted for all inputs tried."""
 
 
 def with_suspects(
     causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigma: float
 ) -> tuple[CauseFinding, ...]:
-    """The causes of an explained answer, with those named that would move it out of its interval.
+    """The causes of an explained answer; those that would shift it out of its interval are named.
 
-    The goodness of fit leaves room for the mesh and for inputs; a wrong input may hide in it. It is suspected
-    where the data prefer another value of it at the level `SURE` and the stiffness factor leaves its k = 2
-    interval with it.
+    The goodness of fit allows for errors of mesh and inputs, which may hide a wrong input. An input is
+    suspected if the data prefer another value at the level `SURE` and this value shifts the stiffness factor
+    out of its k = 2 interval.
 
     ``causes``: all that were tried, none of them named. ``unchanged``: `CauseAnalysis.unchanged`. ``sigma``:
     standard uncertainty of the stiffness factor.
@@ -532,12 +531,12 @@ def with_suspects(
 
 
 def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
-    """The causes of an answer that is withheld, with the leading ones named though their evidence is small.
+    """The causes of a withheld answer; the leading ones are named even if their evidence is small.
 
-    Something is wrong there, so that an input needs less evidence than where an alarm could be false: it must
-    be significant and explain `LEAST_SHARE`. At a bound the data ask for what lies beyond it.
+    Something is wrong in this case, so an input needs less evidence: it must be significant and explain
+    `LEAST_SHARE`. At a bound, the data prefer a value beyond it.
 
-    ``causes``: all that were tried, by their evidence, none of them named. ``at_bound``: whether the
+    ``causes``: all that were tried, by their evidence, none of them named. ``at_bound``: True if the
     stiffness factor ends at a bound.
     """
     beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
@@ -547,10 +546,10 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 
 
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
-    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
+    """Warnings on the inputs that are likely to be wrong, or that no input explains the misfit.
 
-    ``analysis``: all inputs that were tried. ``explained``: whether the model explains force and outline on
-    the refined mesh: then there is nothing that no input explains.
+    ``analysis``: all inputs that were tried. ``explained``: True if the model explains force and outline on
+    the refined mesh; then no misfit remains to be explained.
     """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"
@@ -593,5 +592,5 @@ def sentence(finding: CauseFinding) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in percent, with as many digits as tell it from 100 %."""
+    """A share in percent, with enough digits to distinguish it from 100 %."""
     return f"{100.0 * share:.1f} %" if share > 0.95 else f"{100.0 * share:.0f} %"

@@ -1,7 +1,7 @@
-"""Lags of the clocks: how late force, outline and flyer were recorded, from the model's own residual.
+"""Clock lags: the delays of force, outline and flyer recordings, from the residual of the model.
 
-A force recorded late by d is the model's force at t - d, and so is an outline. The lag is fitted together
-with the free parameters; runs of their own follow where a lag is large.
+A force recorded late by d is the model's force at t - d; the same holds for an outline. The lag is fitted
+together with the free parameters. If a lag is large, new runs are made.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,17 +22,17 @@ from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
 REACH = 60e-6
-"""Largest lag that is looked for, either way [s]: some seven frames."""
+"""Largest lag in the search, in both directions [s]: about seven frames."""
 SCAN = 4e-6
-"""Step of the search for a first lag [s]: a small part of the period of what rings."""
+"""Step of the scan for a first lag [s]: a small part of the ringing period."""
 STEP = 0.5e-6
-"""Half the distance of central differences by a lag [s]."""
+"""Half step of central differences by a lag [s]."""
 ROUNDS = 15
-"""Most Gauss-Newton steps."""
+"""Maximum number of Gauss-Newton steps."""
 LAG_STAYS = 1e-8
-"""A lag that moves by less has come to rest [s]: a fiftieth of what can be told."""
+"""A lag has converged if it changes by less [s]: a fiftieth of what can be resolved."""
 AT_REST = 1e-2
-"""Free parameters that move by less, in standard deviations, have come to rest: -2 ln L changes by 1e-4."""
+"""Free parameters have converged if they change by less, in standard deviations: 1e-4 in -2 ln L."""
 
 Shifted = Callable[[FloatArray], FloatArray]
 """Predicted data vector, shape [k], of a force and an outline recorded late by two lags [s], shape [2]; or
@@ -50,17 +50,17 @@ class FittedLag:
     vector: FloatArray
     """Data vector with it, shape [k]."""
     jacobian: FloatArray
-    """Of the data vector by the free parameters and the lag, shape [k, d + 1]."""
+    """Jacobian of the data vector by the free parameters and the lag, shape [k, d + 1]."""
     objective: Objective
-    """With the discrepancies that are left."""
+    """The objective with the remaining discrepancies."""
     evidence: float
-    """Fall of -2 ln L by the lag, the free parameters fitted with it and without [-]."""
+    """Decrease of -2 ln L by the lag, with the free parameters fitted in both cases [-]."""
     settled: bool
-    """Whether the search came to rest inside `REACH`."""
+    """True if the search converged inside `REACH`."""
     explains: bool
-    """Whether the model explains force and outline with it."""
+    """True if the model explains force and outline with this lag."""
     move: FloatArray
-    """By how much the free parameters move with it, shape [d]."""
+    """Shift of the free parameters by it, shape [d]."""
 
     @property
     def significance(self) -> float:
@@ -118,7 +118,7 @@ def fit_lag(
 
 
 def without_lag(objective: Objective, shifted: Shifted, slopes: Shifted) -> float:
-    """-2 ln L without a lag, the free parameters fitted [-]; arguments as of `fit_lag`."""
+    """-2 ln L without a lag, with the free parameters fitted [-]; arguments as for `fit_lag`."""
     plain, now = _without_slow_error(objective), np.zeros(2)
     vector, jacobian = shifted(now), slopes(now)
     for _ in range(ROUNDS):
@@ -137,10 +137,9 @@ def _without_slow_error(objective: Objective) -> Objective:
 def first_lag(
     objective: Objective, shifted: Shifted, slopes: Shifted, direction: tuple[float, float]
 ) -> float:
-    """A lag to begin with [s]: the likeliest of a scan over `REACH`, the free parameters refitted.
+    """The first lag [s]: the likeliest of a scan over `REACH`, with the free parameters refitted.
 
-    For a beginning the modes of the front face's noise are left to the discrepancies. Arguments as of
-    `fit_lag`.
+    In this scan, the front face's noise is part of the discrepancies. Arguments as for `fit_lag`.
     """
     way, plain = np.array(direction), _without_slow_error(objective)
     plain = replace(plain, front=replace(plain.front, patterns=None))
@@ -157,11 +156,11 @@ def first_lag(
 
 
 def late_prediction(response: Response, objective: Objective) -> Shifted:
-    """The prediction of a run as recorders with late clocks would have seen it.
+    """The prediction of a run, as recorded with late clocks.
 
     A bin's mean is the difference of the impulse at its edges; surfaces between the frames are splines in
-    time. Before the simulation begins everything is at rest; where a time lies behind its end the value is
-    that without a lag.
+    time. Before the simulation begins, everything is at rest. For a time after its end, the value without a
+    lag is used.
     """
     observations = objective.observations
     line, t = observations.centre_line, response.force_times
@@ -200,27 +199,27 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
 
 FORCE, OUTLINE, FLYER = "force", "outline", "flyer"
 DIRECTIONS = {FORCE: (1.0, 0.0), OUTLINE: (0.0, 1.0), FLYER: (-1.0, -1.0)}
-"""By how much force and outline are late if a recording is late by one."""
+"""Delay of force and outline per unit delay of a recording."""
 STIFFNESS = "stiffness_factor"
-"""The parameter of which a shot declares nothing."""
+"""The parameter without a declared value in a shot."""
 TURNS = 3
-"""Most rounds of runs of their own."""
+"""Maximum number of iterations with new runs."""
 DIFFERENCE_SHARE = 1e-3
-"""Distance of the runs that show a parameter's effect, over its range [-]."""
+"""Step of the difference by a parameter, over its range [-]."""
 RIVAL = 0.5
-"""Lags with at least this share of the leading one's evidence are followed too."""
+"""Lags with at least this share of the leading one's evidence are refined too."""
 PARAMETERS_STAY = 1e-4
-"""Parameters that all move by less, relative to their size, are run no more."""
+"""No further run is made if all parameters change by less, relative to their size."""
 
 
 @dataclass(frozen=True)
 class Reruns:
-    """The solver, for lags that a linear map does not reach."""
+    """The solver, for lags beyond the linear range."""
 
     x: FloatArray
     """The optimum, shape [d]."""
     declared: FloatArray
-    """What the shot declares of the free parameters, NaN where that is to be found, shape [d]."""
+    """Declared values of the free parameters, NaN if there is none, shape [d]."""
     lower: FloatArray
     """Lower bounds of the free parameters, shape [d]."""
     upper: FloatArray
@@ -242,13 +241,13 @@ class Reruns:
         )
 
     def starts(self, moved: FloatArray) -> list[FloatArray]:
-        """Where the solver is run first: moved parameters, and the declared ones where they differ."""
+        """First points for the solver: the shifted parameters, and the declared ones if they differ."""
         point = self.inside(moved)
         other = self.inside(np.where(np.isfinite(self.declared), self.declared, moved))
         return [point] if np.allclose(point, other, rtol=PARAMETERS_STAY, atol=0.0) else [point, other]
 
     def beside(self, point: FloatArray) -> FloatArray:
-        """The point, then one beside it for each parameter and inside the box too, shape [d + 1, d]."""
+        """The point, then one neighbour per parameter inside the box, shape [d + 1, d]."""
         step = DIFFERENCE_SHARE * (self.upper - self.lower)
         step = np.where(point + step > self.upper, -step, step)
         return np.asarray(point + np.concatenate([np.zeros((1, len(point))), np.diag(step)]))
@@ -280,9 +279,9 @@ def clock_lags(
     jacobian
         Of the data vector by the free parameters, shape [k, d].
     changes
-        As of `kolsky.diagnosis.fit_quality.fit_quality`.
+        As for `kolsky.diagnosis.fit_quality.fit_quality`.
     again
-        The solver, for lags that the linear map does not reach; they are left as they are without.
+        The solver, for lags beyond the linear range; without it, such lags are not refined.
 
     Returns
     -------
@@ -320,7 +319,7 @@ def clock_lags(
 
 
 def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
-    """Effect of each parameter on late recordings, shape [k, d]; none on a point that a run does not reach.
+    """Effect of each parameter on late recordings, shape [k, d]; zero at a point that a run does not reach.
 
     ``points``: as of `Reruns.beside`, shape [d + 1, d]. ``seen``: the predictions there, length d + 1.
     """
@@ -338,7 +337,7 @@ def follow(
     again: Reruns,
     refit: Callable[[str, FloatArray, Sequence[Response]], FittedLag],
 ) -> dict[str, FittedLag]:
-    """The lags with runs of their own, where the leading one is significant and explains nothing.
+    """The lags refined with new runs, if the leading one is significant but does not explain the data.
 
     ``fits``: by recording, the lags from the run at the optimum. ``again``: the solver. ``refit``: fits the
     lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.
@@ -365,7 +364,7 @@ def follow(
                     moved.append((name, start, to))
         first = max(found, key=lambda key: found[key].evidence, default=None)
         if first is not None and found[first].explains:
-            moved = [one for one in moved if one[:2] == first]  # its value alone is still to be had
+            moved = [one for one in moved if one[:2] == first]  # only its value is still needed
         going = moved
         if not going:
             break
@@ -381,7 +380,7 @@ def _lag_evidence(fit: FittedLag) -> float:
 
 
 def origin(shot: Shot, recording: str) -> tuple[str, str]:
-    """File with a recording's times, and the key of shot.toml that puts its clock right."""
+    """File with a recording's times, and the key of shot.toml that corrects its clock."""
     content = {} if shot.file is None else shot.file.content
 
     def file(table: str) -> str:

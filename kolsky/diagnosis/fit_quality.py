@@ -1,9 +1,9 @@
-"""Goodness of fit by channel, and the verdicts that follow: does the model explain the data?
+"""Goodness of fit by channel, and the verdicts that follow: whether the model explains the data.
 
-A correct model leaves the measured noise, the effect of the inputs' noise, the mesh's error and the
-effect of declared uncertainties. Residual and prediction are compared point by point and in means over
-blocks of time: a wrong input bends a residual over a whole block. Verdicts that a fit does not deserve
-are withheld, with the reasons.
+The residual of a correct model consists of the measured noise, the effect of the inputs' noise, the mesh
+error and the effect of declared uncertainties. Actual and expected residual are compared point by point and
+in means over time blocks, because a wrong input shifts the residual over a whole block. If the fit is not
+good enough, the verdicts are withheld and the reasons are given.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,17 +35,17 @@ from kolsky.uncertainty.input_changes import in_quadrature
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange
 
 ORDER = 2.0
-"""Order of the mesh error in the data vector: what rings comes in more slowly than the parameters do."""
+"""Order of the mesh error in the data vector: ringing converges more slowly than the parameters."""
 BETWEEN = 3.0**0.5
-"""Distance of the two elements' data over the standard uncertainty of one's: the truth may lie anywhere
-between them, the root mean square of its distance from one end is a root of three less."""
+"""Distance of the two elements' data over the standard uncertainty of one of them. The truth is uniformly
+distributed between them; its root mean square distance from one end is smaller by the factor root 3."""
 
 
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:
     """Changes of the predicted data vector by one standard uncertainty of each source.
 
-    ``sources``: noise and scales of the inputs, what is declared uncertain, mesh and element. Returns: source
-    -> changes, shape [n, k] or [k].
+    ``sources``: noise and scales of the inputs, declared uncertainties, mesh and element. Returns: source ->
+    changes, shape [n, k] or [k].
     """
     inputs = sources.inputs
     found = {name: change for name, change in inputs.replicates.items() if len(change)}
@@ -56,7 +56,7 @@ def residual_sources(sources: Sources) -> dict[str, FloatArray]:
 
 
 def mesh_changes(mesh: MeshChange) -> FloatArray:
-    """Remaining errors of the refined mesh's data vector, those of mesh and element in quadrature, [n, k]."""
+    """Remaining errors of the refined mesh's data vector, by mesh and element in quadrature, [n, k]."""
     coarser = mesh.coarser / (mesh.ratio**ORDER - 1.0)
     rows = [coarser if mesh.graded is None else mesh.graded.error]
     if mesh.element is not None:
@@ -67,22 +67,22 @@ def mesh_changes(mesh: MeshChange) -> FloatArray:
 LIMITS = {"force": 3.0, "outline": 2.0}
 """Largest residual over that expected of a correct model, by channel [-]."""
 SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
-"""The same of the means over blocks [-]."""
+"""The same for the means over blocks [-]."""
 ALONE = 0.1
-"""A channel with less than this share of the information on a parameter has no say in its value."""
+"""A channel with a smaller share of the information on a parameter does not determine its value."""
 CHECKS = 2.0
-"""But by itself it checks the value if its standard uncertainty is at most this many times the answer's."""
+"""It still confirms the value if its separate uncertainty is at most this many times the answer's."""
 CONTRADICTION = 4.0
 """Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
-"""Misfit of a channel from which on causes far away are tried; 1 is the residual of a correct model, and
-below this a tangent reaches whatever is wrong."""
+"""Misfit of a channel above which large changes of inputs are tried; 1 is the residual of a correct model.
+Below this value, a linear step is sufficient."""
 
 
 BLOCKS = 8
-"""Blocks of time over which residuals are averaged: some 170 us each, a few periods of what rings."""
+"""Number of time blocks over which residuals are averaged: about 170 us each, a few ringing periods."""
 BANDS = 3
-"""Bands of height over which the points of a frame are averaged with them."""
+"""Number of height bands in which the outline points of a block are averaged."""
 
 
 def fit_quality(
@@ -102,13 +102,13 @@ def fit_quality(
     vector
         The data vector that the model predicts at the optimum, shape [k].
     jacobian
-        Of the data vector by the free parameters there, shape [k, d].
+        Jacobian of the data vector by the free parameters there, shape [k, d].
     changes
         By source, changes of the predicted data vector by one standard uncertainty of that source: the draws
         of a noise, shape [n, k], or one change, shape [k]. Not finite at a point that a run does not reach.
-        Without the flyer's noise among them no limit is set: too much is missing.
+        Without the flyer's noise, no limit is set, because too much is missing.
     names
-        The free parameters, length d, for their shares of information; fewer leave out the last ones.
+        The free parameters, length d, for their shares of information; a shorter tuple omits the last ones.
 
     Returns
     -------
@@ -131,11 +131,11 @@ def channel_fits(
     names: tuple[str, ...],
     judged: bool,
 ) -> tuple[FitQuality, ...]:
-    """Judge the residual of each measured channel beside what each source leaves of it.
+    """Judge the residual of each measured channel against the part expected from each source.
 
-    ``objective``, ``vector``, ``names``: as of `fit_quality`. ``left``: by source, what the free parameters
-    do not absorb of its changes, shape [n, k] or [k]. ``weights``: by channel, its share of the information
-    on each parameter. ``judged``: whether limits are set.
+    ``objective``, ``vector``, ``names``: as of `fit_quality`. ``left``: by source, the part of its changes
+    that the free parameters do not absorb, shape [n, k] or [k]. ``weights``: by channel, its share of the
+    information on each parameter. ``judged``: True to set limits.
     """
     residual = objective.data - vector
     found = []
@@ -174,9 +174,9 @@ def channel_fits(
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
-    """A change of the prediction less what the free parameters absorb, ``c - J G c``, shape of `change`.
+    """A change of the prediction minus the part that the free parameters absorb, ``c - J G c``.
 
-    A point that is not finite in it adds nothing.
+    Shape of `change`; entries that are not finite count as zero.
     """
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
@@ -185,12 +185,12 @@ def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> Flo
 def information_shares(
     gain: FloatArray, spread: FloatArray, masks: Mapping[str, BoolArray]
 ) -> dict[str, FloatArray]:
-    """Share of the information on each parameter that comes from each channel, the others being fitted too.
+    """Share of each channel in the information on each parameter, with the other parameters fitted too.
 
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
-    covariance C: each datum has its share, and the shares sum up to one. With independent data it is
-    ``(g_ik sigma_k)^2``. A datum that serves to take a common error off the others can have a negative share.
-    A parameter that no datum moves has NaN.
+    covariance C. Each datum has a share, and the shares sum to one. For independent data the term is ``(g_ik
+    sigma_k)^2``. A datum that helps to remove a common error from the others can have a negative share. A
+    parameter without effect on the data has NaN.
     """
     parts = gain * spread
     total = parts.sum(axis=1)
@@ -204,8 +204,8 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
     Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2`` with n - 1 the number of pairs, against
     chi-square of one degree of freedom.
 
-    ``residual``: in units of its noise, shape [k]; its mean is not taken out: a correct model leaves none.
-    ``first``, ``second``: rows of the neighbours, shape [n_pairs].
+    ``residual``: in units of its noise, shape [k]. Its mean is not subtracted, because it is zero for a
+    correct model. ``first``, ``second``: rows of the neighbours, shape [n_pairs].
     """
     if first.size < 2:
         return float("nan"), float("nan")
@@ -221,8 +221,8 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
 def blocks(objective: Objective, channel: str) -> IntArray:
     """Number of the block of each entry of a channel, from 0 without gaps, shape [n].
 
-    Blocks have equal spans of time; in each the lowest third of every frame's points, the middle one and the
-    highest one are apart.
+    Blocks have equal time spans. In each, the lowest, middle and highest third of every frame's points are
+    separate blocks.
     """
     times = objective.times[_mask(objective, channel)]
     span = max(float(np.ptp(times)), np.finfo(float).tiny)
@@ -245,7 +245,7 @@ def block_means(values: FloatArray, block: IntArray) -> FloatArray:
 
 
 def block_noise(sigma: FloatArray, block: IntArray) -> float:
-    """Root mean square over the blocks of the standard deviation of a block's mean of independent noise."""
+    """Standard deviation of a block's mean of independent noise, root mean square over the blocks."""
     return float(np.sqrt(np.mean(np.bincount(block, weights=sigma**2) / np.bincount(block) ** 2)))
 
 
@@ -280,21 +280,21 @@ def _discrepancy(objective: Objective, channel: str) -> float:
 
 
 ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}
-"""The verdict on a value that rests on one channel."""
+"""The verdict on a value that one channel determines."""
 OTHER_CHANNEL = {FORCE: OUTLINE, OUTLINE: FORCE}
-"""The channel that may check it."""
+"""The channel that may confirm it."""
 ROUTES = {FORCE: "force only", OUTLINE: "shape only"}
-"""The route of each channel alone."""
+"""The route of each single channel."""
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
-"""Verdicts that the fit may overrule; the others say no already."""
+"""Verdicts that a poor fit may replace; the others are negative already."""
 LEAST_MARGIN = 25.0
-"""Least -2 ln L of the next valley of Poisson's ratio above its own [-]: a coarse mesh's error is worth as
-much where the ringing is weak. Of 18 made tests that were looked at the one that ended in a wrong valley has
-18, the others have 61 to 690 (docs/validation/coverage.md)."""
+"""Least rise of -2 ln L at the next valley of Poisson's ratio [-]: the error of a coarse mesh can be as large
+if the ringing is weak. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to 690
+(docs/validation/coverage.md)."""
 EDGE = 1e-4
-"""A value this close to an end of the box that was searched, as a share of it, lies there."""
+"""A value closer than this share of the searched range to its end lies at that end."""
 UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}
-"""Factor and unit in which a residual is written."""
+"""Factor and unit in which a residual is printed."""
 
 
 def with_verdicts(result: Identification) -> Identification:
@@ -304,10 +304,10 @@ def with_verdicts(result: Identification) -> Identification:
 
 
 def verdict(result: Identification, e: Estimate) -> Verdict:
-    """The verdict on one parameter, gravest first.
+    """The verdict on one parameter, most serious first.
 
-    Not explained, contradicted, not told from a bound of its design or from another valley, of one channel
-    alone.
+    Order: not explained, contradicted, not distinguished from a bound of its design, not distinguished from
+    another valley, identified by one channel only.
     """
     if e.outcome not in WITHHELD:
         return e.outcome
@@ -327,12 +327,12 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
 
 
 def checked(result: Identification, name: str, channel: str) -> bool:
-    """True if the other channel by itself tells a parameter well enough to contradict this one.
+    """True if the other channel separately determines a parameter well enough to contradict this one.
 
-    The weights of the data count what errors have in common, and may leave a channel next to no part in the
-    answer that alone, with its whole budget, tells the value nearly as well. It checks the value if its
-    standard uncertainty is at most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its optimum
-    lies inside what was searched.
+    The weights include common errors. A channel may therefore have almost no weight in the answer, although
+    it separately determines the value nearly as well. It confirms the value if its standard uncertainty is at
+    most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its optimum lies inside the searched
+    range.
     """
     routes = {route.name: route.sigma.get(name, inf) for route in result.routes}
     joint, other = routes.get("joint", 0.0), routes.get(ROUTES[OTHER_CHANNEL[channel]], inf)
@@ -340,9 +340,10 @@ def checked(result: Identification, name: str, channel: str) -> bool:
 
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
-    """True if the k = 2 interval reaches past a bound of the parameter's design, which no run has seen."""
+    """True if the k = 2 interval extends beyond a bound of the parameter's design, where there are no
+    runs."""
     i = result.design.names.index(e.name)
-    # The interval that is printed ends where the search did.
+    # The printed interval is cut to the searched range.
     low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma
     return low < result.design.lower[i] or high > result.design.upper[i]
 
@@ -358,7 +359,7 @@ def explains(fit: Sequence[FitQuality]) -> bool:
 
 
 def near_right(fit: Sequence[FitQuality]) -> bool:
-    """True if no channel has a misfit from which on values of an input far away are tried.
+    """True if no channel has a misfit so large that large changes of inputs are tried.
 
     Its excess and its slow excess, squared, are at most `kolsky.diagnosis.fit_quality.UNEXPLAINED`, and
     limits were set.
@@ -367,15 +368,15 @@ def near_right(fit: Sequence[FitQuality]) -> bool:
 
 
 def contradicted(result: Identification, name: str) -> bool:
-    """True if force and outline ask for values further apart than `CONTRADICTION` standard uncertainties.
+    """True if the values by force and by outline differ by more than `CONTRADICTION` standard uncertainties.
 
-    A channel that cannot tell a value inside the range that was searched contradicts nothing.
+    A channel without an optimum inside the searched range cannot contradict.
     """
     return routes_apart(result, name) > CONTRADICTION and not route_at_edge(result, name)
 
 
 def routes_apart(result: Identification, name: str) -> float:
-    """Force alone minus outline alone over the standard uncertainty of their difference [-]; 0 if unknown."""
+    """Force-only minus outline-only value over the uncertainty of their difference [-]; 0 if unknown."""
     found = result.route_difference
     if found is None or not found.sigma.get(name, 0.0) > 0.0:
         return 0.0
@@ -383,7 +384,7 @@ def routes_apart(result: Identification, name: str) -> float:
 
 
 def route_at_edge(result: Identification, name: str) -> bool:
-    """True if force or outline alone end at an edge of the box that was searched."""
+    """True if the optimum by force only or by outline only lies at an edge of the searched box."""
     routes = {route.name: route for route in result.routes}
     ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
@@ -391,7 +392,7 @@ def route_at_edge(result: Identification, name: str) -> bool:
 
 
 def fit_warnings(result: Identification) -> Iterator[str]:
-    """Say why a verdict was withheld, that a clock is wrong, and that one channel decides alone."""
+    """Warnings on withheld verdicts, wrong clocks, and values determined by one channel only."""
     for channel in result.fit:
         if not channel.explained:
             yield unexplained(channel)
@@ -406,7 +407,7 @@ def fit_warnings(result: Identification) -> Iterator[str]:
 
 
 def _uninformative_channels(result: Identification) -> Iterator[str]:
-    """Say of which values one channel has no say, where the verdict does not say it already."""
+    """Report values to which one channel does not contribute, if the verdict does not state it already."""
     for channel in result.fit:
         names = [
             name
@@ -426,7 +427,7 @@ def _uninformative_channels(result: Identification) -> Iterator[str]:
 
 
 def unexplained(channel: FitQuality) -> str:
-    """The reason why a fit is refused, in numbers; that of a slow test is in units of its sigma."""
+    """The reason for rejecting a fit, in numbers; for a slow test in units of its sigma."""
     factor, unit = UNITS[channel.unit]
     reasons = []
     if not channel.excess <= channel.limit:
@@ -443,9 +444,9 @@ def unexplained(channel: FitQuality) -> str:
 
 
 def late_clocks(result: Identification) -> Iterator[str]:
-    """Say which recording is late, if it is beyond its uncertainty and putting it right explains the data.
+    """Warning on a late recording, if the lag is significant and its correction explains the data.
 
-    Where no lag explains the data another input is wrong, and a lag that fits best is no finding.
+    If no lag explains the data, another input is wrong, and the best-fitting lag is not reported.
     """
     lag = leading_lag(result.clocks)
     if lag is not None and lag.significance > LATE and lag.explains:

@@ -1,21 +1,22 @@
 """Do the shared values explain every shot, channel and slow test, and do the shots agree?
 
-The residual of each is judged with the reference of a single shot (`kolsky.diagnosis.fit_quality`): what
-noise, inputs, mesh and declared uncertainties leave once the shared unknowns have followed. A shot's own part
-of the scatter is taken out first.
+Each residual is compared with that expected of a correct model, as for a single shot
+(`kolsky.diagnosis.fit_quality`): the effect of noise, inputs, mesh and declared uncertainties after the
+shared unknowns are refitted. The deviation of a shot by the scatter is removed first.
 
-Whether the shots agree is judged by the stiffness that each asks for by itself. Linear about the joint
-optimum, with the residual r = prediction less data of one shot and the change u of its data by a relative
-change of its stiffness,
+The agreement of the shots is tested with the stiffness estimated from each shot separately. This test is
+linear about the joint optimum. With the residual r = prediction minus data of one shot, and the change u of
+its data by a relative change of its stiffness, it is
 
     a = -u C^-1 r / (u C^-1 u),    Q = sum_k (a_k - mean)^2 / v_k,
 
-where C holds the noise, the shot's own patterns, its mesh error and the discrepancy of what a leaves. Q has
-the distribution of chi-square with n - 1 degrees of freedom where the shots agree. The bulk modulus stays as
-it is: two specimens of one material differ in stiffness, not in compressibility.
+where C contains the noise, the patterns and mesh error of the shot, and the discrepancy of the residual after
+the fit of a. If the shots agree, Q has a chi-square distribution with n - 1 degrees of freedom. The bulk
+modulus is fixed: two specimens of one material differ in stiffness, not in compressibility.
 
-Which input of which shot explains a misfit is judged by the likelihood: one change p of one shot's data is
-free in size beside the shared unknowns, in their linear model and with the discrepancies that it leaves,
+The input and shot that explain a misfit are found by the likelihood. One change p of one shot's data has a
+free amplitude c in addition to the shared unknowns; the model is linear, and the discrepancies are estimated
+again:
 
     Delta = min_x (-2 ln L) - min_x,c (-2 ln L with r + c p).
 """
@@ -56,27 +57,26 @@ from kolsky.uncertainty.mesh_error import MeshChange
 SLOW_TEST_LIMIT = 3.0
 """Largest residual of a slow test over the residual of a correct model [-]: that of the force's bins."""
 UNLIKELY = 2.7e-3
-"""Probability of the shots' differences below which they disagree, that of three standard deviations; each
-of the `TESTS` takes a part of it."""
+"""The shots disagree if the probability of their differences is smaller: that of three standard deviations,
+divided among the `TESTS`."""
 TESTS = 4
-"""Tests of the shots' agreement: by all data, force, outline, and by the force over the outline."""
+"""Number of agreement tests: by all data, force, outline, and by the force over the outline."""
 LEAST_RATIO = 1.05
-"""Stiffness of one shot over another's from which on they disagree where no scatter is in the interval [-]:
-on coarse meshes right shots of other speeds differ by up to 3 %."""
+"""Without a scatter in the interval, two shots can disagree only if their stiffness ratio exceeds this [-]:
+on coarse meshes, correct shots of different speeds differ by up to 3 %."""
 LARGEST_RATIO = 1.5
-"""Stiffness of one shot over another's beyond which they are no specimens of one material that scatter [-].
-Cast specimens of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity,
-unit or material moves a shot by a factor of two or more."""
+"""With a larger stiffness ratio, two shots are not scattering specimens of one material [-]. Cast specimens
+of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity, unit or material
+changes a shot by a factor of two or more."""
 ROUGH_LIMIT = 10.0
-"""Largest residual over the rest of the residual of a correct model where the noise of front face and curve
-was not
-drawn [-]. That noise is at most some seven times the instruments' in right shots; a foreign curve or unit
-leaves a hundred."""
+"""Largest residual over that expected of a correct model if the noise of front face and curve was not drawn
+[-]. In correct shots, that noise is at most about seven times that of the instruments; a wrong curve or unit
+gives about a hundred."""
 LEAST_GAIN = 16.0
-"""Fall of -2 ln L by one input of one shot from which on it is named [-]: four standard deviations, for the
-likeliest of four inputs of a dozen shots."""
+"""Least decrease of -2 ln L by one input of one shot to name it as a cause [-]: four standard deviations, for
+the likeliest of four inputs of a dozen shots."""
 LEAST_SHARE = 0.5
-"""Share of a channel's squared residual below which an input is named as one of several causes [-]."""
+"""An input that explains a smaller share of a channel's squared residual is one of several causes [-]."""
 
 
 def residual_changes(
@@ -123,13 +123,13 @@ def joint_fits(
     changes: Mapping[str, FloatArray],
     scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
-    """The residual of each shot's channels, and of each slow test, beside the residual of a correct model.
+    """The residual of each shot's channels, and of each slow test, compared with that of a correct model.
 
     ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
-    the move of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
+    the shift of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
     the shots. ``changes``: changes of the whole vector by each source, `residual_changes`. ``scatters``: each
-    shot's part of the scatter, in standard deviations. Returns: of each shot its channels; the slow tests in
-    their order.
+    shot's deviation by the scatter, in standard deviations. Returns: the channels of each shot; the slow
+    tests in their order.
     """
     stack, names = problem.stack, problem.unknowns.names
     left = {source: left_over(change, optimum.slopes, gain) for source, change in changes.items()}
@@ -165,7 +165,7 @@ def joint_fits(
 
 
 def roughly_judged(fit: FitQuality) -> FitQuality:
-    """A channel's fit with a limit where the noise of front face and curve is not known."""
+    """A channel's fit with the limit used if the noise of front face and curve is not known."""
     return replace(fit, limit=ROUGH_LIMIT, slow_limit=ROUGH_LIMIT)
 
 
@@ -193,12 +193,12 @@ def _slow_fit(
 def slow_fit(
     label: str, residual: FloatArray, left: Mapping[str, FloatArray], *, peak: float, judged: bool
 ) -> FitQuality:
-    """Judge a slow test: its residual and what each source leaves, in units of its sigma.
+    """Judge a slow test by its residual and the parts expected from each source, in units of its sigma.
 
     ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: the residual of a correct
     model
-    by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: whether
-    the noise of front face and curve is among them; else the limit is `ROUGH_LIMIT`.
+    by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: True if
+    `left` includes the noise of front face and curve; otherwise the limit is `ROUGH_LIMIT`.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
@@ -230,7 +230,7 @@ def _size(values: FloatArray) -> float:
 def own_stiffnesses(
     problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
-    """The stiffness that each shot asks for by itself, by all its data and by each channel."""
+    """The stiffness estimated from each shot separately, by all its data and by each channel."""
     stack = problem.stack
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
@@ -249,19 +249,19 @@ def own_stiffnesses(
 
 
 ROUNDS = 4
-"""Rounds in which discrepancy and stiffness follow each other; the third changes nothing that is printed."""
+"""Iterations of discrepancy and stiffness; the third changes no printed digit."""
 BLANK = 1e6
-"""Factor on the standard deviation of what does not count."""
+"""Factor on the standard deviation of excluded data."""
 
 
 def own_stiffness(
     one: ShotData, residual: FloatArray, change: FloatArray, patterns: FloatArray, channel: str
 ) -> tuple[float, float]:
-    """Relative stiffness that a shot asks for beyond the shared one, and its standard uncertainty [-].
+    """Relative stiffness of one shot minus the shared one, and its standard uncertainty [-].
 
     ``one``: the shot. ``residual``: prediction less data, shape [k]. ``change``: of its data by a relative
     change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a
-    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN where nothing of it was measured.
+    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
     """
     objective, amount, variance = one.objective, 0.0, float("nan")
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
@@ -284,15 +284,15 @@ def own_stiffness(
 def shot_agreement(
     names: Sequence[str], stiffnesses: Sequence[OwnStiffness], *, scatter: bool
 ) -> ShotAgreement | None:
-    """Whether the shots ask for one stiffness, and which does not; None for one shot.
+    """Test whether the shots agree in stiffness, and which one does not; None for one shot.
 
-    All data, the force and the outline are tested by themselves: the weights of a fit let a channel that
-    disagrees in one shot count for little. A stiffer specimen moves force and outline together, so that the
-    force's stiffness over the outline's does not scatter between specimens. The channel that is least likely
-    is given where one contradicts.
+    All data, the force and the outline are tested separately, because the weights of a fit reduce the
+    influence of a channel that disagrees in one shot. A stiffer specimen changes force and outline together,
+    so the ratio of their stiffnesses does not scatter between specimens. If a shot contradicts, the least
+    likely channel is given.
 
-    ``names``: of the shots. ``stiffnesses``: what each asks for. ``scatter``: whether a scatter between them
-    is in the interval: only what is no scatter of specimens contradicts then.
+    ``names``: names of the shots. ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a
+    scatter between them is in the interval; then only larger differences contradict.
     """
     force, outline = (
         np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T
@@ -336,19 +336,19 @@ def _chi_square(a: FloatArray, s: FloatArray) -> float:
 
 
 def _ratio(amounts: FloatArray) -> float:
-    """Stiffness of the stiffest over the softest shot [-]; infinite where one asks for none."""
+    """Stiffness of the stiffest over the softest shot [-]; infinite if one is not positive."""
     low, high = 1.0 + float(amounts.min()), 1.0 + float(amounts.max())
     return high / low if low > 0.0 else inf
 
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot without which the others agree best: the largest fall of chi-square."""
+    """The shot without which the others agree best: the largest decrease of chi-square."""
     others = [np.arange(len(a)) != i for i in range(len(a))]
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
 
 def without_scatter(stack: Stack) -> Stack:
-    """The stack as if neither shots nor slow tests scattered in stiffness."""
+    """The stack without scatter of the stiffness of shots and slow tests."""
     shots = tuple(
         replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
         for one in stack.shots
@@ -357,7 +357,7 @@ def without_scatter(stack: Stack) -> Stack:
 
 
 def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...]:
-    """What each input of each shot explains of the misfit by itself, the likeliest first."""
+    """The part of the misfit explained by each single input of each shot, the likeliest first."""
     stack = problem.stack
     bare = without_scatter(stack)
     residual = optimum.vector - stack.data
@@ -382,9 +382,10 @@ def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...
 
 
 def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
-    """Share of a channel's squared residual that is explained, of the channel where it is larger [-].
+    """Explained share of a channel's squared residual; the larger one of force and outline [-].
 
-    A specimen of another stiffness rings otherwise, which no linear change explains, while its outline does.
+    A specimen of another stiffness rings at another frequency, which a linear change cannot explain in the
+    force, but it can in the outline.
     """
     n = one.objective.n_force
     channels = [slice(0, n), slice(n, None)][: 1 + (len(before) > n)]
@@ -392,11 +393,11 @@ def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> flo
 
 
 LARGEST_LAG = 0.2
-"""Largest error of a force record's clock that is looked for, over the duration of the record [-]."""
+"""Largest clock error of a force record in the search, over the duration of the record [-]."""
 
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
-    """All data with the force of one shot later by a lag [s], shape [k]."""
+    """All data with the force of one shot delayed by a lag [s], shape [k]."""
     found, start = vector.copy(), stack.ends[k - 1] if k else 0
     for bins in stack.shots[k].observations.forces:
         part = slice(start, start + len(bins.mean))
@@ -408,7 +409,7 @@ def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> Float
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
     """The lag at which the predicted force of one shot is nearest to the measured one [s].
 
-    The force rings, so that a lag of a whole bin or more is searched, half a bin apart.
+    The force rings; lags are therefore scanned in steps of half a bin.
     """
     one, start = stack.shots[k], stack.ends[k - 1] if k else 0
     force = slice(start, start + one.objective.n_force)
@@ -424,8 +425,8 @@ def input_changes(
 ) -> dict[str, FloatArray]:
     """Changes of all data by a unit of each input of a shot that needs no run, shape [k] each.
 
-    ``late``: the data with the force at its likely lag, about which the clock is linear. ``stiffer``: change
-    of all data by a relative change of the stiffness; None where that is not shared.
+    ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
+    change of all data by a relative change of the stiffness; None if the stiffness is not shared.
     """
     one, start = stack.shots[k], stack.ends[k - 1] if k else 0
     end, n = stack.ends[k], one.objective.n_force
@@ -445,10 +446,10 @@ def input_changes(
 def explained_by(
     stack: Stack, residual: FloatArray, patterns: FloatArray
 ) -> tuple[float, float, float, FloatArray]:
-    """Fit patterns of free size to a residual, each with the weights of what they leave of it.
+    """Fit patterns of free amplitude to a residual, with weights from the remaining residual.
 
     ``residual``: prediction less data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
-    Returns: size and standard uncertainty of the last one, -2 ln L, and what is left of the residual, [k].
+    Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
     """
     left, amounts, sigma = residual, np.zeros(len(patterns)), 0.0
     for _ in range(ROUNDS):
@@ -465,7 +466,7 @@ def explained_by(
 
 
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:
-    """A shared value with the verdict that fit and agreement allow, gravest first."""
+    """A shared value with the verdict that fit and agreement allow, most serious first."""
     if e.outcome not in WITHHELD:
         return e
     if not all(fit.explained for fit in fits):
@@ -482,7 +483,7 @@ def joint_fit_warnings(
     agreement: ShotAgreement | None,
     causes: Sequence[ShotCause] = (),
 ) -> list[str]:
-    """Why the answer is withheld, a sentence a cause."""
+    """Reasons for withholding the answer, one sentence each."""
     said = [
         f"{name}: {unexplained(fit)}"
         for name, fits in zip(names, shots, strict=True)
@@ -502,7 +503,7 @@ def joint_fit_warnings(
 
 
 def cause_sentence(causes: Sequence[ShotCause]) -> str:
-    """Which input of which shot explains the misfit, and what comes next; causes as of `shot_causes`."""
+    """The input and shot that explain the misfit best, and the next one; causes as from `shot_causes`."""
     named = [one for one in causes if one.gain >= LEAST_GAIN]
     if not named:
         return "no single input of one shot explains the misfit: identify each shot by itself"

@@ -1,4 +1,4 @@
-"""The judgement of a finished identification: verdicts, a material that relaxes, and all warnings."""
+"""The assessment of a finished identification: verdicts, test for relaxation, and all warnings."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.warnings import collect_warnings
 
 WHOLE = 0.9
-"""Share of the misfit that a likely input explains from which on no branch that relaxes is searched for: in
-seven shots of a planted branch it explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
+"""If a likely input explains a larger share of the misfit, no relaxing branch is searched. In seven synthetic
+shots with a branch, the branch explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
 
 
 def judged(
@@ -34,10 +34,10 @@ def judged(
     sources: Sources,
     causes: CauseAnalysis,
 ) -> Identification:
-    """The result with its verdicts, what a branch that relaxes would explain, and its warnings.
+    """The result with its verdicts, the test for a relaxing branch, and its warnings.
 
     ``result``: the identification with its fit and its causes. ``found``, ``known``, ``sources``, ``causes``:
-    the search, the uncertainty analysis, what moves the optimum, and the inputs that were tried.
+    the search, the uncertainty analysis, the error sources of the optimum, and the inputs that were tried.
     """
     runner, problem, fine = found.runner, found.problem, found.fine
     shot = problem.shot
@@ -56,8 +56,8 @@ def judged(
     if not explained(result) and leading < WHOLE:
         vector = fine.objective.vectors(fine.check.prediction)[0]
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
-        # A strong branch is out of reach of the linear test: it is searched for.
-        # Beside a likely input it must explain more than that, which the test of a weak one does not say.
+        # A strong branch is beyond the linear test and must be searched. It must explain more than a likely
+        # input does; the test of a weak branch cannot show this.
         weak = rate_advice(asked) if not causes.named else ()
         strong = None if weak else branch_fit(runner, fine.x, fine.objective)
         of_fit += weak or rate_advice(None, strong, least=leading)

@@ -1,8 +1,7 @@
-"""Does a shot, or do several, ask for a material that relaxes? Score test, search for a branch, model
-choice.
+"""Tests for relaxation in one or several shots: score test, search for a branch, model choice.
 
-An elastic optimum is tested for a branch by the score of its residuals against planted elastic data.
-Where the branch may be strong it is searched for. Several shots compare both optima by AIC, BIC and the
+An elastic optimum is tested for a branch by the score of its residuals, compared with synthetic elastic data.
+If the branch may be strong, it is searched. For several shots, both optima are compared by AIC, BIC and the
 same test.
 """
 
@@ -30,27 +29,27 @@ from kolsky.material.relaxation.rate_fit import SIGNIFICANT
 from kolsky.uncertainty.mesh_error import joint_mesh_change, mesh_patterns
 
 DRAWS = 20000
-"""Planted elastic data."""
+"""Number of synthetic elastic data sets."""
 MOST_TAKEN = 0.75
-"""Share of a direction's own blocks beyond which a block length says nothing of it [-]."""
+"""A block length is not used for a direction with a larger share in its blocks [-]."""
 
 
 @dataclass(frozen=True)
 class BranchTest:
-    """What a weak branch would improve."""
+    """Improvement by a weak branch."""
 
     gain: float
-    """Improvement of chi-square by the best branch, or by the one that was searched for [-]."""
+    """Decrease of chi-square by the best branch, or by the given one [-]."""
     time: float
     """Its relaxation time [s]."""
     strength: float
-    """The strength that a linear model asks for [-]."""
+    """Its strength by a linear model [-]."""
     probability: float
-    """Share of planted elastic data that improve as much, at least 1 / (draws + 1) [-]."""
+    """Share of synthetic elastic data that improve as much, at least 1 / (draws + 1) [-]."""
 
     @property
     def significant(self) -> bool:
-        """True if chance does not explain it."""
+        """True if it is not explained by chance."""
         return self.probability < SIGNIFICANT
 
 
@@ -65,7 +64,7 @@ def branch_test(
     seed: int = 1,
     realised: float = 0.0,
 ) -> BranchTest:
-    """Hold the residuals of an elastic fit against branches of some relaxation times."""
+    """Test the residuals of an elastic fit for branches of given relaxation times."""
     basis, _ = np.linalg.qr(slopes)
     own = directions - (directions @ basis) @ basis.T
     left = residual - basis @ (basis.T @ residual)
@@ -88,10 +87,10 @@ def branch_test(
 
 
 def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntArray]) -> FloatArray:
-    """Standard deviation of each score if residuals of a block are correlated in any way, >= 1, shape [n].
+    """Standard deviation of each score with residuals correlated within a block, >= 1, shape [n].
 
-    Block sums of what the direction itself leaves of the residual. A direction whose weight w_b lies in
-    1 / sum w_b^2 = n_e blocks has taken a share 1 / n_e of them along, which is given back.
+    It uses block sums of the residual after the direction is fitted. A direction with weights w_b in 1 / sum
+    w_b^2 = n_e effective blocks has removed the share 1 / n_e of them, which is corrected.
     """
     bare = left - (unit @ left)[:, None] * unit
     scale = np.ones(len(unit))
@@ -107,47 +106,45 @@ def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntAr
 
 STRENGTH, TIME = prony_names(1)
 SHORTEST_SEARCHED = 2e-5
-"""Shortest relaxation time that is searched [s]; the longest is the window."""
+"""Shortest relaxation time in the search [s]; the longest is the window."""
 STRENGTHS, SCANNED_TIMES = (0.1, 0.4), 6
-"""Strengths and times of the first scan."""
+"""Strengths, and number of times, of the first scan."""
 STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
-"""Points of the scan that are searched from, trial points of each, half the distance of differences in the
-unit box, and the next step at which a search is at rest, in standard deviations."""
+"""Number of starts from the scan, trial points of each, half step of differences in the unit box, and length
+of the next step at convergence, in standard deviations."""
 HALF = 0.5
-"""Share of what an elastic model leaves from which on a branch explains more than it leaves [-].
-
-In seven shots of a planted branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to
-0.99; in five elastic ones that were searched all the same (0 to 4 of seed 50923 of `populations.coverage`)
--0.23 to -0.005."""
+"""Least share of the elastic model's misfit that a branch must explain [-]. In seven synthetic shots with a
+branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to 0.99; in five elastic ones
+(0 to 4 of seed 50923 of `populations.coverage`) -0.23 to -0.005."""
 
 
 @dataclass(frozen=True)
 class BranchFit:
-    """A shot with a branch beside the same without."""
+    """Comparison of a shot with and without a branch."""
 
     strength: float
-    """Of the branch [-]."""
+    """Strength of the branch [-]."""
     time: float
     """Its relaxation time [s]."""
     aic: float
-    """Akaike's criterion with it less that without [-]."""
+    """Akaike's criterion with it minus that without [-]."""
     share: float
-    """Share of what the elastic model leaves beyond noise and clocks that it explains [-]."""
+    """Share of the elastic model's misfit, beyond noise and clocks, that it explains [-]."""
     inside: bool
-    """Whether strength and time lie inside their ranges."""
+    """True if strength and time lie inside their ranges."""
 
     @property
     def asked_for(self) -> bool:
-        """Whether the data ask for it."""
+        """True if the data need it."""
         return self.inside and self.aic < 0.0 and self.share >= HALF
 
 
 def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
-    """Search for a branch beside an elastic optimum, all free parameters moving with it.
+    """Search for a branch from an elastic optimum, with all free parameters refitted.
 
     ``runner``: runs points of the identification's problem; some 200 runs are added on the surrogate's mesh.
-    ``x``: the optimum, shape [d]. ``objective``: of the optimum. Returns: None if the shot declares what
-    relaxes, or too few runs complete.
+    ``x``: the optimum, shape [d]. ``objective``: of the optimum. Returns: None if the shot declares a
+    relaxation, or too few runs complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -223,10 +220,11 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
 
 
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
-    """Points with a branch beside an elastic one that are as stiff in the mean, shape [n, d + 2].
+    """Points with a branch that have the mean stiffness of an elastic point, shape [n, d + 2].
 
-    A branch of strength c stiffens by 1 to 1 + c: m gives way by the root of 1 + c. The bulk modulus, which
-    goes with m (1 + c) / (1 - 2 nu) and sets the pace of the ringing, stays where Poisson's ratio is free.
+    A branch of strength c increases the stiffness by a factor of 1 to 1 + c; m is divided by the root of 1 +
+    c. The bulk modulus is proportional to m (1 + c) / (1 - 2 nu) and determines the ringing frequency. It is
+    kept constant if Poisson's ratio is free.
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []
@@ -243,7 +241,7 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 
 
 def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
-    """Share of what one vector leaves beyond noise and patterns that another does not leave [-].
+    """Share of one vector's misfit, beyond noise and patterns, that another vector removes [-].
 
     ``objective``: data and noise. ``before``, ``after``: predictions, shape [k].
     """
@@ -259,21 +257,21 @@ def explained_share(objective: Objective, before: FloatArray, after: FloatArray)
 
 
 WEAK_STRENGTH = 1e-3
-"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
-Poisson's ratio is held, and the bulk modulus grows by as much."""
+"""Strength of the branches used for the directions [-]: small enough to keep the ringing in phase, even if
+Poisson's ratio is held and the bulk modulus increases by this share."""
 SHORTEST_TESTED, TESTED_TIMES = 2e-5, 7
-"""Shortest relaxation time that is tried [s], and how many up to the duration of the window."""
+"""Shortest relaxation time tried [s], and number of times up to the duration of the window."""
 
 
 def shot_branch_test(
     runner: Runner, x: FloatArray, objective: Objective, slopes: FloatArray, vector: FloatArray
 ) -> BranchTest | None:
-    """Hold what an elastic identification leaves against branches of some relaxation times.
+    """Test the residual of an elastic identification for branches of several relaxation times.
 
-    ``runner``: a run a time is added on the surrogate's mesh. ``x``: the
-    optimum, shape [d]. ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there,
-    shape [k, d]. ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the
-    shot declares the relaxation, or a run does not complete.
+    ``runner``: one run per time is added on the surrogate's mesh. ``x``: the optimum, shape [d].
+    ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there, shape [k, d].
+    ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the shot declares
+    the relaxation, or a run does not complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -284,7 +282,7 @@ def shot_branch_test(
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
     point = runner.at(x, numerics.mesh)
     columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
-    # The first run has no branch: the same kernel, so that nothing but the branch differs.
+    # The first run has no branch but uses the same kernel, so that only the branch differs.
     columns["prony_strength_1"] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
     columns["prony_time_1"] = np.append(times[0], times)
     if VALLEY in runner.problem.box.names:
@@ -309,7 +307,7 @@ def shot_branch_test(
             blocks=[block // length for length in BLOCKS],
             seed=runner.problem.settings.seed,
         )
-    except ValueError:  # no branch has an effect that the free parameters cannot follow
+    except ValueError:  # the free parameters absorb the effect of every branch
         return None
 
 
@@ -324,10 +322,11 @@ TRY = (
 def rate_advice(
     test: BranchTest | None, fit: BranchFit | None = None, *, least: float = 0.0
 ) -> tuple[str, ...]:
-    """Say that a branch would explain the misfit of an elastic material; nothing where chance does.
+    """Advice if a branch would explain the misfit of an elastic material; empty if chance explains it.
 
-    ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, where that is not
-    significant. ``least``: share of the misfit that a likely input explains, which that branch must exceed.
+    ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, if that test is
+    not significant. ``least``: share of the misfit that a likely input explains; the branch must explain
+    more.
     """
     if test is not None and test.significant:
         chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
@@ -345,7 +344,7 @@ def rate_advice(
 
 
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
-    """What the advice is given by, as figures of the search.
+    """The figures on which the advice is based.
 
     ``test``, ``fit``: as of `rate_advice`.
     """
@@ -361,16 +360,16 @@ def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, 
 
 
 WEAK_STRENGTHS = 0.05
-"""Strength of the branch beside the elastic optimum from which a search begins [-]."""
+"""Strength of the branch at the start of a search from the elastic optimum [-]."""
 LINEAR = 1e-3
-"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
-Poisson's ratio is held, and the bulk modulus grows by as much."""
+"""Strength of the branches used for the directions [-]: small enough to keep the ringing in phase, even if
+Poisson's ratio is held and the bulk modulus increases by this share."""
 
 
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
-    """The elastic optimum as one with a strength of nothing; None if bounds of the strengths leave that out.
+    """The elastic optimum as a point with zero strength; None if the bounds of the strengths exclude zero.
 
-    ``problem``: with the relaxation. ``elastic``, ``without``: the same without, and its optimum.
+    ``problem``: with the relaxation. ``elastic``, ``without``: the same without relaxation, and its optimum.
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
@@ -388,10 +387,10 @@ def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without
 def weak_branch(
     problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_STRENGTHS
 ) -> FloatArray:
-    """A point without the relaxation, with a weak branch beside it: where that is no worse than nothing.
+    """A point without relaxation, with a weak branch added.
 
-    ``problem``: with the relaxation. ``elastic``: the same without. ``at``: a point of it, shape [d].
-    ``strength``: of the branch [-].
+    ``problem``: with the relaxation. ``elastic``: the same without. ``at``: a point of `elastic`, shape [d].
+    ``strength``: strength of the branch [-].
     """
     names, box = list(problem.unknowns.names), problem.unknowns.box
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
@@ -404,21 +403,21 @@ def weak_branch(
 
 
 UNREACHED = 1.0
-"""Rise of -2 ln L above a model that is contained in another from which on the search of the larger one has
-not reached its optimum: searches end within a part of a standard uncertainty, where it rises by less."""
+"""If -2 ln L of a larger model exceeds that of a nested one by more than this, its search has not reached the
+optimum. Searches end within a part of a standard uncertainty, where the rise is smaller."""
 
 
 def choose_model(
     problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum
 ) -> ModelChoice:
-    """Hold the optimum with the relaxation against the one without it, both on the refined mesh.
+    """Compare the optima with and without relaxation, both on the refined mesh.
 
-    ``problem``, ``found``: with what relaxes, and its optimum. ``elastic``, ``without``: the same shots, slow
-    tests and free parameters without, and its optimum. Raises ValueError if no weak branch has an effect of
-    its own.
+    ``problem``, ``found``: with relaxation, and its optimum. ``elastic``, ``without``: the same shots, slow
+    tests and free parameters without relaxation, and its optimum. Raises ValueError if the other parameters
+    absorb the effect of every weak branch.
     """
     stack, x, vector = elastic.stack, without.x, without.vector
-    # The optimum with what relaxes, judged by the same data, patterns and prior.
+    # The optimum with relaxation, evaluated with the same data, patterns and prior.
     both = [i for i, name in enumerate(problem.unknowns.names) if name in elastic.unknowns.names]
     seen = problem.vector_for(stack, found.x, problem.refined)
     other = np.concatenate([seen[: len(seen) - stack.known], elastic.known(found.x[both])])
@@ -430,7 +429,7 @@ def choose_model(
     missed = 0.0
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is not None:
-        # A strength of nothing is among what relaxes: its optimum explains no less.
+        # Zero strength is part of the relaxing model: its optimum fits at least as well.
         lower = min(lower, 0.0)
         above = problem.deviance(found.vector) - problem.deviance(nothing.vector)
         missed = above if above > UNREACHED else 0.0
@@ -475,12 +474,12 @@ def choose_model(
 
 
 def _inside_range(e: Estimate | None) -> bool:
-    """Whether a parameter is held, or ends inside its range."""
+    """True if a parameter is held, or ends inside its range."""
     return e is None or e.outcome is not Verdict.AT_BOUND
 
 
 def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
-    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d]."""
+    """Points with a branch of given strength; the bulk modulus is kept if possible, shape [n, d]."""
     found = points.copy()
     if VALLEY in names:
         i = names.index(VALLEY)
@@ -489,12 +488,12 @@ def points_in_step(names: Sequence[str], points: FloatArray, strength: float) ->
 
 
 def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
-    """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
+    """The choice with the strengths' uncertainties: an effect that the mesh error can cause is rejected.
 
-    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long
-    one a stiffer curve.
+    A branch whose time ends at a bound of its range is rejected too: a short one is equivalent to damping, a
+    long one to a stiffer curve.
 
-    ``choice``: by criterion and planted data, which know the noise of these shots. ``shared``: the shared
+    ``choice``: by criterion and synthetic data with the noise of these shots. ``shared``: the shared
     parameters, corrected for the mesh.
     """
     sizes = [e for name, e in shared.items() if is_strength(name)]
@@ -521,14 +520,14 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
-    """-2 ln L of a vector up to a constant; a point that a run does not reach adds nothing."""
+    """-2 ln L of a vector up to a constant; a point that a run does not reach has zero residual."""
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
     weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
     return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
 
 
 def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:
-    """The choice in words; `missed` is how far the larger search ended above the elastic optimum."""
+    """The choice in words; `missed`: -2 ln L of the larger search above that of the elastic optimum."""
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
     if missed > 0.0:
         return (

@@ -1,12 +1,11 @@
-"""The optimum on the surrogate's mesh: a design over the whole box, a surrogate, more runs where they
-matter.
+"""The optimum on the surrogate's mesh: a design over the whole box, a surrogate, more runs near the optimum.
 
 With one parameter a second design of seven levels about the first optimum suffices. With several, runs
 are placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded
 least squares. `CorrectedSurrogate` agrees with a run on another mesh.
 
-Replicates of the fitted path give the patterns by which noise of the front face's motion changes the
-data; `weigh_front_noise` finds the optimum again with weights that contain them.
+Replicates of the fitted path give the patterns of data changes by the noise of the front face's motion.
+`weigh_front_noise` finds the optimum again with weights that include them.
 """
 
 from collections.abc import Callable
@@ -33,12 +32,12 @@ Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], of parameter points, shape [n, d] or [d]."""
 
 ON_EDGE = 1e-5
-"""A coordinate this close to a bound, as a share of the box's edge, lies on it."""
+"""A coordinate closer to a bound than this share of the box edge lies on the bound."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best point of a model and the objective it is best for."""
+    """The optimum of a model, and the objective that it minimises."""
 
     x: FloatArray
     """The point, shape [d]."""
@@ -60,17 +59,17 @@ def search(
     Parameters
     ----------
     box
-        Where to search.
+        The search range.
     objective
-        What to minimise; its discrepancies are replaced.
+        The objective to minimise; its discrepancies are replaced.
     model
         Predicts data vectors.
     part
         The joint objective, or the force's or the outline's part of it.
     start
-        Where to begin, shape [d]; the middle of the box if left out.
+        Start, shape [d]; default: the middle of the box.
     tolerance
-        Of the simplex, in the unit box.
+        Tolerance of the simplex, in the unit box.
     """
     for _ in range(3):
         if box.dimension == 1:
@@ -109,16 +108,16 @@ def _by_least_squares(
 
 @dataclass(frozen=True)
 class CorrectedSurrogate:
-    """A surrogate made to agree with a run on another mesh."""
+    """A surrogate corrected to agree with a run on another mesh."""
 
     surrogate: Surrogate
     """The surrogate of the coarser mesh."""
     anchor: FloatArray | None = None
-    """Point of the run, shape [d]; None where there is none."""
+    """Point of the run, shape [d]; None without a run."""
     shift: FloatArray | float = 0.0
-    """What the run adds to the surrogate, shape [k]."""
+    """The run minus the surrogate, shape [k]."""
     slope: FloatArray | float = 0.0
-    """How that changes away from the run, shape [k, d]."""
+    """Derivative of that difference by the parameters, shape [k, d]."""
 
     def predict(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
@@ -129,7 +128,7 @@ class CorrectedSurrogate:
     def through(
         self, point: FloatArray, vector: FloatArray, slope: FloatArray | None = None
     ) -> "CorrectedSurrogate":
-        """The surrogate that agrees with a run at `point` which gave `vector`, and is steeper by `slope`."""
+        """The surrogate that gives `vector` at `point` and is steeper by `slope`."""
         miss = vector - self.surrogate.predict(np.atleast_2d(point), extrapolate=True)[0]
         added = np.zeros((len(vector), len(point))) if slope is None else slope
         return replace(self, anchor=point, shift=miss, slope=added)
@@ -153,20 +152,20 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """True if a point lies on a face of the local box that is none of the whole one: it would go further."""
+    """True if a point lies on a face of the local box inside the whole box: the optimum may lie beyond."""
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
 
 
 SMOOTH, ROUGH = "response", "process"
-"""Surrogates, by their names in `doe.SURROGATES`: for one free parameter, and for several in a small box
-about a smooth response's optimum; and for several in a wide box or of a rough response, where a direction
-matters little and a kernel that is the same in all of them wastes its runs."""
+"""Surrogates, by their names in `doe.SURROGATES`. The first is for one free parameter, and for several in a
+small box about the optimum of a smooth response. The second is for several in a wide box or with a rough
+response: there some directions matter little, and an isotropic kernel would waste runs."""
 LOCAL_FRACTION = 0.05
-"""Edge of the second design's box over the first one's."""
+"""Box edge of the second design over that of the first."""
 MOST_REFINEMENTS = 3
-"""Most second designs, each around the optimum of the last one."""
+"""Maximum number of second designs, each around the optimum of the previous one."""
 MOST_ROUNDS = 10
-"""Most batches of adaptive refinement."""
+"""Maximum number of batches of adaptive refinement."""
 TOLERANCE_BETWEEN_BATCHES = 1e-4
 """Tolerance of the searches between two batches, in the unit box."""
 
@@ -176,7 +175,7 @@ class CoarseOptimum:
     """The optimum on the surrogate's mesh."""
 
     box: Box
-    """Where the surrogate was refined."""
+    """Box in which the surrogate was refined."""
     surrogate: Surrogate
     """Of the data vector."""
     objective: Objective
@@ -188,8 +187,8 @@ class CoarseOptimum:
 def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
     """The surrogate for a number of free parameters, from the registry.
 
-    ``box``: where it shall hold. ``smooth``: whether the response is smooth there and the box of the
-    optimum's size.
+    ``box``: its range. ``smooth``: True if the response is smooth there and the box is small about the
+    optimum.
     """
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
@@ -200,7 +199,7 @@ def search_coarse(runner: Runner) -> CoarseOptimum:
     Raises
     ------
     ValueError
-        If the runs that completed do not carry a surrogate.
+        If no surrogate can be fitted to the completed runs.
     """
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
     return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
@@ -235,7 +234,7 @@ def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surr
 
 
 def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
-    """Batches of runs about the optimum until it stays."""
+    """Batches of runs about the optimum until it converges."""
     objective = runner.objective(_points_in_every_run(wide.prediction.inside))
     try:
         found = _refine(runner, objective)
@@ -275,7 +274,7 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 
 
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
-    """The surrogate over the outline points that its own runs reach: more than the first design's."""
+    """The surrogate over the outline points that its runs reach, which are more than in the first design."""
     points, prediction = _runs_of_surrogate(runner, found.surrogate)
     objective = runner.objective(_points_in_every_run(prediction.inside))
     surrogate = ProcessSurrogate.fit(
@@ -290,10 +289,10 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
 
 
 def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
-    """Compare the move of the optimum by the surrogate's error with what its interval allows.
+    """Compare the shift of the optimum by the surrogate's error with the allowed share of its interval.
 
     ``runner``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
-    of the data vector to the move of the optimum over its half width, [d, k].
+    of the data vector to the shift of the optimum over its half width, [d, k].
     """
     points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
@@ -308,7 +307,7 @@ def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> 
 
 
 def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
-    """The runs that a surrogate was built from, each once, and what they predict."""
+    """The points of the runs used for a surrogate, each once, and their predictions."""
     points, prediction = runner.on_surrogate_mesh()
     places = {tuple(x): row for row, x in enumerate(points)}
     rows = [places[tuple(x)] for x in surrogate.points]
@@ -325,7 +324,7 @@ def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
 
 
 def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath:
-    """The path with the modes of some replicates; as it is if there are none to learn from."""
+    """The path with the noise modes from replicates; unchanged if there are none."""
     if replicates is None or not replicates.lesson.any():
         return runner.front
     change = data_change(replicates.prediction)[replicates.lesson]
@@ -333,7 +332,7 @@ def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath
 
 
 def weigh_front_noise(coarse: CoarseOptimum, front: FrontPath) -> CoarseOptimum:
-    """The optimum on the surrogate's mesh with weights that know the front face's noise, if it is known."""
+    """The optimum on the surrogate's mesh with weights that include the front face's noise, if known."""
     if front.noise.patterns is None:
         return coarse
     objective = replace(coarse.objective, front=front.noise)

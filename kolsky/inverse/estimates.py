@@ -42,7 +42,7 @@ ROUTES: tuple[tuple[str, Part], ...] = (
     ("force only", "force"),
     ("shape only", "shape"),
 )
-"""The parts of the data that are searched on their own, with the name of the route."""
+"""The parts of the data that are searched separately, with the name of the route."""
 
 
 def estimates(
@@ -58,21 +58,21 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
-    Where the response's roughness moves a parameter by more than all noise does, the misfit is flat to
-    within its own jumps over that width, and a value on it is not identified.
+    If the roughness of the response shifts a parameter by more than all noise, the misfit is flat within its
+    jumps over that width, and the value is not identified.
 
-    Where one lies at a bound, the data ask for a value beyond it, and the others make up for what it may not
-    do: their values hold only if the bound is where that parameter is. It lies there on a finer mesh too, and
-    is not corrected; one that the correction would take past a bound lies at that bound. What the data do not
-    see has no optimum that a mesh could move.
+    If a parameter lies at a bound, the data prefer a value beyond it, and the other parameters compensate.
+    Their values hold only if the bound is the true value of that parameter. It would lie at the bound on a
+    finer mesh too and is not corrected. A value that the correction would move past a bound is set to the
+    bound. A parameter that the data do not constrain is not corrected either.
 
     ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``:
     standard uncertainties by source, shape [d] each; they add in quadrature. ``numerical``: standard
-    uncertainties from the numerics by source, shape [d] each; they add in quadrature. ``mesh_shift``: the
-    optimum's move between the meshes, shape [d]. ``mesh_correction``: what is added to the values, the
-    optimum on an infinitely fine mesh minus that on the refined one, shape [d]; nothing if left out.
-    ``confirmed``: whether the last run on the refined mesh left the optimum where it was. ``outline``:
-    whether an outline was measured; without one the verdict says that the force decides alone.
+    uncertainties from the numerics by source, shape [d] each; they add in quadrature. ``mesh_shift``: shift
+    of the optimum between the meshes, shape [d]. ``mesh_correction``: added to the values; it is the optimum
+    on an infinitely fine mesh minus that on the refined one, shape [d]; default: none. ``confirmed``: True if
+    the last run on the refined mesh confirmed the optimum. ``outline``: True if an outline was measured;
+    without one, the verdict is "identified by the force alone".
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     found = {}
@@ -124,17 +124,16 @@ class RouteOptimum:
     cost: float
     """Chi-square there."""
     gain: FloatArray
-    """Linear map from what the prediction is short of to the move of the optimum, shape [d, k]; zero for
-    what is no part of the data."""
+    """Linear map from data minus prediction to the shift of the optimum, shape [d, k]; zero for entries
+    outside the part."""
     residual: FloatArray
     """Covariance of the optimum from the residuals, shape [d, d]."""
 
 
 def search_routes(local: Box, objective: Objective, model: Model) -> tuple[RouteOptimum, ...]:
-    """The optima of the joint data, and of the force and the outline alone.
+    """The optima of the joint data, of the force only and of the outline only.
 
-    Without an outline there is one route, that of the force: the others would be it by another name, or
-    need what was not measured.
+    Without an outline, there is only the route of the force.
 
     ``local``, ``objective``, ``model``: the last design's box, the joint objective and the corrected
     surrogate.
@@ -159,8 +158,8 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
 def paper_route(whole: Box, table: RunTable, held: Mapping[str, float] | None = None) -> Route:
     """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
 
-    ``whole``, ``table``: the first design's box and every run. ``held``: values of free parameters that those
-    runs hold, as the paper did.
+    ``whole``, ``table``: the first design's box and every run. ``held``: values of free parameters that are
+    held in those runs, as in the paper.
     """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
@@ -196,7 +195,7 @@ def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) ->
 
 
 def comparison(prediction: Prediction, observations: Observations) -> Comparison:
-    """The first run of a prediction beside what was measured."""
+    """The first run of a prediction, compared with the measurements."""
     bins = observations.bins
     return Comparison(
         force_time=0.5 * (bins.edges[1:] + bins.edges[:-1]),
@@ -211,7 +210,7 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
 
 
 def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, float]:
-    """The parameters that are not free, in SI: as the shot declares them, or held at another value."""
+    """The parameters that are not free, in SI: the declared values, or other held values."""
     declared = {
         name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names and p.belongs_to(shot)
     }
@@ -226,7 +225,7 @@ def surrogate_quality(
     valley_margin: float = np.inf,
     lost: int = 0,
 ) -> dict[str, float]:
-    """The figures of `Identification.surrogate`; `lost` runs were to tell the mesh's error."""
+    """The figures of `Identification.surrogate`; `lost`: number of failed mesh-error runs."""
     n = fine.objective.n_force
     left_out = coarse.surrogate.loo_residuals
     found = {"loo_force": _rms(left_out[:, :n])}
@@ -253,7 +252,7 @@ def surrogate_quality(
 
 
 def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
-    """Number of runs around the optimum that would make the surrogate good enough; infinite if none."""
+    """Number of runs around the optimum needed for a sufficient surrogate; infinite if no number suffices."""
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
     found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))
@@ -265,11 +264,11 @@ def _rms(x: FloatArray) -> float:
 
 
 ANSWER_STAGES = ("design", "refinement", "check")
-"""The runner whose runs the answer rests on."""
+"""Stages whose runs the answer uses."""
 
 
 def with_own_method(result: Identification) -> Identification:
-    """The result with what its own search finds first among the methods compared."""
+    """The result with the method of its own search as the first of the compared methods."""
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
     if own is None:

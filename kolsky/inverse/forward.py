@@ -1,12 +1,12 @@
 """Simulation of a shot: numerical choices, batches of runs, elastic parts, force transducers.
 
 `Forward` turns parameter values into a batch of the solver. Parts behind the specimen and of the flyer
-are linear (`explicit.bars.elastic`). Specimen and parts run in turn, each under the forces or motions of
-the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of a
-uniform bar shows the force at the face later by x / c_0, plus the inertia of what lies before it.
+are linear (`explicit.bars.elastic`). Specimen and parts are simulated alternately, each with the forces or
+motions of the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of
+a uniform bar measures the force at the face with the delay x / c_0, plus the inertia of the mass before it.
 
-Graded meshes have small elements where the faces end: the edge of a face that holds is a singularity of
-the stress, and most of the mesh error in how a specimen rings comes from there.
+Graded meshes have small elements at the edges of the faces. The edge of a bonded face is a stress
+singularity, which causes most of the mesh error in the ringing of a specimen.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ def at_transducer(shot: ShotBase, response: Response) -> Response:
 
 
 AGREED = 1e-3
-"""Root mean square change of the forces from a pass to the next over that of the forces, at which specimen
-and parts agree [-]."""
+"""Convergence limit of specimen and parts: root mean square change of the forces between two passes over that
+of the forces [-]."""
 MOST_PASSES = 8
-"""Passes after which it is given up."""
+"""Maximum number of passes."""
 
 RunBatches = Callable[[Sequence[explicit.Problem]], list[explicit.Response]]
 
@@ -74,10 +74,10 @@ RunBatches = Callable[[Sequence[explicit.Problem]], list[explicit.Response]]
 def in_surroundings(
     shots: Sequence[ShotBase], problems: Sequence[explicit.Problem], run: RunBatches
 ) -> list[explicit.Response]:
-    """Run batches, one a shot, each in its shot's surroundings, the forces as its transducers have them.
+    """Run one batch per shot with the shot's elastic parts; return the forces at the transducers.
 
-    ``shots``, ``problems``: the shots and their batches. ``run``: what runs batches. Raises ValueError if a
-    specimen and its elastic parts do not agree in `MOST_PASSES` passes.
+    ``shots``, ``problems``: the shots and their batches. ``run``: function that runs batches. Raises
+    ValueError if a specimen and its elastic parts do not agree within `MOST_PASSES` passes.
     """
     found = run(problems)
     left = [k for k, shot in enumerate(shots) if shot.behind is not None or shot.flyer_body is not None]
@@ -100,7 +100,8 @@ def in_surroundings(
 def with_moved_faces(
     shot: ShotBase, problem: explicit.Problem, response: explicit.Response
 ) -> explicit.Problem:
-    """A batch whose platens move as the shot's elastic parts do under the forces of its last pass."""
+    """A batch whose platens follow the motion of the shot's elastic parts under the forces of the last
+    pass."""
     model, samples = problem.model, problem.samples
     times = _knots(model)
     if shot.behind is not None:
@@ -110,7 +111,7 @@ def with_moved_faces(
     if shot.flyer_body is not None:
         parts = _pulse(shot, shot.flyer_body, times)
         impulse = _impulses_at(response.impulse_flyer, response, times)
-        # The face is nearer to the specimen than the measured place has gone, by what lies between gives way.
+        # The parts between the measured section and the face deform: the face moves by that much less.
         short = parts.histories(impulse, "path") - parts.histories(impulse, "seen")
         short -= short[:, :1]  # the round-off of the convolution at rest
         measured = problem.model.motions
@@ -174,7 +175,8 @@ def _used(problem: explicit.Problem) -> set[int]:
 
 
 def _apart(before: explicit.Response, now: explicit.Response) -> float:
-    """Root mean square change of the forces over their own; of runs that were lost, until they were."""
+    """Root mean square change of the forces over that of the forces; failed runs count up to their
+    failure."""
     pairs = (
         (before.force_transmission, now.force_transmission),
         (before.force_flyer, now.force_flyer),
@@ -193,14 +195,14 @@ def _knots(model: explicit.Model) -> FloatArray:
 
 
 def _impulses_at(impulse: FloatArray, response: explicit.Response, times: FloatArray) -> FloatArray:
-    """Impulses at other times [N s], from rest on; NaN after a run was lost."""
+    """Impulses at other times [N s], starting at zero; NaN after a run has failed."""
     return np.stack([np.interp(times, response.force_times, row, left=0.0) for row in impulse])
 
 
 def _recorded(
     times: FloatArray, force: FloatArray, response: explicit.Response, known: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Force and impulse at the response's times from the force at others; NaN where a run was lost."""
+    """Force and impulse at the response's times from the force at other times; NaN where a run had failed."""
     step = np.diff(times)
     summed = np.cumsum(0.5 * step * (force[:, 1:] + force[:, :-1]), axis=1)
     impulse = np.concatenate([np.zeros((len(force), 1)), summed], axis=1)
@@ -228,7 +230,7 @@ def _pulse(shot: ShotBase, body: ElasticBody, times: FloatArray) -> PulseRespons
 
 @lru_cache(maxsize=16)
 def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> PulseResponse:
-    """The parts' response to a pulse that presses within the specimen's radius, or on the whole face."""
+    """The parts' response to a pulse on the specimen's area, or on the whole face."""
     sections = tuple(
         Section(part.length, 0.5 * part.diameter, part.youngs_modulus, part.density, part.poisson)
         for part in body.parts
@@ -243,25 +245,25 @@ def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> Pu
 MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
 MESHES = 16
-"""Most meshes that are kept, with what is computed from them: those of an identification."""
+"""Number of cached meshes with their constants: enough for one identification."""
 LEDGER_EVERY = 16
 """Surface times between two entries of the energy ledger of a run that only feeds a surrogate."""
 
 
 @dataclass(frozen=True)
 class Forward:
-    """A shot made ready to be simulated, many times."""
+    """A shot prepared for repeated simulation."""
 
     shot: Shot
     """The shot."""
     sampling: explicit.Sampling
-    """When its instruments looked."""
+    """Output times, those of its instruments."""
     paths: tuple[FlyerPath, ...]
     """The fitted flyer path first, then replicates of it."""
     laws: tuple[MaterialLaw, ...]
     """The law of the quasi-static curve first, then replicates of it."""
     most_steps: int = explicit.Stepping.max_steps
-    """Steps after which a run is lost."""
+    """Number of steps after which a run fails."""
 
     def run(
         self,
@@ -280,7 +282,7 @@ class Forward:
         points : mapping
             Parameter name -> values, shape [n] or scalar; the shot's own value where a name is missing.
             Naming one that `slides` ("friction") makes both the faces and the side surface slide by
-            Coulomb's law; one that a contact law must read asks for a shot that declares such a law.
+            Coulomb's law. A parameter that a contact law must read needs a shot that declares such a law.
         numerics
             Mesh, precision, device.
         motion, material : int or shape [n]
@@ -384,7 +386,7 @@ class Forward:
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law.
 
-        What relaxes is as the shot declares it; samples that vary it bring their own, see `run`.
+        The relaxation is the declared one; samples that vary it define it themselves, see `run`.
         """
         shot = self.shot
         relaxing = () if shot.relaxation is None else what_relaxes(shot.relaxation.values, shot.relaxation)[1]
@@ -405,7 +407,7 @@ class Forward:
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:
-        """The specimen's mesh, the same one when it is asked for again: its constants are made once."""
+        """The specimen's mesh; it is cached, so that its constants are computed once."""
         specimen = self.shot.specimen
         return _cylinder(specimen.radius, specimen.length, *numerics.mesh, numerics.grading)
 
@@ -416,14 +418,14 @@ def _cylinder(radius: float, length: float, n_radial: int, n_axial: int, grading
 
 
 def material_law(curve: MaterialCurve) -> MaterialLaw:
-    """The closed-form law that a curve belongs to, or else Marlow's law of it."""
+    """The closed-form law of a curve if it has one, otherwise Marlow's law."""
     return curve.law or marlow_from_curve(curve.stretch, curve.stress)
 
 
 def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> Sequence[MaterialLaw]:
-    """Laws of `n` curves drawn from the curve's noise: of each point alone, and of all points together.
+    """Laws of `n` curves drawn from the curve's noise: independent at each point, and common to all points.
 
-    A closed-form law varies by a factor on all its stresses, whose logarithm is normal.
+    A closed-form law is multiplied by a lognormal factor on all its stresses.
     """
     if curve.law is not None:
         share = float(curve.total_sigma[-1] / abs(curve.stress[-1]))
@@ -454,11 +456,11 @@ SHARE = 0.625
 
 
 def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
-    """As many elements as the refined mesh has, graded."""
+    """Numerics with a graded mesh of as many elements as the refined mesh."""
     return replace(numerics, mesh=refined, grading=GRADING)
 
 
 def coarser_graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
-    """A graded mesh of a quarter of that one's cost, whose ringing is as good as the refined mesh's."""
+    """A graded mesh at a quarter of the cost, with ringing as accurate as that of the refined mesh."""
     across, along = refined
     return graded(numerics, (round(SHARE * across), round(SHARE * along)))

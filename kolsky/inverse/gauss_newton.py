@@ -1,14 +1,14 @@
-"""Gauss-Newton steps on the refined mesh, with the slopes of the surrogate's mesh or with its own.
+"""Gauss-Newton steps on the refined mesh, with slopes from the surrogate's mesh or from the refined mesh.
 
 A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters. At its
-own optimum, though, its response oscillates at the measured times, and its derivatives are those of the
-refined mesh at the refined mesh's optimum, up to a share that a few steps correct. So slopes are taken
-once, about the surrogate mesh's optimum, and every step takes one run on the refined mesh (the chord
-method), lengthened where two steps show that the slopes fall short. Where these steps do not converge,
-`descend` takes slopes on the refined mesh itself and halves a step that makes the misfit worse.
+optimum, however, its oscillations are in phase with the measured ones. Its derivatives there agree with those
+of the refined mesh at the refined mesh's optimum, except for an error that a few steps correct. Slopes are
+therefore computed once, about the optimum of the surrogate's mesh. Every step needs one run on the refined
+mesh (chord method); it is lengthened if two steps show that the slopes are too large. If these steps do not
+converge, `descend` computes slopes on the refined mesh and halves a step that increases the misfit.
 
-The front face's path is then moved to the amplitudes that the residual on a graded mesh asks for, and the
-optimum searched for under it, until both stay.
+The front face's path is then corrected by the amplitudes estimated from the residual on a graded mesh, and
+the optimum is searched again with this path, until both converge.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 START_ORDER = 2.0
-"""Order of the mesh error with which the first point is predicted: a start needs no better one."""
+"""Order of the mesh error used to extrapolate the first point; accurate enough for a start."""
 LONGEST = 2.5
-"""Most by which a step is lengthened."""
+"""Largest factor by which a step is lengthened."""
 
 
 def extrapolated_start(
@@ -47,9 +47,9 @@ def extrapolated_start(
 ) -> FloatArray:
     """The refined mesh's optimum from that of a mesh and of a coarser one, by Richardson, shape [d].
 
-    With errors that go as h^p, h the size of an element, the refined mesh's optimum lies beyond the finer
-    one's by a share (h^p - h_r^p) / (h_c^p - h^p) of the way from the coarser one. It is that of the finer
-    mesh where there is no coarser one, or one of them did not come to rest.
+    With errors proportional to h^p, h being the element size, the refined mesh's optimum lies beyond the
+    finer one's by the share (h^p - h_r^p) / (h_c^p - h^p) of the distance from the coarser one. Without a
+    coarser mesh, or if one search did not converge, the optimum of the finer mesh is returned.
     """
     fine, others = optima[mesh], [one for one in optima if one[0] < mesh[0]]
     if not others or not (fine.converged and optima[others[0]].converged):
@@ -59,13 +59,13 @@ def extrapolated_start(
 
 
 def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float:
-    """By how much to lengthen a step of the chord method, 1 to `LONGEST` [-].
+    """Factor by which to lengthen a step of the chord method, 1 to `LONGEST` [-].
 
-    Along the last move the slopes of the coarser mesh fall short by a share that the steps asked for before
-    and after it tell: with ``now = before - s taken`` the step ``now / s`` would ask for no more along it.
+    The steps computed before and after the last move show the error of the coarser mesh's slopes along it:
+    with ``now = before - s taken``, the step ``now / s`` reaches the optimum along it.
 
-    ``before``, ``now``: steps asked for at the run before and at this one, in comparable units, shape [d].
-    ``taken``: this run's point less that of the run before, shape [d].
+    ``before``, ``now``: steps computed at the previous run and at this one, in comparable units, shape [d].
+    ``taken``: this run's point minus that of the previous run, shape [d].
     """
     share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
     return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
@@ -76,15 +76,15 @@ class Step:
     """A Gauss-Newton step from a run on the refined mesh."""
 
     change: FloatArray
-    """To the optimum of the linear model, inside the box, shape [d]."""
+    """Step to the optimum of the linear model, inside the box, shape [d]."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
     objective: Objective
-    """With the discrepancies of the run."""
+    """The objective with the discrepancies of the run."""
 
     @property
     def moved(self) -> float:
-        """The longest of its coordinates over their standard deviations [-]."""
+        """Largest component of the step over its standard deviation [-]."""
         return float(np.max(np.abs(self.change) / self.sigma))
 
 
@@ -94,8 +94,8 @@ def gauss_newton_step(
     """Solve the linear least-squares problem of data and prior inside a box.
 
     ``objective``: its discrepancies are replaced by those of the run. ``slope``: jacobian of the data vector,
-    shape [k, d]. ``vector``: the run's data vector, shape [k]. ``x``: where it was run, shape [d]. ``box``:
-    where the optimum may lie.
+    shape [k, d]. ``vector``: the run's data vector, shape [k]. ``x``: point of the run, shape [d]. ``box``:
+    bounds of the optimum.
     """
     weighed = objective.with_discrepancy(vector)
     sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
@@ -104,14 +104,14 @@ def gauss_newton_step(
         rows = np.vstack([rows, weighed.prior.rows()])
         right = np.concatenate([right, -weighed.prior.residuals(x)])
     low, high = (np.array(box.lower) - x) / sigma, (np.array(box.upper) - x) / sigma
-    # On a face there is one side; a bound of zero must not meet the other.
+    # On a face of the box one bound is zero; the bounds must not coincide.
     bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
     found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
     return Step(np.clip(found, low, high) * sigma, sigma, weighed)
 
 
 def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray) -> FloatArray:
-    """Step to the optimum of the linear model with the objective's own weights, no box, shape [d]."""
+    """Step to the optimum of the linear model with the weights of the objective, without a box, shape [d]."""
     gain = objective.gain(slope)
     step: FloatArray = gain @ (objective.data - vector)
     if objective.prior is None:
@@ -123,10 +123,10 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
 
 @dataclass(frozen=True)
 class RefinedRun:
-    """A run on the refined mesh and the step it asks for."""
+    """A run on the refined mesh and the step computed from it."""
 
     x: FloatArray
-    """Where, shape [d]."""
+    """Point of the run, shape [d]."""
     vector: FloatArray
     """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
     check: CompletedRuns
@@ -134,15 +134,15 @@ class RefinedRun:
     numerics: Numerics
     """Its numerical choices."""
     step: Step
-    """To where the optimum should be instead."""
+    """Step from the run to the estimated optimum."""
     missed: FloatArray
-    """The run minus what the slopes had predicted, shape [k]."""
+    """The run minus the linear prediction by the slopes, shape [k]."""
     factor: float = 1.0
-    """By how much the steps that led there were lengthened [-]."""
+    """Factor by which the steps to it were lengthened [-]."""
 
     @property
     def confirmed(self) -> bool:
-        """True if the run leaves the optimum where it is."""
+        """True if the run confirms the optimum."""
         return self.step.moved <= CONFIRMED
 
 
@@ -155,7 +155,7 @@ def judge_run(
     before: RefinedRun | None,
     check: CompletedRuns | None = None,
 ) -> RefinedRun:
-    """A run, and the step that it asks for; it is made unless it is given."""
+    """A run and the step computed from it; the run is made unless `check` is given."""
     check = check or check_run(runner, x, numerics)
     vector = objective.reached(check.prediction)[0]
     missed = np.zeros(len(vector))
@@ -177,22 +177,22 @@ def _box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
 
 
 MOST_STEPS = 6
-"""Most points at which the slopes are taken: a search that comes to rest has need of two or three."""
+"""Maximum number of points with computed slopes; a converging search needs two or three."""
 MOST_HALVINGS = 5
-"""Most halvings of a step."""
+"""Maximum number of halvings of a step."""
 OWN_DIFFERENCE_STEP = 0.25
-"""Half the distance of the differences for the slopes, in standard deviations of the optimum: half that of
-the surrogate mesh's, as the point is nearer to its optimum."""
+"""Half step of the central differences for the slopes, in standard deviations of the optimum. It is half that
+of the surrogate's mesh, since the point is nearer to its optimum."""
 
 
 def descend(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> tuple[RefinedRun, FloatArray]:
-    """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
+    """The final run of steps with slopes of the refined mesh, and the slopes used to assess it, [k, d].
 
-    ``runner``: all runs join its table. ``objective``: which outline
-    points count, and the prior. ``slope``: the coarser mesh's, shape [k, d]: they are kept where a run beside
-    the point does not complete. ``last``: the run from which to go on.
+    ``runner``: all runs are added to its table. ``objective``: selects the outline points and holds the
+    prior. ``slope``: slopes of the coarser mesh, shape [k, d], kept if a neighbouring run does not complete.
+    ``last``: the run from which to continue.
     """
     for _ in range(MOST_STEPS):
         own = refined_slopes(runner, objective, last)
@@ -212,7 +212,7 @@ def descend(
 
 
 def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> FloatArray | None:
-    """Jacobian of the data vector at a run on the refined mesh, shape [k, d]; None if one run is lost."""
+    """Jacobian of the data vector at a run on the refined mesh, shape [k, d]; None if a run fails."""
     up, down = difference_points(runner.problem.box, run.x, OWN_DIFFERENCE_STEP * run.step.sigma)
     vectors = runner.vectors("check", np.concatenate([up, down]), run.numerics, objective)
     return differences(vectors, up, down) if np.isfinite(vectors).all() else None
@@ -221,14 +221,14 @@ def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> Flo
 def _downhill_run(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> RefinedRun | None:
-    """A run along the step that completes and is no worse; None if there is none."""
+    """A run along the step that completes without increasing the misfit; None if there is none."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
         x = np.clip(last.x + share * last.step.change, *_box_bounds(runner.problem.box))
         share *= 0.5
         try:
             run = judge_run(runner, objective, slope, x, last.numerics, last)
-        except ValueError:  # it did not complete: no better point
+        except ValueError:  # a failed run is not a better point
             continue
         if run_deviance(run) <= run_deviance(last):
             return run
@@ -249,24 +249,24 @@ def differences(vectors: FloatArray, up: FloatArray, down: FloatArray) -> FloatA
 
 
 MOST_MOVES = 2
-"""Most moves of the path: each leaves of its error the share by which the patterns are wrong."""
+"""Maximum number of path corrections: each reduces the path error to the relative error of the patterns."""
 AMPLITUDES_STAY = 0.2
-"""Root mean square of the amplitudes' changes, each standard normal beforehand, that are left [-]."""
+"""The path has converged if the root mean square change of its amplitudes (prior: standard normal) is smaller
+[-]."""
 
 
 SearchUnderPath = Callable[
     [Runner, Objective, FloatArray, FloatArray, Numerics], tuple[RefinedRun, FloatArray]
 ]
-"""From slopes, shape [k, d], and a start, shape [d], to the optimum on a mesh and its slopes."""
+"""Function from slopes, shape [k, d], and a start, shape [d], to the optimum on a mesh and its slopes."""
 
 
 def follow_on_refined(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
 ) -> tuple[RefinedRun, FloatArray, FrontPath]:
-    """The optimum on the refined mesh under the path that its own residual asks for, its slopes, [k, d], and
-    that path.
+    """The optimum on the refined mesh with the path corrected by its residual; slopes [k, d]; that path.
 
-    Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
+    Nothing changes if the path was not corrected on the surrogate's mesh, or if the search has not converged.
     """
     path, front = runner.front, runner.front.moved
     if front is None or not last.confirmed:
@@ -286,25 +286,25 @@ def follow_on_refined(
 
 
 def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:
-    """The most likely amplitudes of a path's modes for what a vector leaves of the data, shape [q]."""
+    """The most likely amplitudes of a path's modes for the residual of a vector, shape [q]."""
     noise = FrontNoise(front.modes.patterns, front.offset)
     weighed = replace(objective, front=noise).with_discrepancy(vector)
     return likely_amplitudes(weighed, weighed.data - vector)
 
 
 WORSE_STEP = 4.0
-"""Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
-mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
+"""A step is too long if -2 ln L rises by more than this [-]: two standard deviations. The slopes of the
+coarser mesh lead to a point near the least misfit, where a good step may cause a smaller rise."""
 MOST_RUNS = 8
-"""Most rounds on the refined mesh with the slopes of the coarser one."""
+"""Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
 MISLED = 2
-"""Steps that made the misfit worse after which those slopes are given up."""
+"""Number of steps with increasing misfit after which those slopes are no longer used."""
 DIFFERENCE_STEP = 0.5
-"""Half the distance of the differences for the slopes, in standard deviations of the optimum."""
+"""Half step of the central differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
-"""Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
+"""Half edge of the surrogate's box about the answer, in standard deviations."""
 RUNS_PER_PARAMETER = 6
-"""Runs of that surrogate for each parameter."""
+"""Number of runs of that surrogate per parameter."""
 
 
 def search_by_gauss_newton(
@@ -312,12 +312,12 @@ def search_by_gauss_newton(
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
     """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
 
-    The steps and the path go on a coarser graded mesh; a run on the refined mesh, or two, end them.
+    The steps and the path correction use a coarser graded mesh; one or two runs on the refined mesh follow.
 
     Parameters
     ----------
     runner, optima
-        Runs under the path that `kolsky.inverse.surrogate_mesh_search.search_meshes` gives, and its optima.
+        Runs with the path from `kolsky.inverse.surrogate_mesh_search.search_meshes`, and its optima.
 
     Raises
     ------
@@ -350,9 +350,9 @@ def _search_on(
     numerics: Numerics,
     factor: float = 1.0,
 ) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on a mesh from a point near it, and the slopes that judge it, shape [k, d].
+    """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d].
 
-    ``factor``: by how much the first step is lengthened: the slopes fall short as on the mesh before.
+    ``factor``: factor on the first step, because the slopes have the same error as on the previous mesh.
     """
     last = _chord_steps(runner, objective, slope, start, numerics, factor)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
@@ -383,7 +383,7 @@ def _chord_steps(
     numerics: Numerics,
     factor: float = 1.0,
 ) -> RefinedRun:
-    """Steps on a mesh until a run leaves the optimum where it is."""
+    """Steps on a mesh until a run confirms the optimum."""
     found, x, misled = None, start, 0
     for _ in range(MOST_RUNS):
         run = judge_run(runner, objective, slope, x, numerics, found)
@@ -398,7 +398,7 @@ def _chord_steps(
             if found is not None:
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
-                # Uphill no step is lengthened.
+                # A step with increasing misfit is not lengthened.
                 factor = lengthening(*steps) if run_deviance(run) <= run_deviance(found) else 1.0
             found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(runner.problem.box))
     assert found is not None
@@ -408,7 +408,7 @@ def _chord_steps(
 def _with_surrogate(
     runner: Runner, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
-    """A design about the answer on the surrogate's mesh, its surrogate, and what that says of the optimum."""
+    """A design about the answer on the surrogate's mesh, and both optima with its surrogate."""
     numerics, whole, sigma = runner.problem.numerics, runner.problem.box, last.step.sigma
     lower = np.maximum(last.x - REACH * sigma, whole.lower)
     upper = np.minimum(last.x + REACH * sigma, whole.upper)
@@ -428,7 +428,7 @@ def _with_surrogate(
     )
     weighed = objective.with_discrepancy(last.vector[kept])
     x, slope, plain = last.x, slope[kept], CorrectedSurrogate(surrogate)
-    # The answer and its interval rest on these slopes, which may be the refined mesh's own.
+    # The answer and its interval use these slopes, which may come from the refined mesh.
     steeper = slope - jacobian(plain.predict, box, x)
     model = plain.through(x, last.vector[kept], steeper)
     on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)

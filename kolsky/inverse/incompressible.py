@@ -1,9 +1,10 @@
-"""The incompressible limit: a Poisson's ratio that stands for it, and what the data can tell from it.
+"""The incompressible limit: its Poisson's ratio, and whether the data distinguish a ratio from it.
 
-The range of the search ends at K of some hundred MPa; silicone rubbers have 1 to 2 GPa. There a valley of the
-misfit may lie in which the model rings in step with nothing but noise. So an optimum near the end of the
-range is compared with the limit, and the limit is taken unless the data reject it. What they reject is said:
-nu is raised from the limit downward in kappa = 1 - 2 nu, the other parameters follow linearly, and
+The range of the search ends at K of some hundred MPa; silicone rubbers have 1 to 2 GPa. In this range the
+misfit may have a valley in which the ringing of the model only fits noise. An optimum near the end of the
+range is therefore compared with the limit, and the limit is used unless the data reject it. The rejected
+range is reported: kappa = 1 - 2 nu is increased from the limit, the other parameters are refitted linearly,
+and
 
     Q(kappa) = min_x |W (r + J x + c(kappa) - c(0))|^2 - min_x |W (r + J x)|^2
 
@@ -29,25 +30,25 @@ from kolsky.inverse.valleys import VALLEY
 AT_LIMIT = "held at the incompressible limit, from which the data do not distinguish it"
 """Reason to hold Poisson's ratio at `INCOMPRESSIBLE`."""
 NEAR_LIMIT = 0.4996
-"""Poisson's ratio from which on an optimum is compared with the limit [-]: below it the ringing is slow
-enough to be seen in any test."""
+"""An optimum with a larger Poisson's ratio is compared with the limit [-]. Below it, the ringing is slow
+enough to be resolved in any test."""
 RISE = 10.8
-"""Rise of -2 ln L up to which a ratio is not rejected [-]: 2.71, one-sided 95 % of one parameter, times the
-largest factor, 4, that residuals correlated in time have on a variance in right shots."""
+"""Rise of -2 ln L up to which a ratio is not rejected [-]. It is 2.71 (one-sided 95 % of one parameter) times
+4, the largest factor of time-correlated residuals on a variance in correct shots."""
 LEAST_POISSON, LEVELS = 0.49, 24
-"""Least ratio that is tried, and number of levels, even in the logarithm of 1 - 2 nu."""
+"""Smallest ratio tried, and number of levels, evenly spaced in the logarithm of 1 - 2 nu."""
 STEP = 1e-3
 """Step of a slope, over the edge of the box."""
 
 
 def is_at_limit(runner: Runner, x: FloatArray) -> bool:
-    """Whether the data of a shot prefer the limit to an optimum on the surrogate's mesh, or do not tell.
+    """True if the data prefer the limit to an optimum on the surrogate's mesh, or do not distinguish them.
 
-    A frame's outline counts once: the surrogate's mesh is too coarse for its noise.
+    The outline of a frame counts as one value: the error of the surrogate's mesh exceeds its noise.
 
-    ``runner``: under the front face's path as fitted to its record: one that has followed the data explains a
-    part of any ringing. ``x``: the optimum, shape [d]. An optimum below
-    `NEAR_LIMIT` is not compared; nor is one that the shot declares, with an uncertainty.
+    ``runner``: with the front face's path fitted to its record. A path corrected to the data would explain a
+    part of any ringing. ``x``: the optimum, shape [d]. False for an optimum below `NEAR_LIMIT`, or if the
+    shot declares the ratio with an uncertainty.
     """
     problem = runner.problem
     names = problem.box.names
@@ -77,14 +78,14 @@ def is_at_limit(runner: Runner, x: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class PoissonLimit:
-    """What the data of a shot tell of Poisson's ratio from an answer at or near the limit."""
+    """Bounds on Poisson's ratio from the data of a shot with an answer at or near the limit."""
 
     value: float
-    """Where it is held [-]."""
+    """The held value [-]."""
     least: float
-    """The least ratio that is not rejected [-]; `LEAST_POISSON` if none is."""
+    """The smallest ratio that is not rejected [-]; `LEAST_POISSON` if no ratio is rejected."""
     preferred: float | None
-    """A ratio that the data prefer to where it is held; None if there is none."""
+    """A ratio that fits the data better than the held one; None if there is none."""
 
     @property
     def sentence(self) -> str:
@@ -101,7 +102,7 @@ class PoissonLimit:
 
 
 def poisson_limit(runner: Runner, fine: RefinedOptimum) -> PoissonLimit | None:
-    """What the data tell of a ratio that is held near the limit; None where it is not, or a run is lost."""
+    """Bounds on a ratio held near the limit; None if it is not held there, or if a run fails."""
     problem = runner.problem
     held = problem.settings.held.get(VALLEY, PARAMETERS[VALLEY].held(problem.shot))
     if VALLEY in problem.box.names or held <= PARAMETERS[VALLEY].upper:
@@ -120,7 +121,7 @@ def poisson_limit(runner: Runner, fine: RefinedOptimum) -> PoissonLimit | None:
 
 
 def profiled_rise(residuals: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Squares of whitened residuals [n, p] less the first's, after linear parameters have followed, [n].
+    """Sums of squares of whitened residuals [n, p] minus the first, with linear parameters refitted, [n].
 
     ``slopes``: whitened, by the parameters, shape [d, p].
     """
@@ -131,14 +132,14 @@ def profiled_rise(residuals: FloatArray, slopes: FloatArray) -> FloatArray:
 
 
 def limit_of(value: float, kappa: FloatArray, rise: FloatArray) -> PoissonLimit:
-    """The verdict from levels of kappa = 1 - 2 nu, ascending from where the ratio is held, and their rise."""
+    """The bounds from levels of kappa = 1 - 2 nu, ascending from the held value, and their rise."""
     if rise.min() < -RISE:
         return PoissonLimit(value, value, 0.5 * (1.0 - float(kappa[int(np.argmin(rise))])))
     allowed = np.flatnonzero(rise <= RISE)
     last = int(allowed[-1])
     if last == len(kappa) - 1:
         return PoissonLimit(value, LEAST_POISSON, None)
-    # The rise goes with the square of kappa where nothing rings.
+    # Without ringing, the rise is proportional to the square of kappa.
     ends = np.sqrt(np.maximum(rise[last : last + 2], 0.0))
     end = float(np.interp(np.sqrt(RISE), ends, kappa[last : last + 2]))
     return PoissonLimit(value, 0.5 * (1.0 - end), None)

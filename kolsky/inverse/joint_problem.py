@@ -1,9 +1,10 @@
 """The joint least-squares problem of several shots and slow tests: prediction and weights.
 
-Every shot keeps the weights that it has alone: noise, a discrepancy of each channel, the patterns of its
-front face's noise (`kolsky.inverse.objective`). The clock and scale of its force and its own stiffness
-are one pattern more each, with a standard deviation: linear unknowns with Gaussian priors, removed from
-the likelihood in closed form. A calibration that shots share is one pattern through all of them.
+Every shot has the weights of a single identification: noise, a discrepancy of each channel, the patterns of
+its front face's noise (`kolsky.inverse.objective`). The clock and scale of its force and its deviation in
+stiffness add one pattern each, with a standard deviation. They are linear unknowns with Gaussian priors,
+eliminated from the likelihood in closed form. A calibration shared by several shots is one pattern over all
+of them.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"
 
 @dataclass(frozen=True)
 class ShotData:
-    """One shot's data, and the patterns of what it may be off by."""
+    """One shot's data, and the patterns of its possible errors."""
 
     observations: Observations
-    """What was measured."""
+    """The measurements."""
     counted: BoolArray
-    """Outline points that count, shape [Q]."""
+    """Mask of the outline points used, shape [Q]."""
     front: FloatArray
     """Patterns of the front face's noise over bins and all points, shape [n, n_bins + Q]."""
     own: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -52,11 +53,11 @@ class ShotData:
 
     @property
     def kept(self) -> BoolArray:
-        """Entries of bins and all points that count, shape [n_bins + Q]."""
+        """Mask of the bins and outline points used, shape [n_bins + Q]."""
         return np.concatenate([np.ones(self.observations.n_force, bool), self.counted])
 
     def taken(self, vectors: FloatArray) -> FloatArray:
-        """The counted entries of vectors; an outline point that a run does not reach adds nothing."""
+        """The counted entries of vectors; an outline point that a run does not reach has zero residual."""
         seen = vectors[..., self.kept]
         lost = np.isnan(seen).all(axis=-1, keepdims=True)
         return np.asarray(np.where(np.isnan(seen) & ~lost, self.objective.data, seen))
@@ -64,7 +65,7 @@ class ShotData:
 
 @dataclass(frozen=True)
 class Stack:
-    """All data in one vector: the shots in their order, slow tests, what is known beforehand."""
+    """All data in one vector: the shots in their order, slow tests, prior knowledge."""
 
     shots: tuple[ShotData, ...]
     """The shots."""
@@ -75,11 +76,11 @@ class Stack:
     known: int
     """Rows of prior knowledge, residuals of unit variance, at the end."""
     common: FloatArray | None = None
-    """Changes of the shots' counted entries by one standard deviation of what several share, [n, K]."""
+    """Changes of the shots' counted entries by one standard deviation of each shared error, [n, K]."""
     curve: FloatArray | None = None
-    """The same of the slow curves' noise, slow tests behind the shots, [n, K + s]."""
+    """The same for the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
     slow_scatter: FloatArray | None = None
-    """The same of each slow test's own stiffness: its specimen scatters as those of the shots do."""
+    """The same for the stiffness of each slow test's specimen, which scatters like those of the shots."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -102,7 +103,7 @@ class Stack:
         return np.concatenate([*taken, slow, known], axis=1)
 
     def weighed(self, residual: FloatArray) -> list[Objective]:
-        """Every shot's weights, with the discrepancies that explain its part of a residual."""
+        """Every shot's weights, with the discrepancies estimated from its part of a residual."""
         parts = zip(self.shots, self.parts(residual), strict=True)
         return [one.objective.with_discrepancy(one.objective.data + r) for one, r in parts]
 
@@ -127,21 +128,20 @@ class Stack:
         return Whitening(sigma, np.concatenate(rows))
 
     def weighting(self, residual: FloatArray) -> Whitening:
-        """Weights with the discrepancies that explain a residual."""
+        """Weights with the discrepancies estimated from a residual."""
         return self.whitening(self.weighed(residual))
 
     def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
-        """Every shot's weights, with the discrepancies of what some patterns leave of a residual.
+        """Every shot's weights, with discrepancies estimated after some patterns are fitted to the residual.
 
-        ``residual``: prediction less data, shape [k]. ``patterns``: changes that are free in size, shape [n,
-        k].
+        ``residual``: prediction minus data, shape [k]. ``patterns``: changes of free amplitude, shape [n, k].
         """
         whitening = self.weighting(residual)
         u, r = whitening.apply(patterns), whitening.apply(residual)
         return self.weighed(residual - np.linalg.lstsq(u.T, r, rcond=None)[0] @ patterns)
 
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
-        """A row of all data with what belongs to one shot alone, shape [k]."""
+        """A row of all data, set to zero outside one shot, shape [k]."""
         found = np.zeros_like(row)
         start = self.ends[k - 1] if k else 0
         found[start : self.ends[k]] = row[start : self.ends[k]]
@@ -149,7 +149,7 @@ class Stack:
 
     @cached_property
     def blocks(self) -> list[IntArray]:
-        """Of each length of `BLOCKS`, a label for every entry: residuals of one label may be correlated."""
+        """For each length in `BLOCKS`, a label of every entry: residuals of one label may be correlated."""
         found = []
         for length in BLOCKS:
             labels, first = [], 0
@@ -166,15 +166,14 @@ class Stack:
 
 
 BLIND = 0.1
-"""Change of all data by the whole range of an unknown, in standard deviations, below which they do not see
-it."""
+"""The data do not constrain an unknown if its whole range changes them by less, in standard deviations."""
 
 
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
-    """Information on the unknowns, shape [d, d]; one that the data do not see keeps the width of its range.
+    """Information on the unknowns, shape [d, d]; an unconstrained one keeps the width of its range.
 
-    Where a branch has no strength its time moves nothing, and of two branches of one time only the sum of the
-    strengths does. The variance of a range of the width w that is evenly likely is w^2 / 12.
+    If a branch has zero strength, its time has no effect. If two branches have the same time, only the sum of
+    their strengths has an effect. A uniform distribution of width w has the variance w^2 / 12.
 
     ``rows``: whitened slopes, shape [d, k]. ``widths``: of the unknowns' ranges, shape [d].
     """
@@ -188,7 +187,7 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
 def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The step to the least-squares optimum of a linear model inside bounds, shape [d].
 
-    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction less data, whitened, shape [k].
+    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction minus data, whitened, shape [k].
     ``lower``, ``upper``: bounds of the step, around 0, shape [d].
     """
     width = upper - lower  # unknowns of different units
@@ -200,11 +199,11 @@ def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, uppe
 def covariance(
     slopes: FloatArray, residual: FloatArray, whitening: Whitening, stack: Stack, widths: FloatArray
 ) -> FloatArray:
-    """Covariance of the unknowns, residuals correlated in time or not, shape [d, d].
+    """Covariance of the unknowns, for residuals with or without time correlation, shape [d, d].
 
-    The larger of the Gauss-Newton covariance and of the block "sandwich" in which the residuals of a block of
-    time of one shot may be correlated in any way; every variance is the largest that any block length gives.
-    What the patterns explain of the residual is not in the blocks: it is in the weights. ``slopes``: by the
+    It is the larger of the Gauss-Newton covariance and the block "sandwich", in which the residuals of one
+    shot may be correlated within a time block. Every variance is the largest of all block lengths. The part
+    of the residual that the patterns explain is in the weights, not in the blocks. ``slopes``: by the
     unknowns, shape [k, d]. ``widths``: of their ranges.
     """
     rows = whitening.apply(slopes.T)
@@ -221,20 +220,20 @@ def covariance(
 
 
 STEP = 1e-3
-"""Half the distance of the differences in the unit box of the search."""
+"""Half step of the central differences, in the unit box of the search."""
 AT_REST = 0.3
-"""Length of the next step, in standard deviations, at which a search is at rest."""
+"""A search has converged if its next step is shorter than this, in standard deviations."""
 NEIGHBOUR = 0.3
-"""Half the distance of the last differences, in standard deviations."""
+"""Half step of the final central differences, in standard deviations."""
 WIDEST = 0.05
-"""The same over the edge of the box, at most."""
+"""Largest value of that half step over the edge of the box."""
 
 
 class JointProblem:
     """Shots and slow tests as functions of the shared unknowns.
 
-    ``runs``: the shots' simulations. ``settings``: noise, nodes, meshes. ``slow``: slow tests. ``prior``: of
-    the parameters among the unknowns; None if nothing is known.
+    ``runs``: the shots' simulations. ``settings``: noise, nodes, meshes. ``slow``: slow tests. ``prior``:
+    prior of the parameters among the unknowns; None if there is none.
     """
 
     def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
@@ -262,7 +261,7 @@ class JointProblem:
         return self.mesh.with_mesh(self.settings.refined_mesh)
 
     def predict(self, stage: str, points: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions in one vector, shape [n, k]; NaN in the row of a point with a run that is lost."""
+        """All predictions in one vector, shape [n, k]; NaN in the row of a point with a failed run."""
         vectors = self.runs.vectors(stage, points, numerics)
         slow = np.array([self.slow_values(x) for x in points]).reshape(len(points), -1)
         known = np.array([self.known(x) for x in points]).reshape(len(points), -1)
@@ -271,7 +270,8 @@ class JointProblem:
     def slow_values(
         self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
     ) -> FloatArray:
-        """What the slow tests would have measured, shape [s]; `curve` is a draw of it, 0 the fitted one."""
+        """Predicted values of the slow tests, shape [s]; `curve`: index of the drawn curve, 0 the fitted
+        one."""
         values = {
             **self.values(x),
             **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
@@ -294,7 +294,7 @@ class JointProblem:
         return {**self.runs.held, **free}
 
     def known(self, x: FloatArray) -> FloatArray:
-        """Residuals of what is known beforehand: declared values, smoothness of the nodes."""
+        """Residuals of the prior knowledge: declared values, smoothness of the nodes."""
         n = self.unknowns.n_parameters
         rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
         if self.unknowns.nodes:
@@ -302,7 +302,7 @@ class JointProblem:
         return np.concatenate(rows) if rows else np.zeros(0)
 
     def deviance(self, vector: FloatArray) -> float:
-        """-2 ln L up to a constant; infinite for a run that is lost."""
+        """-2 ln L up to a constant; infinite for a failed run."""
         if np.isnan(vector).any():
             return float("inf")
         residual = vector - self.stack.data
@@ -310,7 +310,7 @@ class JointProblem:
         return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
 
     def count(self, x: FloatArray, numerics: Numerics) -> None:
-        """Count, of every outline, the points that the run at a point reaches.
+        """Select the outline points of every shot that the run at a point reaches.
 
         Raises ValueError if a shot's run does not complete.
         """
@@ -327,12 +327,12 @@ class JointProblem:
         self.stack = replace(self.stack, shots=tuple(shots))
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point with the points that another stack counts and no prior, shape [k]."""
+        """All predictions at a point with the outline points of another stack and no prior, shape [k]."""
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 
     def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
-        """The best end of least squares from some points, and its standard deviations, shape [d] each."""
+        """The best least-squares result from several starts, and its standard deviations, shape [d] each."""
         found = least_squares(
             lambda points: self.predict("search", self.unknowns.from_search(points), numerics),
             self.unknowns.inner,
@@ -350,7 +350,7 @@ class JointProblem:
     def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
         """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
 
-        Raises ValueError if a run beside the point does not complete.
+        Raises ValueError if a neighbouring run does not complete.
         """
         lower, upper = np.array(self.unknowns.box.lower), np.array(self.unknowns.box.upper)
         h = np.diag(np.clip(NEIGHBOUR * sigma, 1e-4 * (upper - lower), WIDEST * (upper - lower)))
@@ -363,7 +363,7 @@ class JointProblem:
         return vectors[0], rows.T
 
     def learn_noise(self, x: FloatArray, numerics: Numerics) -> None:
-        """Let the weights know the front faces' noise, the clocks and the scales of the forces."""
+        """Add the front faces' noise, the clocks and the scales of the forces to the weights."""
         n = self.settings.replicates
         motion = np.arange(n + 1) if n else np.zeros(1, int)
         points = np.tile(x, (len(motion), 1))
@@ -379,9 +379,9 @@ class JointProblem:
         self.stack = replace(self.stack, common=self._calibrations(), curve=self._curves(x, numerics))
 
     def _curves(self, x: FloatArray, numerics: Numerics) -> FloatArray | None:
-        """Patterns of the slow curves' noise, one set a curve, [n, K + s]; None where none is drawn.
+        """Patterns of the slow curves' noise, one set per curve, [n, K + s]; None if none is drawn.
 
-        Shots of one curve and the slow tests, which are held against the first shot's, move together.
+        Shots of one curve change together. The slow tests change with the curve of the first shot.
         """
         n = self.settings.replicates
         if not n or self.unknowns.nodes:
@@ -422,7 +422,7 @@ class JointProblem:
         return found
 
     def _calibrations(self) -> FloatArray:
-        """A pattern a transducer: shots with one sensitivity share the error of its calibration, [n, K]."""
+        """One pattern per transducer: shots with the same sensitivity share its calibration error, [n, K]."""
         groups: dict[tuple[float, float], FloatArray] = {}
         start = 0
         for prepared, one, end in zip(self.runs.prepared, self.stack.shots, self.stack.ends, strict=True):
@@ -438,12 +438,12 @@ class JointProblem:
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
 
     def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
-        """The weights with the discrepancies that explain a residual."""
+        """The weights with the discrepancies estimated from a residual."""
         return self.stack.whitening(self.stack.weighed(residual), more)
 
 
 def declared_point(unknowns: Unknowns, problem: JointProblem) -> FloatArray:
-    """The first shot's own values where it declares them, the curve as it is, shape [d]."""
+    """The values declared by the first shot, with the curve unchanged, shape [d]."""
     shot = problem.first.shot
     values = [PARAMETERS[name].held(shot) for name in unknowns.bounds] + [0.0] * unknowns.nodes
     return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)

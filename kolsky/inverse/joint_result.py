@@ -1,7 +1,7 @@
-"""Several shots identified together: settings, result, relaxation that the data do not ask for.
+"""Several shots identified together: settings, result, relaxation that the data do not need.
 
-A strength that the data do not ask for has a value and an interval, whose upper end is a finding. Its
-relaxation time keeps its range, each value of which is equally likely.
+If the data do not need a strength, it still has a value and an interval; the upper end is a useful bound. Its
+relaxation time keeps a uniform distribution over its range.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class JointSettings:
     """Free and held parameters, shot-wise unknowns and numerical choices of a joint identification."""
 
     free: Mapping[str, tuple[float, float] | None] | None = None
-    """Shared free parameters and their bounds, None for the default ones; left out, those that every shot
-    frees by itself."""
+    """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
+    in every single shot."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Parameters held at another value than the shots'."""
     hold: tuple[str, ...] = ()
@@ -33,19 +33,19 @@ class JointSettings:
     numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
     """The mesh of the search, and the arithmetic."""
     refined_mesh: tuple[int, int] = (32, 43)
-    """The mesh the answer is given on."""
+    """The mesh of the answer."""
     replicates: int = 24
-    """Draws of each flyer's motion and of each curve; 0 leaves their noise out of weights and intervals."""
+    """Random draws of each flyer motion and each curve; 0 omits their noise in weights and intervals."""
     curve_nodes: int = 0
-    """Nodes of the curve that are free in place of the stiffness factor, 0 or 4 to `MOST_NODES`."""
+    """Number of free nodes of the curve, which replace the stiffness factor: 0 or 4 to `MOST_NODES`."""
     curve_roughness: float = 0.1
     """Standard deviation of the second difference of the logarithm of the nodes' factors [-]."""
     scatter: bool = True
-    """Whether the shots may differ in stiffness beyond their own noise; its size is estimated."""
+    """True if the shots may differ in stiffness beyond their noise; the scatter is estimated."""
     gain_each: float = 0.0
-    """Standard uncertainty of each shot's own force scale, beside a calibration that shots share [-]."""
+    """Standard uncertainty of the force scale of each shot, in addition to a shared calibration [-]."""
     choose: bool = True
-    """Whether the relaxation is held against the same shots without it."""
+    """True if the model with relaxation is compared with a model without it."""
     seed: int = 1
     """Seed of every random draw."""
 
@@ -65,24 +65,24 @@ class JointSettings:
             )
 
     def of_one(self) -> Settings:
-        """The same for one shot by itself: what is free and held."""
+        """The free and held parameters as settings for a single shot."""
         return Settings(free=self.free, held=self.held, hold=self.hold, numerics=self.numerics)
 
 
 @dataclass(frozen=True)
 class OwnStiffness:
-    """The stiffness that one shot asks for by itself, relative to the shared one, by one linear step."""
+    """Stiffness estimated from one shot only, relative to the shared one, by one linear step."""
 
     value: float
-    """By all its data [-]: 0 where it is the shared one."""
+    """From all its data [-]; 0 means the shared stiffness."""
     sigma: float
-    """Standard uncertainty of its own, what shots share left out [-]."""
+    """Standard uncertainty without the errors shared by the shots [-]."""
     force: float
-    """By its force [-]; NaN where that does not see it."""
+    """From its force [-]; NaN if the force does not depend on it."""
     sigma_force: float
     """Its standard uncertainty [-]."""
     outline: float
-    """By its outline [-]; NaN where none was measured."""
+    """From its outline [-]; NaN if none was measured."""
     sigma_outline: float
     """Its standard uncertainty [-]."""
 
@@ -93,24 +93,24 @@ FORCE_OVER_OUTLINE = "force over the outline"
 
 @dataclass(frozen=True)
 class ShotAgreement:
-    """Whether the shots ask for one stiffness."""
+    """Test whether the shots agree in stiffness."""
 
     chi2: float
     """Sum of squared distances from their weighted mean, each over its variance [-]."""
     freedom: int
-    """Degrees of freedom, shots less one."""
+    """Degrees of freedom: number of shots minus one."""
     probability: float
-    """Probability of one at least so large where the shots agree [-]."""
+    """Probability of a larger chi-square if the shots agree [-]."""
     ratio: float
-    """Stiffness that the stiffest shot asks for over that of the softest [-]."""
+    """Stiffness of the stiffest shot over that of the softest [-]."""
     shots: tuple[str, ...]
-    """The shot that contradicts the others, both of two; empty where none does."""
+    """The shot that contradicts the others, or both if there are two; empty if none does."""
     channel: str
-    """The channel that shows it by itself; "" where it is all data together, or none contradicts."""
+    """The channel that shows the contradiction; "" if all data together show it, or there is none."""
 
     @property
     def apart(self) -> bool:
-        """Whether a shot contradicts the others."""
+        """True if a shot contradicts the others."""
         return bool(self.shots)
 
     @property
@@ -139,12 +139,12 @@ CAUSE_WORDS = {
     "material": "the specimen or reference curve of {shot}, {factor:.4g} ± {both:.2g} times as stiff as the "
     "others",
 }
-"""Input of a shot -> its words, with k = 2."""
+"""Input of a shot -> its description, with k = 2."""
 
 
 @dataclass(frozen=True)
 class ShotCause:
-    """One input of one shot, and what it explains of the misfit of all."""
+    """One input of one shot, and its share in the misfit of all shots."""
 
     shot: str
     """The shot."""
@@ -155,13 +155,13 @@ class ShotCause:
     sigma: float
     """Standard uncertainty of it."""
     gain: float
-    """Fall of -2 ln L by it [-]."""
+    """Decrease of -2 ln L with this input corrected [-]."""
     share: float
-    """Share of a channel's squared residual that it explains, of the channel where it is larger [-]."""
+    """Explained share of a channel's squared residual; the larger one of force and outline [-]."""
 
     @property
     def words(self) -> str:
-        """What is wrong, with its size."""
+        """The error and its size, in words."""
         return CAUSE_WORDS[self.key].format(
             shot=self.shot,
             factor=1.0 + self.amount,
@@ -180,29 +180,29 @@ class ShotPart:
     inputs: Mapping[str, str]
     """SHA-256 of every file that was read."""
     factor: float
-    """Its own stiffness factor, the shared one times its part of the scatter [-]."""
+    """Stiffness factor of this shot: the shared factor and its deviation by the scatter [-]."""
     sigma_factor: float
-    """Standard uncertainty of that part beside the shared factor [-]; 0 where no scatter was found."""
+    """Standard uncertainty of its deviation from the shared factor [-]; 0 if no scatter was found."""
     gain: float
-    """Its own most likely error of the force's scale [-]."""
+    """Most likely error of its force scale [-]."""
     sigma_gain: float
-    """What is left of the scale's uncertainty [-]; 0 where none was declared."""
+    """Remaining uncertainty of the scale [-]; 0 if none was declared."""
     clock: float
-    """Most likely lateness of its force record [s]."""
+    """Most likely delay of its force record [s]."""
     sigma_clock: float
-    """What is left of the clock's uncertainty [s]; 0 where none was declared."""
+    """Remaining uncertainty of the clock [s]; 0 if none was declared."""
     chi2_force: float
     """Mean squared residual of the force over its noise [-]."""
     chi2_outline: float
     """The same of the outline [-]; NaN if none was measured."""
     discrepancy_force: float
-    """What the model leaves of the force's bins beyond their noise [N]."""
+    """Discrepancy tau of the force bins, the residual beyond their noise [N]."""
     discrepancy_outline: float
     """The same of the outline [m]."""
     fit: tuple[FitQuality, ...] = ()
-    """Its channels' residuals beside the residual of a correct model."""
+    """Its channels' residuals, compared with those expected of a correct model."""
     own: OwnStiffness | None = None
-    """What it asks for by itself; None where nothing shared is the stiffness."""
+    """Stiffness from this shot only; None if the stiffness is not a shared unknown."""
 
 
 @dataclass(frozen=True)
@@ -212,34 +212,34 @@ class Scatter:
     value: float
     """Standard deviation [-]."""
     interval: tuple[float, float]
-    """Where the restricted deviance is at most 3.84 above its least: 95 % of one parameter [-]."""
+    """95 % interval: the restricted deviance is at most 3.84 above its minimum [-]."""
 
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """What relaxes, held against the same shots and slow tests without it."""
+    """Comparison of the models with and without relaxation, for the same shots and slow tests."""
 
     aic: float
-    """Akaike's criterion with it less that without it [-]: below 0 speaks for it."""
+    """Akaike's criterion with relaxation minus that without [-]; negative favours relaxation."""
     bic: float
-    """The same of the Bayesian criterion [-]."""
+    """The same for the Bayesian criterion [-]."""
     elastic: Mapping[str, float]
-    """The optimum without it."""
+    """The optimum without relaxation."""
     gain: float
-    """Largest improvement of chi-square at the elastic optimum by a weak branch of any time [-]."""
+    """Largest decrease of chi-square at the elastic optimum by a weak branch of any time [-]."""
     time: float
     """Relaxation time of that branch [s]."""
     probability: float
-    """Share of planted elastic data, with these shots' noise, that improve as much [-]."""
+    """Share of synthetic elastic data, with the noise of these shots, that improve as much [-]."""
     asked_for: bool
-    """Whether both speak for it: criterion below 0, and planted elastic data that seldom improve so."""
+    """True if the criterion is negative and synthetic elastic data rarely improve as much."""
     sentence: str
     """In words."""
 
 
 @dataclass(frozen=True)
 class CurveFound:
-    """The curve that the impacts ask for, with its band."""
+    """The curve identified from the impacts, with its band."""
 
     strain: FloatArray
     """Nodes, nominal strain as of the curve's branch [-], shape [n]."""
@@ -248,11 +248,11 @@ class CurveFound:
     sigma_log: FloatArray
     """Standard uncertainty of the factor's logarithm [-], shape [n]."""
     prior_share: FloatArray
-    """Share of a node's information that smoothness gives and not the data, 0 to 1 [-], shape [n]."""
+    """Share of a node's information from the smoothness prior, not the data, 0 to 1 [-], shape [n]."""
     stretch: FloatArray
     """Stretch of the slow curve [-], shape [p]."""
     stress: FloatArray
-    """Nominal stress that the impacts ask for [Pa], shape [p]."""
+    """Nominal stress identified from the impacts [Pa], shape [p]."""
     band: FloatArray
     """Lower and upper end of its k = 2 band [Pa], shape [2, p]."""
 
@@ -262,42 +262,42 @@ class JointResult(ResultViews):
     """Several shots identified together."""
 
     estimates: Mapping[str, Estimate]
-    """Shared parameters; with free nodes of the curve, those beside them."""
+    """Shared parameters, without the free nodes of the curve."""
     fixed: Mapping[str, float]
-    """What is held."""
+    """The held parameters."""
     correlation: FloatArray
-    """Of the shared parameters in their order, from the data alone, shape [d, d]."""
+    """Correlation of the shared parameters in their order, from the data only, shape [d, d]."""
     expanded: Mapping[str, float]
-    """Half width of each parameter's 95 % interval, in its unit: by Student's t where the scatter between few
-    shots decides."""
+    """Half width of each parameter's 95 % interval, in its unit; by Student's t if the scatter between few
+    shots dominates."""
     shots: tuple[ShotPart, ...]
     """Shot by shot."""
     scatter: Scatter | None
-    """None where it was not asked for."""
+    """Scatter between the shots; None if not requested."""
     slow: Mapping[str, float]
     """Label of each slow test -> mean squared residual over its noise [-]."""
     choice: ModelChoice | None
-    """None where nothing relaxes, or it was not asked for."""
+    """Comparison with and without relaxation; None without relaxation, or if not requested."""
     curve: CurveFound | None
-    """None where the curve keeps its shape."""
+    """The identified curve; None if its nodes are not free."""
     mesh: tuple[int, int]
     """Mesh of the search."""
     refined_mesh: tuple[int, int]
     """Mesh of the answer."""
     runs: int
-    """Simulations made, those found in the ledger not among them."""
+    """Number of simulations, without those found in the ledger."""
     warnings: tuple[str, ...] = ()
-    """What a reader must know."""
+    """Warnings that a user must read."""
     slow_fit: tuple[FitQuality, ...] = ()
-    """The slow tests' residuals beside the residual of a correct model, in units of their sigma."""
+    """The slow tests' residuals and those expected of a correct model, in units of their sigma."""
     agreement: ShotAgreement | None = None
-    """Whether the shots ask for one stiffness; None for one shot."""
+    """Test whether the shots agree in stiffness; None for one shot."""
     causes: tuple[ShotCause, ...] = ()
-    """Where the answer is withheld: what each input of each shot explains, the likeliest first."""
+    """If the answer is withheld: the share explained by each input of each shot, the likeliest first."""
 
     @property
     def explained(self) -> bool:
-        """Whether the shared values explain every shot, channel and slow test, and the shots agree."""
+        """True if the shared values explain every shot, channel and slow test, and the shots agree."""
         fits = (*(fit for shot in self.shots for fit in shot.fit), *self.slow_fit)
         return all(fit.explained for fit in fits) and not (
             self.agreement is not None and self.agreement.apart
@@ -314,26 +314,26 @@ Slow = tuple[Evidence, ...]
 
 
 STRENGTHS = ("prony_strength", "creep_ratio")
-"""How the names of strengths begin."""
+"""Prefixes of the names of strengths."""
 LEAST_STRENGTH = 2.0
-"""Strength over its standard uncertainty, that of the mesh included, above which it is one [-]."""
+"""A strength is significant above this many standard uncertainties, mesh error included [-]."""
 RANGE = "range of the search"
-"""Source of the uncertainty of what is not seen."""
+"""Uncertainty source of a parameter that the data do not constrain."""
 
 
 def is_strength(name: str) -> bool:
-    """Whether a parameter says how strong the relaxation is."""
+    """True if a parameter is a strength of the relaxation."""
     return name.startswith(STRENGTHS)
 
 
 def as_not_seen(e: Estimate) -> Estimate:
-    """An estimate of what the data do not ask for; other parameters stay as they are."""
+    """The estimate of a relaxation constant that the data do not need; other parameters are unchanged."""
     if not PARAMETERS[e.name].relaxes:
         return e
     if is_strength(e.name):
         return replace(e, outcome=Verdict.NOT_SEEN)
     low, high = e.searched
-    width = (high - low) / 12.0**0.5  # standard deviation of values that are evenly likely
+    width = (high - low) / 12.0**0.5  # standard deviation of a uniform distribution
     nothing = dict.fromkeys(e.noise_parts, 0.0)
     return replace(
         e,
@@ -350,14 +350,14 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval of a half width, within the range that was searched; all of it where that alone is known."""
+    """Interval of a half width, cut to the searched range; the whole range if nothing else is known."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 
 def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
-    """What it would take to see constants that were not seen, a sentence a branch.
+    """The strength needed to detect constants that were not detected, one sentence per branch.
 
-    Of a branch whose strength is none of the reasons (its time ends at a bound) nothing is reported here.
+    A branch is not reported if its strength is not the reason (its time ends at a bound).
     """
     said = []
     for name, e in estimates.items():
@@ -377,5 +377,5 @@ def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
 
 
 def rate_of(strength: str) -> str:
-    """The parameter that says how fast what has a strength relaxes."""
+    """The parameter that sets the rate of the branch or network with this strength."""
     return "creep_resistance" if strength == "creep_ratio" else strength.replace("strength", "time")

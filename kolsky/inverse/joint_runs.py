@@ -1,7 +1,7 @@
-"""Simulations of several shots at points of their shared unknowns, each kept in a ledger.
+"""Simulations of several shots at points of their shared unknowns, each stored in a ledger.
 
-The unknowns are parameters of the simulated test and, if asked for, nodes of the curve. All shots run in
-one call of the solver.
+The unknowns are parameters of the simulated test and, if requested, nodes of the curve. All shots run in one
+call of the solver.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Unknowns:
     bounds: Mapping[str, tuple[float, float] | None]
     """Parameters and their bounds, None for the default ones."""
     nodes: int = 0
-    """Nodes of the curve; with them the stiffness factor is 1 by what they mean."""
+    """Number of free nodes of the curve; if there are any, the stiffness factor is 1 by definition."""
 
     def __post_init__(self) -> None:
         if self.nodes and MOVED in self.bounds:
@@ -105,10 +105,10 @@ class Unknowns:
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
         """Derivative of the data by the logarithm of the shear stiffness, the bulk modulus held, shape [k].
 
-        K goes with m / (1 - 2 nu): where Poisson's ratio is free it follows by -(1 - 2 nu) / 2. Otherwise a
-        stiffer specimen would ring at another frequency.
+        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
+        otherwise a stiffer specimen would ring at another frequency.
 
-        ``slopes``: by the unknowns, shape [k, d]. ``x``: where, shape [d].
+        ``slopes``: by the unknowns, shape [k, d]. ``x``: the point, shape [d].
         """
         if self.nodes:
             found = slopes[:, self.n_parameters :].sum(axis=1)
@@ -122,17 +122,17 @@ class Unknowns:
 
 
 def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:
-    """Nominal strains of the nodes, equally far apart from rest to the curve's end, shape [nodes]."""
+    """Nominal strains of the nodes, equally spaced from zero to the curve's end, shape [nodes]."""
     return np.asarray(np.linspace(0.0, float(curve.stretch[-1]) - 1.0, nodes))
 
 
 def curve_bytes(curve: MaterialCurve) -> bytes:
-    """What shots of one curve have in common."""
+    """The bytes of a curve, equal for all shots with this curve."""
     return np.concatenate([curve.stretch, curve.stress]).tobytes()
 
 
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
-    """Stress of the curve times its nodes' factors, whose logarithm is linear in the strain between them.
+    """Stress of the curve times the node factors; their logarithm is interpolated linearly in the strain.
 
     ``curve``: the slow curve. ``logs``: logarithms of the factors at `node_strains`, shape [nodes].
     """
@@ -146,7 +146,7 @@ def smoothness(nodes: int, roughness: float) -> FloatArray:
 
 
 def _joined_box(parameters: Box | None, nodes: tuple[str, ...]) -> Box:
-    """The parameters and, behind them, the nodes."""
+    """The box of the parameters, followed by the nodes."""
     ends = dict.fromkeys(nodes, (-NODE_RANGE, NODE_RANGE))
     if parameters is None:
         return Box.of(ends)
@@ -157,18 +157,18 @@ def _joined_box(parameters: Box | None, nodes: tuple[str, ...]) -> Box:
 
 
 ELEMENTS = ("one_point", "fbar")
-"""Elements by the number that a ledger knows them by."""
+"""Elements, in the order of their numbers in a ledger."""
 
 
 class JointRuns:
-    """Runs every shot at the same points of the shared unknowns: all of them in one call of the solver.
+    """Runs every shot at the same points of the shared unknowns, in one call of the solver.
 
-    On a GPU the shots' batches run at the same time, on a CPU one after the other over its lanes. A run that
-    the ledger holds is not made again.
+    On a GPU the shots' batches run in parallel, on a CPU one after the other over its lanes. A run in the
+    ledger is not repeated.
 
     ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at other values than the
-    shots'. ``ledger``: file that keeps the runs; None keeps them in memory alone. ``replicates``, ``seed``:
-    draws of each flyer's motion and of each curve that `vectors` may ask for; seed of them. ``progress``:
+    shots'. ``ledger``: file that stores the runs; None stores them in memory only. ``replicates``, ``seed``:
+    number of draws of each flyer motion and each curve available to `vectors`; their seed. ``progress``:
     called with stage, runs done, runs in the stage.
     """
 
@@ -199,7 +199,7 @@ class JointRuns:
         motion: Sequence[int] | None = None,
         material: Sequence[int] | None = None,
     ) -> list[FloatArray]:
-        """Bins and all outline points of every shot at some points, shape [n, n_bins + Q] each.
+        """Bins and all outline points of every shot at the given points, shape [n, n_bins + Q] each.
 
         ``stage``: of the progress. ``points``: unknowns in their own units, shape [n, d]. ``numerics``: mesh
         and arithmetic. ``motion``, ``material``: which flyer path and which curve each point takes, 0 the
@@ -269,7 +269,7 @@ class JointRuns:
 
     @cached_property
     def model_hash(self) -> bytes:
-        """SHA-256 of all that a run depends on but its point and its numerics, see `kind_of`."""
+        """SHA-256 of all inputs of a run except its point and its numerics, see `kind_of`."""
         shots = [p.forward.shot for p in self.prepared]
         said = {
             "inputs": [dict(s.inputs) for s in shots],
@@ -284,7 +284,7 @@ class JointRuns:
         return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).digest()
 
     def _recall(self, keys: list[tuple[float, ...]]) -> None:
-        """Take what the ledger holds of some runs into memory."""
+        """Load runs from the ledger into memory."""
         lost = [key for key in keys if key not in self.known]
         if self.ledger is None or not lost or not self._file:
             return
@@ -307,9 +307,9 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers that two runs share only if all numerical choices that move a result are the same.
+    """Numbers that are equal for two runs only if all numerical choices that affect a result are equal.
 
-    The mesh, its grading and the element as they are, the rest as 48 bits of a digest, which a float holds.
+    Mesh, grading and element are stored directly, the rest as 48 bits of a digest, which fit a float.
     """
     rest = replace(numerics, mesh=(0, 0), grading=0.0, element="fbar", device="", threads=None)
     digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
@@ -320,8 +320,8 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
 def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
     """The shot with draws of its motion and its curve; shots of one curve have the same draws of it.
 
-    Their order: the fitted motion, `replicates` drawn ones, and the fitted one larger by its scale's sigma
-    where that is known; the curve, and `replicates` drawn ones.
+    Order of the motions: the fitted one, `replicates` drawn ones and, if the sigma of the scale is known, the
+    fitted one scaled up by it. Order of the curves: the curve, then `replicates` drawn ones.
     """
     if not replicates:
         return prepared.forward

@@ -1,9 +1,9 @@
 """The joint optimum: starting points, steps on the refined mesh, noise patterns there, scatter between
 shots.
 
-The first steps take the slopes of the search's mesh, which each run corrects (Broyden's update). Where
-one leads astray, or `COARSE_SLOPE_RUNS` runs have not converged, slopes are taken on the refined mesh. The
-patterns of the front faces' noise are then computed again at the optimum, on a graded mesh.
+The first steps use the slopes of the search mesh, corrected by each run (Broyden's update). If a step
+increases the misfit, or after `COARSE_SLOPE_RUNS` runs without convergence, slopes are computed on the
+refined mesh. The patterns of the front faces' noise are then computed again at the optimum, on a graded mesh.
 
 The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and
 Thompson 1971). Shot k has the stiffness m (1 + s z_k) with z_k standard normal. Linear about the optimum
@@ -12,8 +12,8 @@ of its stiffness,
 
     -2 ln L(s) = ln det C + ln det (J^T C^-1 J) + r^T (C^-1 - C^-1 J (J^T C^-1 J)^-1 J^T C^-1) r,
 
-C(s) = C_0 + s^2 sum_k u_k u_k^T. The second term counts the freedom that the shared unknowns take:
-without it the scatter of few shots comes out too small.
+C(s) = C_0 + s^2 sum_k u_k u_k^T. The second term counts the degrees of freedom of the shared unknowns:
+without it, the scatter of few shots would be underestimated.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ FACTORS = np.geomspace(0.6, 2.2, 10)
 STRENGTHS = (0.1, 0.5)
 """Strengths of a branch, or ratios of a network, of the scan [-]."""
 TIME_LEVELS = 6
-"""Relaxation times of the scan, or resistances."""
+"""Number of relaxation times, or resistances, in the scan."""
 MOST_VALLEYS = 3
-"""Valleys of Poisson's ratio that are searched from."""
+"""Number of valleys of Poisson's ratio used as starts."""
 
 
 def starts(problem: JointProblem, numerics: Numerics) -> FloatArray:
-    """Points to search from, the likeliest first, shape [n, d].
+    """Starting points of the search, the likeliest first, shape [n, d].
 
     Raises ValueError if no point of a scan has runs that complete.
     """
@@ -74,10 +74,10 @@ def starts(problem: JointProblem, numerics: Numerics) -> FloatArray:
 def relaxing_points(
     problem: JointProblem, x: FloatArray, strengths: Sequence[float] = STRENGTHS, *, follow: bool = True
 ) -> FloatArray:
-    """Points with a branch or a network of some strengths and times beside others, shape [n, d].
+    """Points with a branch or network at several strengths and times, other unknowns fixed, shape [n, d].
 
-    ``problem``: whose unknowns. ``x``: a point without, shape [d]. ``strengths``: strengths [-]. ``follow``:
-    whether the stiffness factor gives way, so that the specimen is as stiff in the mean.
+    ``problem``: defines the unknowns. ``x``: a point without it, shape [d]. ``strengths``: strengths [-].
+    ``follow``: True to reduce the stiffness factor so that the mean stiffness of the specimen stays the same.
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
@@ -97,7 +97,7 @@ def relaxing_points(
 
 
 def second_levels(problem: JointProblem, name: str) -> FloatArray:
-    """Relaxation times, or resistances, of a scan: even in the logarithm over the design's range."""
+    """Relaxation times, or resistances, of a scan, evenly spaced in the logarithm over the design's range."""
     i = list(problem.unknowns.bounds).index(name)
     box = problem.unknowns.box
     return np.geomspace(box.lower[i], box.upper[i], TIME_LEVELS + 2)[1:-1]
@@ -137,35 +137,35 @@ def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatA
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where the search ended."""
+    """The result of the search."""
 
     x: FloatArray
     """The optimum on the refined mesh, shape [d]."""
     start: FloatArray
-    """That on the mesh of the search, shape [d]."""
+    """The optimum on the search mesh, shape [d]."""
     vector: FloatArray
-    """All data as the refined mesh predicts them at `x`, shape [k]."""
+    """Prediction of all data on the refined mesh at `x`, shape [k]."""
     slopes: FloatArray
     """Derivatives there, shape [k, d]."""
     scatter: Scatter | None
-    """Scatter between the shots; None if it was not asked for."""
+    """Scatter between the shots; None if not requested."""
     confirmed: bool
-    """Whether the last run on the refined mesh left the optimum where it was."""
+    """True if the last run on the refined mesh confirmed the optimum."""
 
 
 MOST_RUNS = 12
-"""Most runs on the refined mesh, those beside an optimum for its slopes not among them."""
+"""Maximum number of runs on the refined mesh, without those for slopes."""
 COARSE_SLOPE_RUNS = 3
-"""Runs on the refined mesh that make do with the slopes of the search's mesh."""
+"""Number of runs on the refined mesh that use the slopes of the search mesh."""
 CONFIRMED = 0.25
-"""Length of the last step there, in standard deviations, at which it is confirmed."""
+"""An optimum is confirmed if the last step there is shorter than this, in standard deviations."""
 WORSE_STEP = 1.0
-"""Rise of the deviance beyond which a step was too long."""
+"""A step was too long if the deviance rises by more than this."""
 
 
 @dataclass(frozen=True)
 class _RefinedRun:
-    """A run on the refined mesh, and where its linear model asks to go."""
+    """A run on the refined mesh, and the step to the optimum of its linear model."""
 
     x: FloatArray
     """The point, shape [d]."""
@@ -174,20 +174,20 @@ class _RefinedRun:
     cost: float
     """The deviance."""
     step: FloatArray
-    """To the optimum of the linear model inside the bounds, shape [d]."""
+    """Step to the optimum of the linear model inside the bounds, shape [d]."""
     sigma: FloatArray
     """Standard deviations of the unknowns by it, shape [d]."""
 
     @property
     def confirmed(self) -> bool:
-        """Whether the optimum is where the run was made."""
+        """True if the run confirms the optimum."""
         return bool((np.abs(self.step) <= CONFIRMED * self.sigma).all())
 
 
 def refined_optimum(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimum:
-    """The optimum on the refined mesh, from that on the search's mesh, [d], and the slopes there, [k, d].
+    """The optimum on the refined mesh, from the optimum, [d], and slopes, [k, d], on the search mesh.
 
-    Raises ValueError if a run on the refined mesh, or one beside it, does not complete.
+    Raises ValueError if a run on the refined mesh, or a neighbouring run, does not complete.
     """
     fine = problem.refined
     lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
@@ -220,12 +220,12 @@ def refined_optimum(problem: JointProblem, x: FloatArray, slopes: FloatArray) ->
             best = _judge_run(problem, best.x, best.vector, best.cost, slopes)
             if best.confirmed:
                 break
-        # Where a step has hardly gained anything the next one is half as long: they go to and fro.
+        # If a step hardly reduced the misfit, the next one is halved, because the steps oscillate.
         x = np.clip(best.x + (best.step if gained > WORSE_STEP else 0.5 * best.step), lower, upper)
     assert best is not None
     assert least is not None
     if best.cost > least.cost + WORSE_STEP:
-        best = least  # steps that each rise a little have led away
+        best = least  # steps with small rises have moved away from the optimum
     return Optimum(best.x, start, best.vector, slopes, None, best.confirmed)
 
 
@@ -236,7 +236,7 @@ def _judge_run(
     residual = vector - problem.stack.data
     whitening = problem.whitening(residual)
     rows = whitening.apply(slopes.T)
-    # A bound that is reached is no reason to go on.
+    # A parameter at its bound does not require further steps.
     step = bounded_step(rows, whitening.apply(residual), lower - x, upper - x)
     sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, upper - lower))))
     return _RefinedRun(x, vector, cost, step, sigma)
@@ -250,7 +250,7 @@ def secant(
     x: FloatArray,
     vector: FloatArray,
 ) -> FloatArray:
-    """The slopes that also explain a change between two runs: Broyden's, the unknowns in sigmas, [k, d].
+    """Broyden's update of the slopes from the change between two runs, with unknowns in sigmas, [k, d].
 
     ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and the data
     there, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
@@ -264,10 +264,10 @@ def secant(
 
 
 def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
-    """The optimum on the refined mesh with weights that know the noise as a fine mesh rings with it.
+    """The optimum on the refined mesh with noise patterns computed on a fine mesh.
 
-    Where a surface slides, whose runs jump, where the search has not come to rest, or where the run on the
-    graded mesh is lost, nothing changes; the last is said beside the mesh's part of the interval.
+    Nothing changes if a surface slides (single runs jump), if the search has not converged, or if the run on
+    the graded mesh fails. The last case is reported with the mesh's part of the interval.
     """
     if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
         return found
@@ -279,7 +279,7 @@ def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
 
 
 def shots_slide(problem: JointProblem) -> bool:
-    """Whether a surface of the shots slides, so that single runs jump."""
+    """True if a surface of the shots slides, so that single runs jump."""
     faces = problem.first.shot.interface
     laws = [contact_law(faces.faces), contact_law(faces.side)]
     freed = any_slides([*problem.unknowns.bounds, *problem.runs.held])
@@ -287,9 +287,9 @@ def shots_slide(problem: JointProblem) -> bool:
 
 
 LARGEST = 0.5
-"""Largest relative scatter that is looked for [-]."""
+"""Largest relative scatter searched [-]."""
 SMALLEST = 1e-5
-"""Scatter below which there is none [-]."""
+"""A smaller scatter counts as zero [-]."""
 RISE = 3.84
 """Rise of the deviance at the ends of a 95 % interval of one parameter [-]."""
 COVERAGE = 2.0
@@ -339,10 +339,10 @@ def restricted_scatter(
 
 
 def expanded_scatter(sigma: float, between: float, shots: int) -> float:
-    """Half width of a 95 % interval (k = 2) where part of the variance is a scatter between few shots.
+    """Half width of a 95 % interval (k = 2) if part of the variance is a scatter between few shots.
 
     Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 of n shots for the scatter's part
-    ``between``, infinitely many for the rest; as k = 2 stands for 95.45 %, so does t.
+    ``between``, infinitely many for the rest; the coverage is 95.45 %, as for k = 2.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma
@@ -355,10 +355,10 @@ def between_variance(
 ) -> FloatArray:
     """Variance by the scatter between shots, shape [d].
 
-    At least as much as makes the whole as large as it is where the same residuals are no scatter. ``whole``:
-    variances with the scatter in the weights. ``plain``, ``without``: of independent residuals, with the
-    scatter and as if there were none with the same discrepancies. ``no_scatter``: where the discrepancies
-    explain the residuals in its place.
+    It is large enough that the total variance is not smaller than without a scatter in the weights.
+    ``whole``: variances with the scatter in the weights. ``plain``, ``without``: variances for independent
+    residuals with the same discrepancies, with and without the scatter. ``no_scatter``: variances if the
+    discrepancies explain the residuals instead of the scatter.
     """
     return np.asarray(np.maximum(plain - without, 0.0) + np.maximum(no_scatter - whole, 0.0))
 
@@ -368,14 +368,14 @@ COARSE_PATTERNS = (
     "mesh the search on the refined one has not converged, so that Poisson's ratio and damping may be off "
     "by more than their intervals; refine both meshes"
 )
-"""What is said where the old patterns stay."""
+"""Warning if the old patterns are kept."""
 
 
 def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[str]) -> Optimum:
-    """The optimum with patterns made anew, and with the scatter between the shots.
+    """The optimum with recomputed patterns, and with the scatter between the shots.
 
-    Where the search comes to rest with the old patterns alone, these stay, and `said` has one sentence more:
-    on coarse meshes the new ones may ring at another frequency than the mesh of the slopes.
+    If the search converges only with the old patterns, they are kept and a sentence is added to `said`. On
+    coarse meshes, the new patterns may ring at another frequency than the mesh of the slopes.
     """
     before = problem.stack
     last = with_scatter(problem, with_refined_patterns(problem, found))
@@ -391,7 +391,7 @@ def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[
 
 
 def with_scatter(problem: JointProblem, found: Optimum) -> Optimum:
-    """The optimum with the scatter between the shots, which the weights know from here on."""
+    """The optimum with the scatter between the shots, which is added to the weights."""
     if not problem.settings.scatter or len(problem.stack.shots) < 2:
         return found
     scatter = _estimate_scatter(problem, found)
@@ -401,15 +401,15 @@ def with_scatter(problem: JointProblem, found: Optimum) -> Optimum:
 
 
 def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
-    """The scatter between the shots on the refined mesh; from here on the weights know it."""
+    """Estimate the scatter between the shots on the refined mesh, and add it to the weights."""
     stack, residual = problem.stack, found.vector - problem.stack.data
     change = problem.unknowns.relative_stiffness(found.slopes, found.x)
     patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
     slow = slow_stiffness(change, [part for _, part in problem.slow_parts()])
     patterns = np.concatenate([patterns, slow])
-    # Each shot's discrepancy is what is left once its own stiffness has followed.
+    # The discrepancy of each shot is estimated after its stiffness is fitted.
     objectives = stack.weighed_beside(residual, patterns)
-    # What the data do not see takes no freedom from them.
+    # Unconstrained unknowns do not reduce the degrees of freedom.
     seen = np.linalg.norm(stack.whitening(objectives).apply(found.slopes.T), axis=1)
     slopes = found.slopes[:, seen * problem.unknowns.widths >= BLIND]
     between = restricted_scatter(residual, slopes, patterns, lambda more: stack.whitening(objectives, more))
@@ -425,7 +425,7 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
 
 
 def slow_stiffness(change: FloatArray, parts: Sequence[slice]) -> FloatArray:
-    """A row a slow test that sees the stiffness: a change of all data within its entries, [n, k]."""
+    """One row per slow test that depends on the stiffness: the data change within its entries, [n, k]."""
     rows = np.zeros((len(parts), len(change)))
     for row, part in zip(rows, parts, strict=True):
         row[part] = change[part]

@@ -5,15 +5,15 @@ is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
-with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the
-optimum, the patterns M by which noise of the front face's motion changes all predictions together, the
-common errors O of outline points (`CentreLine.modes`), and, on the refined mesh, slow patterns S with the
+with the measured noise sigma; a discrepancy tau of each channel, estimated from the residual at the optimum;
+the patterns M, which are the correlated changes of all predictions by noise of the front face's motion; the
+common errors O of outline points (`CentreLine.modes`); and, on the refined mesh, slow patterns S with the
 amplitude s.
 
-- Without tau, a channel with a large model error would be trusted as if only its noise were wrong.
+- Without tau, the weight of a channel with a large model error would be too high.
 - Without M, tau would explain the ringing of a noisy onset and reduce the weight of the whole channel.
-- The patterns come from a coarse mesh and are wrong by PATTERN_ERROR: else the phase of every oscillation
-  would decide.
+- The patterns come from a coarse mesh and have the relative error PATTERN_ERROR. Without this term, the phase
+  of every oscillation would dominate the fit.
 
 The slow error is a polynomial of height and time with independent coefficients, e(y, t) = s sum_ij a_ij
 P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES, with Legendre polynomials scaled so that s is its root mean
@@ -38,21 +38,21 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.observations import Observations, Prediction
 
 DEGREES = 4
-"""Polynomials in height and in time, constant to cubic: zero, scale, tilt and bend of a measured surface, and
-how they change as the specimen shortens."""
+"""Number of polynomials in height and in time, constant to cubic. They describe offset, scale, tilt and
+curvature of a measured surface, and their change as the specimen shortens."""
 FEW_PATTERNS = 16
-"""Patterns up to which sums are taken without BLAS."""
+"""Up to this number of patterns, sums are computed without BLAS."""
 LARGEST_AMPLITUDE = 1e6
-"""Largest amplitude that is looked for, over what the independent errors leave of it [-]."""
+"""Largest amplitude searched, over its uncertainty from the independent errors [-]."""
 TRIAL_AMPLITUDES = np.linspace(-5.0, float(np.log(LARGEST_AMPLITUDE)), 40)
-"""Logarithms of the amplitudes that are tried first, in the same measure."""
+"""Logarithms of the amplitudes tried first, with the same normalisation."""
 
 
 def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
     """Patterns of an error with a root mean square of one over the points, shape [DEGREES^2, n].
 
-    Their squares, summed over the patterns and averaged over the points, are one. Fewer patterns where
-    heights or times are too few to tell them apart; none without points.
+    Their squares, summed over the patterns and averaged over the points, are one. Fewer patterns if there are
+    too few heights or times to distinguish them; none without points.
 
     ``height``, ``time``: of the points, in any unit, shape [n].
     """
@@ -64,7 +64,7 @@ def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def _polynomials(x: FloatArray) -> list[FloatArray]:
-    """Legendre polynomials over the range of some values, as many as those tell apart."""
+    """Legendre polynomials over the range of the values, as many as the values can distinguish."""
     many = min(DEGREES, len(np.unique(x)))
     if many < 2:
         return [np.ones(len(x))][:many]
@@ -76,8 +76,9 @@ def _polynomials(x: FloatArray) -> list[FloatArray]:
 def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whitening) -> float:
     """Most likely standard deviation of the patterns' amplitudes, in the residual's unit.
 
-    With C the covariance of all else, whitened patterns B = V S U' and the residual's coordinates h = U' r in
-    the same units, -2 ln L is ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
+    ``other``: the weights by the covariance C of all other errors. With the whitened patterns B = V S U' and
+    the coordinates h = U' r of the whitened residual, -2 ln L is
+    ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
     """
     if not len(patterns):
         return 0.0
@@ -105,10 +106,10 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
 def residual_without_common(
     residual: FloatArray, common: FloatArray, own_sigma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """A residual without its most likely part by common errors, and that part's variance, shape [k] both.
+    """A residual minus its most likely part due to common errors, and the variance of that part, [k] each.
 
-    D (D + M' M)^-1 r with the variances D of what is independent and the common rows M, by Woodbury's
-    identity: the matrix that is inverted has the size of those.
+    It is D (D + M' M)^-1 r with the variances D of the independent errors and the common rows M. Woodbury's
+    identity reduces the inverse to the number of rows of M.
     """
     weight: FloatArray = own_sigma**-2
     inner = np.eye(len(common)) + _product(common * weight, common.T)
@@ -118,13 +119,12 @@ def residual_without_common(
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix product; of few rows without BLAS, whose threads cost more than the sums."""
+    """Matrix product; without BLAS for few rows, where its threads cost more than the sums."""
     return np.asarray(a @ b if len(a) > FEW_PATTERNS else np.einsum("ik,kj->ij", a, b))
 
 
 ROUNDS = 6
-"""Rounds in which the discrepancies and the front face's share of the residual are distinguished; each leaves
-about a tenth of the error."""
+"""Iterations that separate discrepancies and front-face noise; each leaves about a tenth of the error."""
 
 
 def most_likely_discrepancies(
@@ -149,7 +149,7 @@ def most_likely_discrepancies(
 
 
 def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
-    """Root of a weighted mean; zero where that is negative, or of nothing."""
+    """Square root of a weighted mean; zero if the mean is negative or there are no values."""
     return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0
 
 
@@ -162,8 +162,8 @@ def correlated_in_blocks(
 ) -> FloatArray:
     """Covariance with residuals of a block of time correlated in any way, or not, shape [d, d].
 
-    Of the block lengths in `BLOCKS`, and of independent residuals, the one with the largest variances counts.
-    Lengths that leave four blocks a parameter or fewer say nothing.
+    The result is the covariance with the largest variances, among the block lengths in `BLOCKS` and
+    independent residuals. Lengths with four or fewer blocks per parameter are not used.
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -186,7 +186,7 @@ class Prior:
     """
 
     mean: FloatArray
-    """Most likely values before the test, shape [d]; of no account where sigma is infinite."""
+    """Most likely values before the test, shape [d]; not used where sigma is infinite."""
     sigma: FloatArray
     """Standard deviations, shape [d]; infinite where nothing is known."""
 
@@ -203,7 +203,7 @@ class Prior:
         """From declared values with their standard uncertainties; None if no parameter has one.
 
         ``names``: free parameters, in their order. ``declared``: value and standard uncertainty by name;
-        names that are not free are left alone.
+        names that are not free are ignored.
         """
         known = [declared.get(name, (0.0, np.inf)) for name in names]
         if not any(np.isfinite(sigma) for _, sigma in known):
@@ -252,22 +252,22 @@ WITHOUT_DISCREPANCIES = frozenset(
         "times",
     }
 )
-"""What an objective keeps once it is made and no discrepancy changes: the next one has it too."""
+"""Cached properties that do not depend on the discrepancies; the next objective reuses them."""
 
 
 @dataclass(frozen=True)
 class FrontNoise:
-    """What noise of the front face's motion does to predictions, over bins [N] and all points [m]."""
+    """Effect of the noise of the front face's motion on predictions, over bins [N] and all points [m]."""
 
     patterns: FloatArray | None = None
-    """Changes by a standard deviation each of independent modes, shape [n_modes, n_bins + Q]; see
+    """Changes by one standard deviation of each independent mode, shape [n_modes, n_bins + Q]; see
     `kolsky.inverse.coarse_search`. None until they are known."""
     offset: FloatArray | None = None
-    """What the path, moved to where the data put it, adds along those patterns, shape [n_bins + Q]; see
-    `kolsky.inverse.path_noise`. None if it was not moved."""
+    """Change along those patterns by the path corrected to the data, shape [n_bins + Q]; see
+    `kolsky.inverse.path_noise`. None if the path was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
-        """The same over other bins and points; ``entries`` makes them of rows of shape [..., n_bins + Q]."""
+        """The same over other bins and points; ``entries`` maps rows of shape [..., n_bins + Q] to them."""
         return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
 
 
@@ -276,7 +276,7 @@ class Objective:
     """Chi-square of a predicted data vector."""
 
     observations: Observations
-    """What was measured."""
+    """The measurements."""
     counted: NDArray[np.bool_]
     """Outline points that lie inside the model's range in every run, shape [n_points]."""
     front: FrontNoise = field(default_factory=FrontNoise)
@@ -286,9 +286,9 @@ class Objective:
     shape_discrepancy: float = 0.0
     """tau of the outline points [m]."""
     prior: Prior | None = None
-    """What is known of the free parameters beside the data; it is not used for a part of them alone."""
+    """Prior of the free parameters; not used if only a part of the data is fitted."""
     slowly: bool = False
-    """Whether outline points may have a slowly varying error in common."""
+    """True if outline points have a slowly varying common error."""
     slow_discrepancy: float = 0.0
     """Root mean square of that error [m]."""
 
@@ -335,12 +335,12 @@ class Objective:
 
     @cached_property
     def known_common(self) -> FloatArray:
-        """What is known that data have in common: `front_noise`, then `outline_errors`, [n_modes, k]."""
+        """Known common errors of the data: `front_noise`, then `outline_errors`, [n_modes, k]."""
         return np.concatenate([self.front_noise, self.outline_errors])
 
     @cached_property
     def common(self) -> FloatArray:
-        """All that data have in common: what is known, then the slow error, shape [n_modes, k]."""
+        """All common errors of the data: the known ones, then the slow error, shape [n_modes, k]."""
         return np.concatenate([self.known_common, self.slow_discrepancy * self.slow_patterns])
 
     @cached_property
@@ -351,19 +351,19 @@ class Objective:
 
     @cached_property
     def own_sigma(self) -> FloatArray:
-        """Noise, discrepancy and error of the patterns in quadrature: what is independent, shape [k]."""
+        """Independent errors: noise, discrepancy and pattern error in quadrature, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
         return np.sqrt(self.noise**2 + tau**2 + self.pattern_variance)
 
     @cached_property
     def pattern_variance(self) -> FloatArray:
-        """Variance of each entry by what the front face's patterns are off, shape [k]."""
+        """Variance of each entry due to errors of the front face's patterns, shape [k]."""
         return np.asarray(PATTERN_ERROR**2 * (self.front_noise**2).sum(axis=0))
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """Standard deviation of each entry by itself: noise, discrepancies, front face, shape [k]."""
+        """Standard deviation of each entry: noise, discrepancies, front face, shape [k]."""
         return np.sqrt(self.own_sigma**2 + (self.common**2).sum(axis=0))
 
     @cached_property
@@ -371,14 +371,14 @@ class Objective:
         return {}
 
     def whitening(self, part: Part = "joint") -> Whitening:
-        """The weights of a part of the data, for rows of its entries, see `mask`."""
+        """The weights of a part of the data; they apply to rows of its entries, see `mask`."""
         if part not in self._whitenings:
             use = self.mask(part)
             self._whitenings[part] = Whitening(self.own_sigma[use], self.common[:, use])
         return self._whitenings[part]
 
     def whitened(self, rows: FloatArray, part: Part = "joint") -> FloatArray:
-        """Rows of shape [..., k] such that least squares of them weigh the part's data, shape [..., p]."""
+        """Rows of shape [..., k], weighted for least squares with the part's data, shape [..., p]."""
         return self.whitening(part).apply(rows[..., self.mask(part)])
 
     @cached_property
@@ -388,18 +388,18 @@ class Objective:
         return np.concatenate([seen.force_times, seen.centre_line.time[self.counted]])
 
     def vectors(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors, shape [n_samples, k], under the path as its record alone gives it."""
+        """Predicted data vectors, shape [n_samples, k], for the path fitted to its record only."""
         return self.under_fitted_path(
             np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """The same; an outline point that a run does not reach has its measured value and adds nothing."""
+        """The same; an outline point that a run does not reach gets its measured value (zero residual)."""
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
 
     def under_fitted_path(self, vectors: FloatArray) -> FloatArray:
-        """Vectors of shape [..., k] without what moving the front face's path has added to them."""
+        """Vectors of shape [..., k] minus the change by the correction of the front face's path."""
         offset = self.front.offset
         return vectors if offset is None else vectors - offset[self.kept]
 
@@ -422,7 +422,7 @@ class Objective:
         return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
-        """The objective whose discrepancies explain this vector's residual beyond noise and front face.
+        """The objective with discrepancies estimated from this vector's residual beyond noise and front face.
 
         See `kolsky.inverse.objective`.
         """
@@ -440,15 +440,15 @@ class Objective:
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual without its most likely part by what the data have in common, shape [k].
+        """A residual minus its most likely part due to common errors, shape [k].
 
-        D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M, by Woodbury's
-        identity: the matrix that is inverted has the size of those.
+        It is D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M.
+        Woodbury's identity reduces the inverse to the number of rows of M.
         """
         return residual_without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
-        """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
+        """Minus twice the log-likelihood of vectors [n, k], with discrepancies estimated for each, shape [n].
 
         Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
         """
@@ -460,23 +460,22 @@ class Objective:
         return np.array(found)
 
     def balanced_deviance(self, vectors: FloatArray) -> FloatArray:
-        """`deviance` in which a frame's outline counts as one entry, shape [n].
+        """`deviance`, with the outline of each frame counted as one entry, shape [n].
 
-        For vectors from a mesh that is too coarse for the outline's noise: their residuals are smooth fields,
-        of which a frame's points are no independent witnesses, and by number alone the outline's points would
-        outvote the force.
+        For vectors from a mesh that is too coarse for the outline's noise. Their residuals are smooth fields,
+        so the points of a frame are not independent and would outweigh the force by their number.
         """
         if not self.observations.has_shape:
             return self.deviance(vectors)
         return self.deviance(vectors, "force") + self.deviance(vectors, "shape") / self.points_per_frame
 
     def prior_chi2(self, x: FloatArray, part: Part = "joint") -> float:
-        """What the prior adds to `chi2` at a point, shape [d]; nothing for a part of the data alone."""
+        """Contribution of the prior to `chi2` at a point, shape [d]; zero for a single part of the data."""
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """What the prior adds to the normal matrix J^T C^-1 J, shape [d, d]; of what comes behind the free
-        parameters (a clock's lag, fitted beside them) it says nothing."""
+        """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]; zero for unknowns after
+        the free parameters, such as a clock lag."""
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)
@@ -512,7 +511,8 @@ class Objective:
     def scale_error(self) -> FloatArray:
         """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
-        A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
+        A wrong scale is not noise: it changes the whole force by one factor, and the residuals may not show
+        it.
         """
         transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
         return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
@@ -525,14 +525,13 @@ class Objective:
     def residual_covariance(
         self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint"
     ) -> FloatArray:
-        """Covariance of the optimum from the residuals and the prior, correlated in time or not, [d, d].
+        """Covariance of the optimum from residuals and prior, with or without time correlation, [d, d].
 
-        What the front face's noise explains of the residuals is not in it; the slow error of the outline is.
-        It is the Gauss-Newton covariance for independent residuals, or the block "sandwich" in which the
-        residuals of a block of time may be correlated in any way, whichever is larger
-        (`kolsky.inverse.objective`). Nor is one preferred below that of weights by each entry's whole
-        variance, as if the front face's noise had nothing in common: the patterns serve the answer, its
-        interval does not rest on them.
+        The part of the residuals due to the front face's noise is excluded; the slow error of the outline is
+        included. It is the larger of the Gauss-Newton covariance for independent residuals and the block
+        "sandwich", in which residuals may be correlated within a time block (`kolsky.inverse.objective`). The
+        variance is never smaller than with uncorrelated weights: the common patterns may improve the
+        estimate, not shrink its interval.
         """
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)
@@ -548,6 +547,6 @@ class Objective:
         return np.asarray(scale[:, None] * best * scale)
 
     def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
-        """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
+        """Variances of the optimum with uncorrelated weights (total variance of each entry), shape [d]."""
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
         return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))

@@ -1,7 +1,7 @@
 """Measurements inside the window, and the same quantities predicted from simulations of the shot.
 
-Force samples become means over bins; the outline is compared at the measured heights. The model's side
-surface is a monotone cubic through its nodes, whose radius is found at a given height.
+Force samples are averaged over bins; the outline is compared at the measured heights. The side surface of the
+model is a monotone cubic through its nodes, evaluated at these heights.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 
 LEAST_STEP = 1e-7
-"""Two neighbours whose y differ by less lie on one platen [m]: above the solver's round-off, and far
-below the distance of two free nodes."""
+"""Two neighbouring nodes whose y differ by less lie on one platen [m]. It is above the solver's round-off and
+far below the distance of two free nodes."""
 HEIGHT_TOLERANCE = 1e-12
-"""How close y is brought to the measured height [m]."""
+"""Tolerance of y at the measured height [m]."""
 MOST_BISECTIONS = 100
 
 
@@ -102,7 +102,8 @@ def _monotone(
 ) -> FloatArray:
     """Slopes limited to 0 ... 3 times the smaller neighbouring difference (Fritsch and Carlson 1980).
 
-    Without it the cubic y would turn back where a node is about to land, and a height have three answers.
+    Without the limit, y would not be monotone near a node that is about to touch a platen, and a height could
+    have three solutions.
     """
     step = np.diff(f, axis=1)
     interval = np.arange(step.shape[1])
@@ -143,7 +144,7 @@ def _solve(c: Cubic, at: FloatArray) -> FloatArray:
 
 
 SAME_TIME = 1e-9
-"""Times closer than this are one [s]: the platen moves by 5 nm meanwhile."""
+"""Times closer than this count as equal [s]: the platen moves by 5 nm in this time."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +158,9 @@ class Observations:
     centre_line: CentreLine
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     incident: ForceBins | None = None
-    """The incident force at the flyer's transducer in bins of its own samples; None if it is not compared."""
+    """The incident force at the flyer's transducer, in bins of its samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
-    """Standard uncertainty of the transmitted force's scale, common to all samples [-]; in no sigma above."""
+    """Standard uncertainty of the scale of the transmitted force [-]; not part of the sigmas above."""
 
     @property
     def has_shape(self) -> bool:
@@ -192,9 +193,10 @@ class Observations:
         return np.concatenate([force.centres for force in self.forces])
 
     def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
-        """What a function of bins and "transmission" or "flyer" gives for every force, joined.
+        """Apply a function of bins and force name to every force, and join the results.
 
-        ``of``: the name is that of the force in `explicit.Response`.
+        ``of``: called with the bins and "transmission" or "flyer", the name of the force in
+        `explicit.Response`.
         """
         return np.concatenate(
             [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
@@ -220,7 +222,7 @@ class Prediction:
     """Points that the model's free surface reaches, shape [n_samples, Q]."""
 
     def select(self, rows: Sequence[int] | NDArray[np.intp]) -> Prediction:
-        """Some of the simulations."""
+        """A subset of the simulations."""
         return Prediction(*(getattr(self, one.name)[rows] for one in fields(self)))
 
     @classmethod
@@ -237,7 +239,7 @@ def observe(
     bin_width: float = CAMERA_FRAME,
     incident: ForceHistory | None = None,
 ) -> Observations:
-    """Keep what lies inside the window, and bin the force.
+    """Select the data inside the window, and bin the force.
 
     ``force``: the transmitted force. ``centre_line``: the outline; None if none was measured. ``window``:
     first and last time, both included [s]. ``bin_width``: width of the force bins [s]; the camera's frame
@@ -274,8 +276,8 @@ def predict(response: Response, observations: Observations) -> Prediction:
     """Predict the measured quantities from every simulation of a batch.
 
     The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is the
-    difference of the impulse at its edges over its width: exact, whatever the force does in between. The
-    radius is interpolated by `kolsky.inverse.observations.radius_at`, never beyond the model's range.
+    difference of the impulse at its edges over its width, which is exact. The radius is interpolated by
+    `kolsky.inverse.observations.radius_at`, never beyond the model's range.
 
     Parameters
     ----------
@@ -283,7 +285,7 @@ def predict(response: Response, observations: Observations) -> Prediction:
         Completed simulations; its `surface_times` contain every frame and its `force_times` every bin
         edge, and they span the recorded samples.
     observations : Observations
-        What to predict.
+        The measurements to predict.
 
     Raises
     ------
@@ -320,7 +322,7 @@ def predict(response: Response, observations: Observations) -> Prediction:
 
 
 def _bin_means(response: Response, bins: ForceBins, force: str) -> FloatArray:
-    """Means of a simulated force over bins, exact whatever it does in between, shape [n_samples, n_bins]."""
+    """Exact means of a simulated force over bins, from its impulse, shape [n_samples, n_bins]."""
     impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
     edge = _rows(response.force_times, bins.edges, "bin edge", "force_times")
     return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))

@@ -1,8 +1,8 @@
-"""Parameters that a simulation of a shot can vary: one record each, constants of relaxation among them.
+"""Parameters that a simulation of a shot can vary, one record each, including constants of relaxation.
 
 A new parameter is one entry of `PARAMETERS`: its unit, range, default design, and the field of
-`explicit.Samples` that it enters. `what_relaxes` turns constants of a Prony series or of Bergström and
-Boyce's network, given by name, into what the solver takes.
+`explicit.Samples` that it enters. `what_relaxes` converts named constants of a Prony series or of a
+Bergström-Boyce network into the solver's input.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Parameter:
     name: str
     """Name at the API and the command line."""
     words: str
-    """What it is, as tables and axes of the report write it."""
+    """Description, as used in tables and on axes of the report."""
     symbol: str
     """Symbol in plain text of the command line."""
     written: str
@@ -65,31 +65,31 @@ class Parameter:
     held: Callable[[Shot], float]
     """The value that a shot declares for it."""
     enters: Callable[[Fields, Any], Fields] | None = None
-    """The solver's samples with a value of it, from those without; None sets the field of its name."""
+    """Function that enters a value into the solver's samples; None sets the field of its name."""
     uncertainty: bool = False
-    """Whether [uncertainty] of shot.toml has a key of its name."""
+    """True if [uncertainty] of shot.toml has a key of this name."""
     slides: bool = False
-    """Whether naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
+    """True if naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
     read_by: str = ""
-    """Field of `explicit.contact.ContactLaw` that says whether a law reads it; empty if no contact law is
-    needed for it to have an effect."""
+    """Field of `explicit.contact.ContactLaw` that is true if a law reads it; empty if it has an effect
+    without a contact law."""
     without: str = ""
-    """Why it has no effect where no contact law reads it, in words."""
+    """The reason why it has no effect if no contact law reads it, in words."""
     scale: Callable[[float], float] | None = None
     """A change from a value that counts as large, in its unit; None takes `explicit.model.scale_of`."""
     changed: Callable[[Shot, float], Shot] | None = None
-    """The shot with another declared value; needed where naming the parameter does more than that."""
+    """The shot with another declared value; needed if naming the parameter does more than that."""
     logarithmic: bool = False
-    """Whether a search moves its logarithm: its range spans decades."""
+    """True if a search uses its logarithm because its range spans decades."""
     relaxes: bool = False
-    """Whether it is a constant of the relaxation, which only a shot with such a [relaxation] has."""
+    """True if it is a constant of the relaxation; only a shot with such a [relaxation] has it."""
 
     def entered(self, fields: Fields, value: Any) -> Fields:
         """The solver's samples with a value of the parameter."""
         return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
 
     def belongs_to(self, shot: Shot) -> bool:
-        """True if a simulation of the shot has it: all have but for the constants of the relaxation."""
+        """True if the shot has the parameter; only constants of the relaxation may be missing."""
         return not self.relaxes or (shot.relaxation is not None and self.name in shot.relaxation.values)
 
 
@@ -185,11 +185,11 @@ RELAXING: tuple[Parameter, ...] = (
     _creep("creep_chain_exponent", "exponent of the creep that has been", "C", least=-1.0, most=0.0),
     _creep("creep_first", "stretch that keeps the first creep finite", "xi", least=1e-9, most=1.0),
 )
-"""Constants of the relaxation; a shot has those of its own [relaxation]."""
+"""Constants of the relaxation; a shot has those of its [relaxation]."""
 
 
 MOVED = "stiffness_factor"
-"""The parameter that every search of a shot moves, alone where the others are held."""
+"""The parameter that every search of a shot varies, even if all others are held."""
 
 PARAMETERS: dict[str, Parameter] = {
     p.name: p
@@ -284,9 +284,9 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def parameter(name: str) -> Parameter:
-    """Look a parameter up.
+    """Look up a parameter by name.
 
-    Raises ValueError if there is no such parameter; the message lists those there are.
+    Raises ValueError if there is no such parameter; the message lists all parameters.
     """
     if name not in PARAMETERS:
         raise ValueError(f"there is no parameter {name!r}; choose from {', '.join(PARAMETERS)}")
@@ -340,8 +340,8 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
     """Refuse parameters that would have no effect with the contact laws of end faces and side surface.
 
-    Raises ValueError if one is read by neither law, and none that makes the surfaces slide is named with it;
-    or if it is named beside one that does.
+    Raises ValueError if neither law reads a parameter and no named parameter makes the surfaces slide, or if
+    it is named together with a parameter that does.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -382,19 +382,20 @@ def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
 
 
 START_STRENGTH = 0.2
-"""Strength of a branch, or ratio of a network, that a search without a declared one starts from [-]."""
+"""Initial strength of a branch, or ratio of a network, in a search without a declared value [-]."""
 START_SHARES = {1: (0.25,), 2: (0.08, 0.6), 3: (0.04, 0.2, 1.0)}
-"""Relaxation times that a search starts from, over the duration of the window [-], by number of branches."""
+"""Initial relaxation times of a search over the duration of the window [-], by number of branches."""
 START_STRESS = 0.5
-"""Resistance of a network that a search starts from, over the curve's largest stress [-]."""
+"""Initial resistance of a network in a search, over the largest stress of the curve [-]."""
 
 
 def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
-    """Take the constants of the relaxation out of the samples' fields, and put a choice among materials in.
+    """Replace the constants of the relaxation in the samples' fields by an index into a list of materials.
 
     ``fields``: fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of
-    `relaxation`. ``relaxation``: of the shot; None leaves the fields as they are. Returns: with the field
-    "relaxation", an index a sample, and what it chooses from: `explicit.Model.relaxation`, each once.
+    `relaxation`. ``relaxation``: that of the shot; None leaves the fields unchanged. Returns: the fields with
+    "relaxation", an index per sample, and the materials to choose from, each once, for
+    `explicit.Model.relaxation`.
     """
     if relaxation is None:
         return fields, ()
@@ -419,10 +420,10 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with the relaxation free, whatever it declares: starting values from its window and curve.
+    """The shot with a free relaxation that replaces the declared one; initial values from window and curve.
 
     ``shot``: the shot. ``kind``: Prony series or network. ``branches``: of a series, 1 to
-    `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if there can be no such number of branches.
+    `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if the number of branches is not allowed.
     """
     if kind == "bergstrom_boyce":
         largest = float(abs(shot.curve.stress).max())
@@ -442,23 +443,24 @@ def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot
 
 
 def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
-    """Poisson's ratio that leaves the bulk modulus where the instantaneous stiffness is a factor larger [-].
+    """Poisson's ratio that keeps the bulk modulus if the instantaneous stiffness increases by a factor [-].
 
-    The bulk modulus goes with m (1 + c) / (1 - 2 nu), of all strengths c, and sets the pace of the ringing: a
-    branch that moved it by a percent would be out of step within the shot, which is no effect of a branch
-    where Poisson's ratio is free to follow.
+    The bulk modulus is proportional to m (1 + c) / (1 - 2 nu), with c the sum of all strengths, and
+    determines the frequency of the ringing. If a branch changed it by one percent, the ringing would be out
+    of phase within the shot. A free Poisson's ratio compensates this change, so it is not an effect of the
+    branch.
 
-    ``poisson``: poisson's ratio [-]. ``stiffer``: the instantaneous stiffness over what it was [-].
+    ``poisson``: Poisson's ratio [-]. ``stiffer``: factor on the instantaneous stiffness [-].
     """
-    import numpy as np  # not for the help of commands
+    import numpy as np  # imported here: the help of commands does not need it
 
     return np.asarray(0.5 - (0.5 - np.asarray(poisson)) * np.asarray(stiffer), dtype=np.float64)
 
 
 def reference_words(names: Iterable[str]) -> str:
-    """The curve that m refers to, by the names of a result's parameters; empty where nothing relaxes.
+    """The curve that m refers to, in words, from a result's parameter names; empty without relaxation.
 
-    ``names``: of all parameters of the result, free or held.
+    ``names``: names of all parameters of the result, free or held.
     """
     there = {name for name in names if name in PARAMETERS and PARAMETERS[name].relaxes}
     if not there:
@@ -468,7 +470,7 @@ def reference_words(names: Iterable[str]) -> str:
 
 
 def parsed_kind(text: str) -> tuple[RelaxationKind, int]:
-    """A kind as a command line writes it: "prony", "prony:2", "bergstrom_boyce".
+    """Parse a kind of relaxation from the command line: "prony", "prony:2", "bergstrom_boyce".
 
     Raises ValueError if it is none of these.
     """

@@ -1,12 +1,12 @@
-"""Noise of the front face's path: its modes, their most likely amplitudes, and the path moved by them.
+"""Noise of the front face's path: its modes, their most likely amplitudes, and the path corrected by them.
 
-Noise of a flyer's record moves the onset of its motion, and a soft specimen rings with it. Modes are
-independent changes of the path with what each does to the data (singular vectors of what the patterns of
-its noise do). They are changes of the data at one point and ring at that point's frequency: where the path
-is off by much, an estimate of Poisson's ratio would follow them instead of the data. So the model is run
-under the path p = p_0 + sum_k c_k d_k that explains the residual, over patterns d_k of the noise of the
-fitted path p_0, and the same change in terms of the modes, M' a, is taken off its predictions. For a linear
-response nothing changes, the prior of the path included.
+Noise of a flyer's record shifts the onset of its motion, and the ringing of a soft specimen depends on the
+onset. Modes are independent changes of the path with their effect on the data (singular vectors of the
+effects of its noise patterns). They are computed at one point and ring at that point's frequency. If the path
+error is large, an estimate of Poisson's ratio would follow the modes instead of the data. The model is
+therefore run with the path p = p_0 + sum_k c_k d_k that explains the residual, with patterns d_k of the noise
+of the fitted path p_0. The same change in terms of the modes, M' a, is subtracted from its predictions. For a
+linear response nothing changes, the prior of the path included.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
 PATTERNS = 16
-"""Patterns of the path's noise that are run [-]: 0.999 of what all 174 do to the data of `runs/open-01` and
-`runs/open-05`, in squares; as many draws miss or add a fifth."""
+"""Number of noise patterns of the path that are run [-]. They give 0.999 of the variance by all 174 patterns
+in the data of `runs/open-01` and `runs/open-05`; as many random draws are off by a fifth."""
 SMALLEST_MODE = 0.3
-"""A mode that moves the whole data vector by less, in units of its noise, is left out."""
+"""A mode that changes the whole data vector by less, in units of its noise, is left out."""
 
 
 @dataclass(frozen=True)
 class PathModes:
-    """Independent changes of the path with what each does to the data, a standard deviation a mode."""
+    """Independent changes of the path and their effect on the data, one standard deviation per mode."""
 
     patterns: FloatArray
     """Changes of bins and all points, shape [q, k]."""
     shares: FloatArray
-    """Shares of the jerks in each mode [-], rows of length 1 at right angles, shape [q, n]."""
+    """Shares of the jerks in each mode [-], orthonormal rows, shape [q, n]."""
     jerks: FloatArray
-    """Independent changes of the path's jerk, a standard deviation each [m/s^3], shape [n, n_spans]."""
+    """Independent changes of the path's jerk, one standard deviation each [m/s^3], shape [n, n_spans]."""
 
     @classmethod
     def of(cls, change: FloatArray, noise: FloatArray, jerks: FloatArray) -> PathModes:
-        """From what independent changes of the path do to the data.
+        """The modes from the effect of independent changes of the path on the data.
 
-        ``change``: data under each change less those under the path, shape [n, k]. ``noise``: standard
+        ``change``: data with each change minus those with the path, shape [n, k]. ``noise``: standard
         deviations of the data, shape [k]. ``jerks``: as above, shape [n, n_spans].
         """
         left, size, right = np.linalg.svd(change / noise, full_matrices=False)
@@ -55,29 +55,29 @@ class PathModes:
         return self.shares @ self.jerks
 
     def amplitudes(self, shares: FloatArray) -> FloatArray:
-        """Amplitudes of the modes in a path that has some shares of the jerks, shape [q].
+        """Amplitudes of the modes in a path with given shares of the jerks, shape [q].
 
-        What of it no mode reaches is left out.
+        Changes outside the modes are left out.
 
         ``shares``: shape [n].
         """
         return np.asarray(self.shares @ shares)
 
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
-        """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
+        """The fitted path plus modes of given amplitudes, shape [q]; its covariance is unchanged."""
         return replace(fitted, jerk=fitted.jerk + amplitudes @ self.own_jerks)
 
 
 @dataclass(frozen=True)
 class MovedFront:
-    """The front face's path that the model is run under: that of the record, moved by modes of its noise."""
+    """The front face's path used in the runs: the fitted path, corrected by modes of its noise."""
 
     fitted: FlyerPath
-    """As fitted to the record."""
+    """The path fitted to the record."""
     modes: PathModes
-    """Of its noise."""
+    """Modes of its noise."""
     amplitudes: FloatArray
-    """Of the modes in the path [-], shape [q]."""
+    """Amplitudes of the modes in the path [-], shape [q]."""
 
     @property
     def path(self) -> FlyerPath:
@@ -86,24 +86,24 @@ class MovedFront:
 
     @property
     def offset(self) -> FloatArray:
-        """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
+        """The same change in terms of the patterns, which is subtracted from predictions, shape [k]."""
         return np.asarray(self.amplitudes @ self.modes.patterns)
 
 
 @dataclass(frozen=True)
 class FrontPath:
-    """The front face's path that the model is run under, and what noise of it does to the data."""
+    """The front face's path used in the runs, and the effect of its noise on the data."""
 
     path: FlyerPath
     """The path."""
     noise: FrontNoise = field(default_factory=FrontNoise)
-    """Its patterns, and what the path's move adds along them."""
+    """Its patterns, and the change by the path correction along them."""
     moved: MovedFront | None = None
-    """How it was moved; None if it is as fitted to the record."""
+    """The path correction; None if the path is as fitted to the record."""
 
     @classmethod
     def following(cls, moved: MovedFront) -> FrontPath:
-        """A moved path, its change taken off by its patterns."""
+        """A corrected path; its change is subtracted by means of its patterns."""
         return cls(moved.path, FrontNoise(moved.modes.patterns, moved.offset), moved)
 
     def with_noise(self, patterns: FloatArray, offset: FloatArray | None = None) -> FrontPath:
@@ -112,7 +112,7 @@ class FrontPath:
 
 
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:
-    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
+    """Standard uncertainty from replicates: root mean square of the shifts of the optimum.
 
     ``moves``: optimum of each replicate minus that of the reference, shape [n, d]. Returns: in the
     parameters' units, shape [d].
@@ -121,9 +121,9 @@ def replicate_uncertainty(moves: FloatArray) -> FloatArray:
 
 
 def data_change(prediction: Prediction) -> FloatArray:
-    """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
+    """Bins and all points of every run minus those of the first, shape [n, n_bins + Q].
 
-    A point that a run does not reach adds nothing.
+    The change of a point that a run does not reach is zero.
     """
     vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
     return np.nan_to_num(vectors - vectors[0])
@@ -132,7 +132,7 @@ def data_change(prediction: Prediction) -> FloatArray:
 def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
     """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
 
-    ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
+    ``change``: data of each replicate minus those of the reference, shape [n, k]. ``noise``: standard
     deviations of the data, shape [k].
     """
     return PathModes.of(change / np.sqrt(len(change)), noise, change).patterns
@@ -144,24 +144,24 @@ def noise_of(observations: Observations) -> FloatArray:
 
 
 def rms_amplitude(amplitudes: FloatArray) -> float:
-    """Root mean square of amplitudes [-]; 0 of none."""
+    """Root mean square of amplitudes [-]; 0 if there are none."""
     return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
 
 
 FOLLOWED = 2.0
-"""Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
-patterns are linear enough for what they have to explain [-]. Not so where Poisson's ratio is free: there any
-path is followed, for patterns that ring at one frequency hold it there."""
+"""Root mean square of the amplitudes (prior: standard normal) up to which the path is not corrected [-]: the
+linear patterns are accurate enough. If Poisson's ratio is free, every path is corrected, because patterns
+that ring at one frequency would fix the ratio at that frequency."""
 CREDIBLE = 4.0
-"""The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
-and no path may hide that."""
+"""The same beyond which the path is not corrected [-]: such a record is wrong, not noisy, and a correction
+would hide the error."""
 
 
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     """Most likely amplitudes of the front face's patterns for a residual, shape [q].
 
-    a = M C^-1 r with the patterns M, standard normal beforehand, and the covariance C of the residual
-    r = data - prediction, theirs included.
+    a = M C^-1 r with the patterns M (amplitudes standard normal a priori) and the covariance C of the
+    residual r = data - prediction, patterns included.
 
     ``objective``: with the patterns, and the discrepancies of the residual. ``residual``: shape [k].
     """
@@ -169,5 +169,5 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
 
 
 def credible(amplitudes: FloatArray) -> bool:
-    """True if there are amplitudes, and noise of the record may have brought them."""
+    """True if there are amplitudes and they are plausible as noise of the record."""
     return 0.0 < rms_amplitude(amplitudes) <= CREDIBLE

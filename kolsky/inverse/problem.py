@@ -1,15 +1,15 @@
 """The inverse problem of one shot: prepared data, settings, free parameters, provenance.
 
-Stiffness factor, Poisson's ratio and damping are free by default: the ringing of the force fixes the last
-two better than a data sheet, as long as the specimen holds on the platens. [uncertainty] of shot.toml is
-used so:
+Stiffness factor, Poisson's ratio and damping are free by default. The ringing of the force constrains the
+last two better than a data sheet, if the specimen sticks to the platens. The table [uncertainty] of shot.toml
+is used as follows:
 
 - a standard uncertainty makes the declared value a Gaussian prior,
 - an uncertainty of 0 holds the parameter at the declared value,
 - without an entry the parameter is uniform over the range of its design.
 
-Constants of relaxation are free where [relaxation] says so and an outline was measured. Where a surface
-slides or lets go, or without an outline, the stiffness factor alone is free.
+Constants of relaxation are free if [relaxation] declares them free and an outline was measured. If a surface
+slides or lets go, or without an outline, only the stiffness factor is free.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot
 
 BINS = 30
-"""Bins of the force where no camera's frames give their width: some ten a transit of a soft specimen, and few
-enough that what rings in a mesh is averaged."""
+"""Number of force bins if no camera frames define their width. There are about ten per wave transit of a soft
+specimen, and few enough to average the ringing of the mesh."""
 OUTLINES = 65
-"""Times at which the simulated outline is kept where none was measured, first and last included."""
+"""Number of output times of the simulated outline if none was measured, first and last included."""
 
 
 @dataclass(frozen=True)
 class PreparedShot:
-    """A shot ready for simulation: the forward model, the observations, figures about the data."""
+    """A shot prepared for simulation: forward model, observations, figures about the data."""
 
     forward: Forward
     """The shot ready to run."""
     observations: Observations
-    """What its instruments saw inside the window."""
+    """The measurements inside the window."""
     checks: dict[str, Any]
-    """Figures that tell whether the declared noise is believable and how far the curve reaches."""
+    """Figures that show whether the declared noise is plausible and how far the curve reaches."""
     motion_sigma_gain: float = 0.0
     """Standard uncertainty of the scale of the front face's motion [-]; not in the path's covariance."""
 
@@ -71,10 +71,10 @@ class PreparedShot:
         curves: int | None = None,
         path: FlyerPath | None = None,
     ) -> Forward:
-        """The forward model with `n` more flyer paths, `n` or `curves` more curves, drawn from their noise.
+        """The forward model with more paths (`n`) and curves (`n` or `curves`), drawn from their noise.
 
-        Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
-        number needs no draws. ``path``: what they are drawn about; the fitted one if left out.
+        If the scale of the motion is uncertain, the last path is the first one scaled up by its sigma; a
+        single number needs no draws. ``path``: mean of the drawn paths; default: the fitted path.
         """
         path = path or self.path
         scaled = (path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
@@ -144,7 +144,7 @@ def _sampled(observations: Observations) -> FloatArray:
 
 
 def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
-    """Width of the force's bins [s]: a share of the window, not below the sampling."""
+    """Width of the force bins [s]: the window over `BINS`, at least the sampling interval."""
     inside = force.time[(force.time >= window[0]) & (force.time <= window[1])]
     if inside.size < 2:
         raise ValueError(
@@ -155,9 +155,9 @@ def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
 
 
 DEFAULT = ("stiffness_factor", "poisson", "damping")
-"""Parameters that are free where a shot's data can tell them."""
+"""Parameters that are free if the data of a shot constrain them."""
 ONE_FREE = ("stiffness_factor",)
-"""What is free where a surface slides or lets go."""
+"""Free parameters if a surface slides or lets go."""
 
 HELD_AS_ASKED, EXACT = "held as asked", "declared exact in [uncertainty]"
 NO_OUTLINE = "held because no outline was measured"
@@ -176,7 +176,7 @@ class Freed:
     settings: Settings
     """With `free` filled in."""
     by_default: bool
-    """Whether the free parameters are the default's choice, and may be held if the data cannot tell them."""
+    """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
     """Why a parameter of `DEFAULT` is held, by its name."""
 
@@ -196,7 +196,7 @@ class Freed:
         return Prior.of(tuple(self.free), declared)
 
     def said(self, shot: Shot) -> Iterator[str]:
-        """Say which parameters the data could not tell: one sentence each."""
+        """One sentence for each parameter that the data did not constrain."""
         for name, why in self.reasons.items():
             if why not in REASONS_BEFORE_RUNS and name not in self.settings.held:
                 p = PARAMETERS[name]
@@ -206,7 +206,7 @@ class Freed:
                 yield f"{name} = {value} as declared, {why}: the answer holds if that is right"
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> Freed:
-        """The same with parameters held, for a reason each: at values, or at the shot's."""
+        """The same with parameters held, each for a reason, at a given value or the shot's value."""
         free = {name: bounds for name, bounds in self.free.items() if name not in reasons}
         held = {**self.settings.held, **at}
         settings = replace(self.settings, free=free, held=held)
@@ -214,14 +214,14 @@ class Freed:
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
-    """Fill in what the settings leave open.
+    """Choose the free parameters that the settings do not specify.
 
     Parameters
     ----------
     settings
         As the user gave them.
     shot
-        What it declares of interface and uncertainty.
+        The shot; its declared interface and uncertainties are used.
 
     Raises
     ------
@@ -262,16 +262,16 @@ def rough(shot: Shot, named: Iterable[str]) -> bool:
 
 @dataclass(frozen=True)
 class InverseProblem:
-    """The inverse problem of one shot: its data, and what is free, where, and what is known of it."""
+    """The inverse problem of one shot: data, free parameters, their bounds and priors."""
 
     prepared: PreparedShot
-    """The shot, its path as fitted to the record."""
+    """The prepared shot, with the path fitted to the record."""
     freed: Freed
-    """What is free, and why the rest is not."""
+    """Free parameters, and the reasons for holding the others."""
     box: Box
-    """Where the free parameters may lie."""
+    """Bounds of the free parameters."""
     prior: Prior | None
-    """What is known of them beside the data."""
+    """Their prior; None if nothing is declared."""
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
@@ -284,15 +284,15 @@ class InverseProblem:
 
     @classmethod
     def freeing(cls, prepared: PreparedShot, freed: Freed) -> InverseProblem:
-        """The problem of a prepared shot with what is free in it."""
+        """The problem of a prepared shot with given free parameters."""
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The same with parameters held, for a reason each: at values, or at the shot's."""
+        """The same with parameters held, each for a reason, at a given value or the shot's value."""
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:
-        """The same of one parameter by the data alone, the other free ones at the shot's values."""
+        """The same problem with one free parameter and no prior; the others keep the shot's values."""
         i = self.box.names.index(name)
         return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
 
@@ -318,15 +318,15 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Those of the refined mesh: graded, but where single runs jump, since a surface slides, and where
-        runs are corrected for Poisson's ratio, since that correction has meshes of its own."""
+        """Numerical choices of the refined mesh. It is graded, with two exceptions: a surface slides, so that
+        single runs jump; or runs are corrected for Poisson's ratio, which uses other meshes."""
         if self._is_graded:
             return graded(self.numerics, self.settings.refined_mesh)
         return self.numerics.with_mesh(self.settings.refined_mesh)
 
     @property
     def halfway(self) -> Numerics:
-        """Those of the steps to the refined mesh: a coarser graded one, or the refined mesh's own."""
+        """Numerical choices of the steps to the refined mesh: a coarser graded mesh, or the refined mesh."""
         return coarser_graded(self.numerics, self.settings.refined_mesh) if self._is_graded else self.refined
 
     @property
@@ -336,7 +336,7 @@ class InverseProblem:
 
     @property
     def first(self) -> Numerics:
-        """Those of the coarser of the surrogate's mesh and the replicates'."""
+        """Numerical choices of the first runs: the coarser of the surrogate's and the replicates' mesh."""
         return self.numerics.with_mesh(min(self.numerics.mesh, self.settings.replicate_mesh))
 
     @property
@@ -345,7 +345,7 @@ class InverseProblem:
         return np.array([PARAMETERS[name].held(self.shot) for name in self.box.names])
 
     def point(self, x: ArrayLike) -> dict[str, Any]:
-        """Named parameters with the free ones at points of shape [d] or [n, d]."""
+        """All named parameters, with the free ones at the given points of shape [d] or [n, d]."""
         columns = np.moveaxis(np.asarray(x, dtype=np.float64), -1, 0)
         return {**self.settings.held, **dict(zip(self.box.names, columns, strict=True))}
 
@@ -353,10 +353,10 @@ class InverseProblem:
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
     """The record that is needed to repeat a result: hashes, settings, versions, machine class.
 
-    ``shot``, ``prepared``: the shot as loaded, and made ready. ``settings``: the dataclass of settings the
-    result was made with. ``sliding``: whether Coulomb's law replaced the declared interface, see
-    `kolsky.inverse.forward.Forward.run`. Returns: JSON types only. "interface" is what was simulated,
-    "declared_interface" what the shot says.
+    ``shot``, ``prepared``: the shot as loaded and as prepared. ``settings``: the dataclass of settings of the
+    result. ``sliding``: whether Coulomb's law replaced the declared interface, see
+    `kolsky.inverse.forward.Forward.run`. Returns: JSON types only. "interface" is the simulated one,
+    "declared_interface" that of the shot file.
     """
     packages = {}
     for name in ("kolsky", "warp-lang", "numpy", "scipy"):

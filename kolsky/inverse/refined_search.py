@@ -1,9 +1,9 @@
 """The optimum on the refined mesh where the response is rough: a quadratic through many runs.
 
-`RefinedOptimum` is the result of every search on the refined mesh. Where a surface slides or lets go, nodes
-stick, slip and lift by decisions that a small change of a parameter tips; a quadratic through more runs than
-it has terms averages these jumps, and what it leaves is the response's roughness, a part of the uncertainty.
-Smooth responses: `kolsky.inverse.gauss_newton`.
+`RefinedOptimum` is the result of every search on the refined mesh. If a surface slides or lets go, a small
+change of a parameter can change whether a node sticks, slips or lifts, and the response jumps. A quadratic
+through more runs than it has terms averages these jumps. Its residual is the roughness of the response, a
+part of the uncertainty. Smooth responses: `kolsky.inverse.gauss_newton`.
 """
 
 from collections.abc import Mapping
@@ -32,9 +32,9 @@ from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
 
 CONFIRMED = 0.2
-"""An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
+"""An optimum is confirmed if the check run shifts it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
-"""Or by less than this many standard deviations of the response's roughness, which is in the interval."""
+"""It is also confirmed below this many standard deviations of the roughness, which is in the interval."""
 
 
 @dataclass(frozen=True)
@@ -44,43 +44,43 @@ class RefinedOptimum:
     x: FloatArray
     """The answer, shape [d]; the last run is there."""
     front: FrontPath
-    """The front face's path that the model was run under."""
+    """The front face's path of the runs."""
     box: Box
-    """Where the model holds."""
+    """The box in which the model is valid."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """The objective with the discrepancies of the optimum."""
     model: Model
-    """What the runs on the refined mesh would give."""
+    """Model of the data vectors of runs on the refined mesh."""
     surrogate: Model
-    """What `model` was before it was bent to agree with runs on the refined mesh; itself if it never was."""
+    """The model before its correction to runs on the refined mesh; equal to `model` without correction."""
     jacobian: FloatArray
-    """Of the model at the optimum, shape [k, d]."""
+    """Jacobian of the model at the optimum, shape [k, d]."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     check: CompletedRuns
     """The last run."""
     moved: float
-    """How far it moved the optimum, in units of sigma."""
+    """Shift of the optimum by the last run, in units of sigma."""
     confirmed: bool
-    """Whether that is little."""
+    """True if that shift is small enough."""
     missed: FloatArray
-    """The last run minus what the model had predicted for it, shape [k]."""
+    """The last run minus the model's prediction for it, shape [k]."""
     mesh_shift: FloatArray
     """Optimum on the refined mesh minus that on the surrogate's, shape [d]."""
     roughness: FloatArray | None = None
     """Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth."""
     deviations: FloatArray | None = None
-    """What a run deviates from the model, one row a run over the root of the degrees of freedom, so that
-    squares of what a map makes of them add up to a variance, shape [n, k]; None if the response is smooth."""
+    """Deviation of each run from the model over the square root of the degrees of freedom, shape [n, k]. The
+    sum of squares of a linear map of the rows is a variance. None if the response is smooth."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
-    """Optimum on a coarser mesh less the answer, shape [d], of meshes that are run in step with it."""
+    """Optimum on each coarser mesh minus the answer, shape [d], for meshes run at shifted points."""
 
 
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
-    """True if the last run moves every parameter of the optimum by little.
+    """True if the last run shifts every parameter of the optimum by little.
 
-    ``move``: by how much it moves the optimum, shape [d]. ``sigma``: standard deviation of the optimum from
-    the residuals, shape [d]. ``roughness``: standard deviation of the optimum from the response's roughness,
+    ``move``: shift of the optimum, shape [d]. ``sigma``: standard deviation of the optimum from the
+    residuals, shape [d]. ``roughness``: standard deviation of the optimum from the response's roughness,
     shape [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
@@ -103,20 +103,20 @@ def slides(problem: InverseProblem) -> bool:
 
 
 EDGE = 0.2
-"""Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""
+"""Edge of the first box in the unit box: wide, so that the jumps are small compared with the response."""
 LEFTOVER = 0.3
-"""The box is halved while a run's deviation from the quadratic moves the optimum by more than this share of
-the residuals' sigma."""
+"""The box is halved while the deviation of a run from the quadratic shifts the optimum by more than this
+share of the residuals' sigma."""
 GAIN = 0.7
-"""A halved box is kept if the response is fitted there to less than this share of what was left over."""
+"""A halved box is kept if the residual of the fit decreases to less than this share."""
 PATIENCE = 2
-"""Halvings after which it must have: where a response rings, its fit gets better only within a period."""
+"""Number of halvings within which it must decrease: a ringing response is fitted only within a period."""
 SMALLEST = 0.01
 """Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
-"""Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
+"""Maximum number of designs on the refined mesh, each centred at the last optimum, until it lies inside."""
 REACH = 4.0
-"""A narrow box is moved further, where a Gauss-Newton step leads: by this many of its edges at most."""
+"""Largest move of a narrow box by a Gauss-Newton step, in edges of the box."""
 
 
 @dataclass(frozen=True)
@@ -124,17 +124,17 @@ class QuadraticFit:
     """A quadratic through runs on one mesh, and its optimum."""
 
     surrogate: QuadraticSurrogate
-    """Of the data vector."""
+    """Surrogate of the data vector."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """The objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
     jacobian: FloatArray
-    """At the optimum, shape [k, d]."""
+    """Jacobian at the optimum, shape [k, d]."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     edge: float
-    """Of the quadratic's box, in the unit box [-]."""
+    """Edge of the quadratic's box, in the unit box [-]."""
 
     def model(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
@@ -142,7 +142,7 @@ class QuadraticFit:
 
     @property
     def gain(self) -> FloatArray:
-        """Linear map from a change of the data vector to the move of the optimum, shape [d, k]."""
+        """Linear map from a change of the data vector to the shift of the optimum, shape [d, k]."""
         return self.objective.gain(self.jacobian)
 
     @property
@@ -197,9 +197,9 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
 
 
 def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
-    """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run is lost.
+    """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run fails.
 
-    By one run at the optimum: a search of its own would follow that mesh's roughness too.
+    From one run at the optimum: a search on that mesh would also follow its roughness.
     """
     runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
     if runs.prediction is None:
@@ -211,9 +211,9 @@ def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | N
 def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
     """Middle and edge of the first box on the refined mesh.
 
-    Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
-    Otherwise it is no wider than the response is quadratic, and its middle where one run on the refined mesh
-    puts the optimum.
+    If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
+    it covers the range in which the response is quadratic, and its middle is the optimum estimated from one
+    run on the refined mesh.
     """
     if slides(runner.problem):
         return coarse.x, EDGE
@@ -225,7 +225,7 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
 
 
 def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
-    """A quadratic on the surrogate's mesh, its box halved until it fits."""
+    """A quadratic on the surrogate's mesh, with its box halved until the fit is good."""
     numerics, edge, patience = runner.problem.numerics, EDGE, PATIENCE
     found = last = _fit(runner, coarse.x, edge, numerics)
     while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
@@ -239,7 +239,7 @@ def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
 
 
 def _moved_to_inside(runner: Runner, middle: FloatArray, edge: float) -> QuadraticFit:
-    """A quadratic on the refined mesh, about its optimum."""
+    """A quadratic on the refined mesh, with its box moved until the optimum lies inside."""
     for _ in range(MOST_MOVES):
         found = _fit(runner, middle, edge, runner.problem.refined)
         if not at_inner_face(found.x, found.surrogate.box, runner.problem.box):

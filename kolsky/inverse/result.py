@@ -1,7 +1,7 @@
 """The result of an identification: estimates with intervals, and the records that support them (SI).
 
-`Identification` holds estimates, routes, the check run beside the data, goodness of fit, clocks, likely
-causes, profiles, declared inputs, other choices and other methods.
+`Identification` holds estimates, routes, the check run with the data, goodness of fit, clocks, likely causes,
+profiles, declared inputs, other choices of the analyst and other methods.
 """
 
 from __future__ import annotations
@@ -26,26 +26,27 @@ PROFILE = "profile likelihood"
 POSTERIOR = "posterior median"
 
 AGREEMENT = 0.25
-"""Methods agree while none ends further from the answer than this share of the k = 2 half width."""
+"""Methods agree if each lies within this share of the k = 2 half width from the answer."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """The free parameters by one method of searching, from the same data."""
+    """The free parameters by one search method, from the same data."""
 
     name: str
     """`SIMPLEX`, `PROFILE` or `POSTERIOR`."""
     values: dict[str, float]
-    """What it finds, in parameter units."""
+    """The values it finds, in parameter units."""
     distances: dict[str, float]
-    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN where the method
-    has no value or the answer no width."""
+    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN if the method has
+    no value, or if the interval of the answer has no width."""
     runs: int
-    """Simulations it took, those of the surrogate it rests on included."""
+    """Number of simulations, including those of the surrogate it uses."""
     shared_runs: int
-    """How many of them another method made; a method on the answer's surrogate has no runs of its own."""
+    """Number of these that another method made; a method that uses the answer's surrogate makes no new
+    runs."""
     converged: bool
-    """Whether it ended by its own criterion."""
+    """True if its convergence criterion was met."""
     ended: str
     """How it ended, in words."""
 
@@ -62,7 +63,7 @@ class Method:
         converged: bool = True,
         ended: str = "",
     ) -> Method:
-        """A method's result beside the answer.
+        """Compare a method's result with the answer.
 
         Parameters
         ----------
@@ -98,7 +99,7 @@ class Method:
 
 
 def disagreements(methods: Iterable[Method]) -> Iterator[tuple[Method, str, float]]:
-    """Method, parameter and distance wherever it is beyond `AGREEMENT`, or not known."""
+    """Method, parameter and distance where the distance exceeds `AGREEMENT` or is not known."""
     for method in methods:
         for parameter, distance in method.distances.items():
             if not isfinite(distance) or abs(distance) > AGREEMENT:
@@ -110,7 +111,7 @@ FORCE, OUTLINE = "force", "outline"
 NOISE, MESH = "noise", "mesh"
 """Keys of `FitQuality.predicted`: the measured noise of the channel, the error of mesh and step."""
 FLYER, CURVE = "flyer motion", "material curve"
-"""Keys of `FitQuality.predicted`: the noise of two inputs, as it moves the model's answer."""
+"""Keys of `FitQuality.predicted`: the effect of the noise of two inputs on the model's prediction."""
 
 
 DECLARED = "declared inputs"
@@ -121,40 +122,40 @@ LATE = 3.0
 
 @dataclass(frozen=True)
 class FitQuality:
-    """The residual of one channel at the optimum, beside what a correct model would leave."""
+    """The residual of one channel at the optimum, and the residual expected of a correct model."""
 
     channel: str
     """ "force" or "outline"."""
     unit: str
     """Unit of the channel: "N" or "m"."""
     values: int
-    """Number of force bins or outline points that are counted."""
+    """Number of force bins or outline points used."""
     residual: float
     """Root mean square of measurement minus model, in `unit`."""
     predicted: Mapping[str, float]
-    """Root mean square of what is left by a correct model, by source, in `unit`: "noise", and where they are
-    known "flyer motion", "material curve" and "mesh"."""
+    """Root mean square of the residual expected of a correct model, by source, in `unit`: "noise" and, if
+    known, "flyer motion", "material curve" and "mesh"."""
     peak: float
     """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
     slow_residual: float
     """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
-    points), in `unit`: noise and ringing average out, a wrong input does not."""
+    points), in `unit`: noise and ringing average out, the effect of a wrong input does not."""
     slow_expected: float
-    """Root mean square of the residual of a correct model in the same means, of all sources, in `unit`."""
+    """Root mean square of the same means expected of a correct model, from all sources, in `unit`."""
     chi2: float
-    """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
+    """Mean square of the residual over the noise [-]; 1 if only noise remains."""
     discrepancy_share: float
-    """Share of the weights' variance that the discrepancy tau took [-]; 0 if noise alone is left."""
+    """Share of the discrepancy tau in the variance of the weights [-]; 0 if only noise remains."""
     correlation: float
-    """Correlation of neighbouring residuals (in time; along the outline of one frame) [-]."""
+    """Correlation of neighbouring residuals (force: in time; outline: along one frame) [-]."""
     whiteness: float
     """Probability of a correlation at least so large in white noise (Ljung-Box, one lag) [-]."""
     weight: Mapping[str, float] = field(default_factory=dict)
     """Share of the information on each free parameter that comes from this channel [-]."""
     limit: float = inf
-    """Largest `excess` of a shot that the model explains [-]; see `kolsky.diagnosis.fit_quality`."""
+    """Largest `excess` at which the model explains the shot [-]; see `kolsky.diagnosis.fit_quality`."""
     slow_limit: float = inf
-    """Largest `slow_excess` of a shot that the model explains [-]."""
+    """Largest `slow_excess` at which the model explains the shot [-]."""
 
     @property
     def expected(self) -> float:
@@ -164,8 +165,8 @@ class FitQuality:
     def spread(self, noise: FloatArray) -> FloatArray:
         """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
-        ``noise``: that of each value; of the other sources each value has the root mean square. The root mean
-        square of the spread is `expected`.
+        ``noise``: standard deviation of the noise of each value. The other sources enter with the same root
+        mean square at every value. The root mean square of the spread is `expected`.
         """
         others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
         return np.sqrt(noise**2 + others)
@@ -183,17 +184,17 @@ class FitQuality:
 
     @property
     def excess(self) -> float:
-        """Residual over that expected of a correct model [-]."""
+        """Residual over the residual expected of a correct model [-]."""
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
     def slow_excess(self) -> float:
-        """Slow residual over that expected of a correct model of it [-]."""
+        """Slow residual over the slow residual expected of a correct model [-]."""
         return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
 
     @property
     def explained(self) -> bool:
-        """True if the residual is the residual of a correct model. An unknown residual is not explained."""
+        """True if a correct model could leave this residual; False if the residual is not known."""
         return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
     @property
@@ -209,11 +210,11 @@ class FitQuality:
 
     @property
     def testable(self) -> bool:
-        """False if the check passes because of what is declared uncertain alone.
+        """False if the check passes only because of declared uncertainties.
 
-        What is declared then leaves more than the check without it lets pass, and the residual is more than
-        that too: any input may be wrong by its declared uncertainty, and no misfit that noise, flyer and mesh
-        exclude would fail.
+        Then both the expected residual and the residual exceed the limit of the check without declared
+        uncertainties. A misfit that noise, flyer and mesh exclude would still pass, since every input may be
+        wrong by its declared uncertainty.
         """
         bare = self.noticed_without_declared
         return self.expected <= bare or self.residual <= bare
@@ -221,22 +222,22 @@ class FitQuality:
 
 @dataclass(frozen=True)
 class ClockLag:
-    """How late one recording is against the two others, from the model's own residual."""
+    """Delay of one recording relative to the other two, from the residual of the model."""
 
     recording: str
-    """What is late: "force", "outline" or "flyer"."""
+    """The delayed recording: "force", "outline" or "flyer"."""
     lag: float
-    """By how much its declared times are too late [s]; negative if too early."""
+    """Delay of its declared times [s]; negative if they are too early."""
     sigma: float
-    """Standard uncertainty of `lag` [s]; NaN if the search for it did not come to rest."""
+    """Standard uncertainty of `lag` [s]; NaN if its search did not converge."""
     evidence: float
-    """Fall of -2 ln L with this lag alone, the free parameters refitted [-]."""
+    """Decrease of -2 ln L by this lag only, with the free parameters refitted [-]."""
     explains: bool
-    """True if the model explains force and outline once the recording is put right."""
+    """True if the model explains force and outline after the correction of this lag."""
     file: str
-    """The file with its times."""
+    """The file that holds its times."""
     key: str
-    """The key of shot.toml that puts it right."""
+    """The key of shot.toml that corrects it."""
 
     @property
     def significance(self) -> float:
@@ -250,49 +251,48 @@ class ClockLag:
 
 
 COVERAGE = 2.0
-"""An input within this many of its declared standard uncertainties is not wrong."""
+"""An input is not wrong if its change is within this many declared standard uncertainties."""
 
 
 @dataclass(frozen=True)
 class CauseFinding:
-    """One input, changed until the model explains the data best, the free parameters found anew."""
+    """One input, changed to give the best fit, with the free parameters identified again."""
 
     key: str
-    """Key of shot.toml to be checked, or what else is wrong; unique."""
+    """Key of shot.toml to be checked, or a name of another cause; unique."""
     words: str
-    """What is changed, in words."""
+    """The changed input, in words."""
     unit: str
     """Unit of `exact` and `value`; "1" for a factor or a plain number."""
     exact: float
-    """What the shot declares: 1 for a factor, 0 for an offset; NaN where it has no number."""
+    """Declared value: 1 for a factor, 0 for an offset; NaN if it has no number."""
     value: float
-    """What the data prefer; NaN if it could not be tried."""
+    """Value that fits the data best; NaN if it could not be tried."""
     sigma: float
     """Standard uncertainty of `value`; NaN where it has none."""
     explained: float
-    """Share of the misfit beyond the residual of a correct model that goes [-]."""
+    """Share of the excess misfit that the change removes; the excess is over that of a correct model [-]."""
     evidence: float
-    """Logarithm of the likelihood ratio, one residual a time and channel, times 2 [-]; 0 where the data are
-    explained as they are."""
+    """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-]; 0 if the data
+    are explained without a change."""
     probability: float
-    """Probability of such a change by chance, for all inputs tried together (Holm 1979) [-]."""
+    """Probability of such a change by chance, corrected for the number of inputs tried (Holm 1979) [-]."""
     parameters: Mapping[str, float]
-    """The free parameters with the input changed so, on the surrogate's mesh corrected to the refined one."""
+    """The free parameters with this change, on the surrogate's mesh, corrected to the refined mesh."""
     sigmas: Mapping[str, float]
-    """Their standard uncertainties from residuals and flyer motion; empty where they are not known."""
+    """Their standard uncertainties from residuals and flyer motion; empty if not known."""
     named: bool
     """True if it is listed as a likely cause."""
     alike: tuple[str, ...] = ()
-    """Keys of other inputs that the data cannot tell from this one."""
+    """Keys of other inputs that the data cannot distinguish from this one."""
     beside: str = ""
-    """Key of the likelier cause beside which it was found, that one free too; empty if it was tried alone."""
+    """Key of the likelier cause that was free at the same time; empty if only this one was free."""
     status: str = ""
     """Why it could not be tried; empty if it was."""
     declared_sigma: float | None = None
-    """Standard uncertainty that the shot declares of it, in its unit; None if it declares none."""
+    """Its declared standard uncertainty, in its unit; None if none is declared."""
     solved: Mapping[str, float] = field(default_factory=dict)
-    """The free parameters as a whole identification gives them with the input changed; empty if none was
-    made."""
+    """The free parameters by a complete identification with the input changed; empty if none was made."""
     solved_sigmas: Mapping[str, float] = field(default_factory=dict)
     """Their standard uncertainties."""
 
@@ -303,7 +303,7 @@ class CauseFinding:
 
     @property
     def within(self) -> bool:
-        """True if what the data prefer is within k = 2 of the declared uncertainty: no error of the input."""
+        """True if the change is within k = 2 of the declared uncertainty: then the input is not in error."""
         return self.declared_sigma is not None and abs(self.change) <= COVERAGE * self.declared_sigma
 
 
@@ -313,20 +313,20 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class ParameterProfile:
-    """The profile likelihood of one parameter, from the noise of force and outline alone."""
+    """The profile likelihood of one parameter, from the noise of force and outline only."""
 
     name: str
     """The parameter."""
     values: FloatArray
-    """Where it was held, ascending, in its unit, shape [n]."""
+    """The fixed values of the parameter, ascending, in its unit, shape [n]."""
     rise: FloatArray
     """Rise of -2 ln L over its smallest value, the other parameters re-optimised [-], shape [n]."""
     points: FloatArray
-    """The most likely points there, in SI, shape [n, d], in the order of the free parameters."""
+    """The most likely points at these values, in SI, shape [n, d], in the order of the free parameters."""
     level: float
     """Rise at the ends of the 95 % interval [-]: 3.84 times `correlation`."""
     correlation: float
-    """What correlation of the residuals in time adds to this parameter's variance, a factor >= 1 [-]."""
+    """Factor on this parameter's variance due to the time correlation of the residuals, >= 1 [-]."""
     interval: Interval
     """95 % interval from the profile."""
     alone: Interval
@@ -355,7 +355,7 @@ class PairMap:
 
 @dataclass(frozen=True)
 class Declaration:
-    """An input that shot.toml may declare uncertain, and what that does to the answer."""
+    """An input that shot.toml may declare uncertain, and its effect on the answer."""
 
     key: str
     """Its key in [uncertainty]."""
@@ -364,45 +364,44 @@ class Declaration:
     unit: str
     """Unit of `sigma`; "1" for a share of the quantity or a plain number."""
     shifts: Mapping[str, float]
-    """By how much each free parameter moves if the input is larger by `sigma`, in SI; empty if it was
-    not varied."""
+    """Shift of each free parameter if the input increases by `sigma`, in SI; empty if it was not varied."""
     status: str
-    """What was done: "varied", "not declared, counted as exact", or why it has no part here."""
+    """What was done: "varied", "not declared, counted as exact", or why it does not apply."""
     amount: float = float("nan")
-    """A plain amount of it: 1 % of a scale, 1 us of a clock, 10 um of a place, as `unit`; NaN if it has no
-    part, or of a file that does not hold it."""
+    """A reference change: 1 % of a scale, 1 us of a clock, 10 um of a position, in `unit`. NaN if it does not
+    apply, or if the file does not hold it."""
     moves: Mapping[str, float] = field(default_factory=dict)
-    """By how much each free parameter moves if the input is larger by `amount`, in SI; empty likewise."""
+    """Shift of each free parameter if the input increases by `amount`, in SI; empty if `amount` is NaN."""
     visible: float = float("nan")
-    """Share of the change of "prediction minus data" that stays in the residual after the parameters have
-    followed, 0 to 1 [-]; near zero the data cannot show the input to be wrong. NaN likewise."""
+    """Share of the change of "prediction minus data" that remains in the residual after the parameters are
+    refitted, 0 to 1 [-]. Near zero, the data cannot reveal an error of the input. NaN if `amount` is NaN."""
     alike: tuple[str, ...] = ()
-    """Keys of the inputs whose change leaves the same in the residual: the data do not tell them apart."""
+    """Keys of the inputs with the same effect on the residual: the data cannot distinguish them."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A choice of the analyst, made otherwise: the same data and runs, searched again on the surrogate."""
+    """An alternative choice of the analyst, with the same data and runs, searched again on the surrogate."""
 
     key: str
-    """What was chosen: "window_end" or "force_bins"."""
+    """The choice: "window_end" or "force_bins"."""
     value: float
     """The other choice: end of the window, or width of the force's bins [s]."""
     shifts: Mapping[str, float]
-    """By how much each free parameter moves on the refined mesh, the error of which is not corrected here, in
-    SI; empty if it could not be searched."""
+    """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
+    the search failed."""
     status: str
     """What was done, in words."""
 
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """The posterior by Markov chains, from the noise of force and outline alone."""
+    """The posterior by Markov chains, from the noise of force and outline only."""
 
     names: tuple[str, ...]
     """Free parameters, then the sampled discrepancies, length n."""
     samples: FloatArray
-    """Some of the samples, for pictures, in SI, shape [m, n]."""
+    """A subset of the samples, for figures, in SI, shape [m, n]."""
     median: FloatArray
     """Of all samples, in SI, shape [n]."""
     lower: FloatArray
@@ -410,7 +409,7 @@ class PosteriorSummary:
     upper: FloatArray
     """97.5 % quantile of all samples, shape [n]."""
     converged: bool
-    """Whether the chains are long enough against their autocorrelation time, and that time is steady."""
+    """True if the chains are long compared with their autocorrelation time, and that time is steady."""
     autocorrelation: float
     """Longest integrated autocorrelation time [steps]."""
     steps: int
@@ -449,12 +448,12 @@ class Verdict(StrEnum):
 
     @property
     def confirmed(self) -> bool:
-        """True if a run on the refined mesh left the optimum where it was."""
+        """True if a run on the refined mesh confirmed the optimum."""
         return self not in (Verdict.DISAGREEING, Verdict.FAILED)
 
     @property
     def identified(self) -> bool:
-        """True if the value is an answer: found inside the design, confirmed, explained by the model."""
+        """True if the value is valid: inside the design, confirmed, and the model explains the data."""
         return self in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE)
 
 
@@ -477,23 +476,24 @@ class Estimate:
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
     """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
-    motion" (the noise of whatever moves the front face), "material curve"."""
+    motion" (the noise of the measured front-face motion), "material curve"."""
     outcome: Verdict
     """How the search ended."""
     sigma_systematic: float = 0.0
-    """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
+    """Standard uncertainty from the inputs declared in [uncertainty] of shot.toml, 0 if none is declared."""
     numerical_parts: dict[str, float] = field(default_factory=dict)
-    """The share of `sigma_numerical` by source: "mesh" (what the correction leaves of the error of mesh, step
-    and element) and, where surfaces slide or several parameters are free, "roughness" of the response."""
+    """The share of `sigma_numerical` by source: "mesh" (the error of mesh, step and element that remains
+    after the correction) and "roughness" of the response (if surfaces slide or several parameters are
+    free)."""
     mesh_correction: float = 0.0
     """Extrapolation from the refined mesh to an infinitely fine one, which `value` contains; its standard
     uncertainty is the part "mesh" of `numerical_parts`. 0 in results that were not corrected."""
     searched: tuple[float, float] = (-np.inf, np.inf)
-    """Range in which it was searched; infinite in results that do not know it."""
+    """Range of the search; infinite in results that did not record it."""
 
     @property
     def on_mesh(self) -> float:
-        """Optimum on the refined mesh, where the check run, the profiles and the methods compared are."""
+        """Optimum on the refined mesh, on which check run, profiles and method comparison are made."""
         return self.value - self.mesh_correction
 
     @property
@@ -507,7 +507,7 @@ class Estimate:
         return self.within(2.0 * self.sigma)
 
     def within(self, half: float) -> tuple[float, float]:
-        """An interval of a half width about the value, as far as it lies in the range that was searched."""
+        """The interval of this half width about the value, cut to the range of the search."""
         low, high = self.searched
         return max(self.value - half, low), min(self.value + half, high)
 
@@ -525,7 +525,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Route:
-    """The optimum that one part of the data alone would choose."""
+    """The optimum by one part of the data only."""
 
     name: str
     """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
@@ -534,9 +534,9 @@ class Route:
     cost: float
     """Cost at the optimum."""
     sigma: dict[str, float]
-    """Combined standard uncertainty by the route's own budget; empty for the paper's cost."""
+    """Combined standard uncertainty from the budget of this route; empty for the paper's cost."""
     correction: dict[str, float] = field(default_factory=dict)
-    """What the extrapolation to an infinitely fine mesh has added to `parameters`; empty if nothing."""
+    """Correction by extrapolation to an infinitely fine mesh, included in `parameters`; empty if none."""
     budget: tuple[Contribution, ...] = ()
     """`sigma` by source; empty for the paper's cost."""
 
@@ -547,19 +547,19 @@ class Route:
 
 @dataclass(frozen=True)
 class RouteDifference:
-    """What the force alone says of the parameters, minus what the outline alone says."""
+    """Parameters from the force only minus parameters from the outline only."""
 
     values: dict[str, float]
     """Difference in parameter units, of the optima corrected for the error of the refined mesh."""
     sigma: dict[str, float]
-    """Its combined standard uncertainty: a source that moves both alike has no part in it."""
+    """Its combined standard uncertainty; a source that shifts both equally does not contribute."""
     budget: tuple[Contribution, ...]
     """`sigma` by source."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The check run beside the data, ready to draw."""
+    """The check run and the data, ready for plotting."""
 
     force_time: FloatArray
     """Bin centres [s], shape [n_bins]."""
@@ -610,13 +610,13 @@ class Identification(ResultViews):
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison
-    """The check run beside the data."""
+    """The check run, compared with the data."""
     response: Response
     """The check run itself: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]
     """Elements across the radius and along the length, the surrogate's mesh."""
     refined_mesh: tuple[int, int]
-    """The refined mesh: the check runs and the answer are on it."""
+    """The refined mesh, used for the check runs and the answer."""
     design: DesignTable
     """Every run."""
     curves: tuple[SurrogateCurve, ...]
@@ -627,29 +627,29 @@ class Identification(ResultViews):
     seconds: dict[str, float]
     """Wall time by stage [s]."""
     warnings: tuple[str, ...] = ()
-    """What a user must know before using the answer, one sentence each; see `kolsky.uncertainty`."""
+    """Warnings to read before using the answer, one sentence each; see `kolsky.uncertainty`."""
     methods: tuple[Method, ...] = ()
-    """What other methods find from the same data; the answer's own is the first."""
+    """Results of other methods from the same data; the first is the method of the answer."""
     systematic: tuple[Declaration, ...] = ()
-    """What declared uncertainties of the inputs do to the answer, and what was not declared."""
+    """Effect of the declared input uncertainties on the answer, and the inputs that were not declared."""
     profiles: tuple[ParameterProfile, ...] = ()
     """The profile likelihood of each free parameter."""
     ridge: PairMap | None = None
     """The likelihood over the plane of two free parameters; None for another number of them."""
     posterior: PosteriorSummary | None = None
-    """The posterior, if it was asked for."""
+    """The posterior; None if not requested."""
     variations: tuple[Variation, ...] = ()
-    """What other choices of the analyst do to the answer."""
+    """Effect of other choices of the analyst on the answer."""
     fit: tuple[FitQuality, ...] = ()
     """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
-    """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
+    """Clock lags of the recordings, from the residual of the model; empty if they were not recorded."""
     causes: tuple[CauseFinding, ...] = ()
-    """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
+    """Inputs whose change reduces the misfit, likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
-    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.pictures.summary.numbers`."""
+    """Figures of the image processing of the shot's surfaces, see `kolsky.pictures.summary.numbers`."""
     route_difference: RouteDifference | None = None
-    """Force alone minus outline alone; None without an outline, or if it was not recorded."""
+    """Force-only minus outline-only result; None without an outline, or if it was not recorded."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""
 
@@ -657,7 +657,7 @@ class Identification(ResultViews):
         """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
         m.
 
-        The noise alone where the goodness of fit was not recorded.
+        Only the noise if the goodness of fit was not recorded.
         """
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
@@ -665,10 +665,10 @@ class Identification(ResultViews):
         return noise if fit is None else fit.spread(noise)
 
     def lag_that_matters(self, recording: str) -> float:
-        """Lag of a recording that would matter to the answer [s]; infinite if none is known.
+        """Smallest lag of a recording that matters to the answer [s]; infinite if none is known.
 
-        Of the force one that moves a free parameter by its k = 2 uncertainty, where that is known; else one
-        frame, by which the numbers of pictures are wrong at least.
+        For the force, the lag that shifts a free parameter by its k = 2 uncertainty, if known. Otherwise one
+        frame, the smallest possible error of a frame number.
         """
         found = [
             abs(part.amount) * 2.0 * self.estimates[name].sigma / abs(move)

@@ -1,7 +1,7 @@
 """Misfit terms of a run, Eqs. (M.3)-(M.8) and chi-square, and the table of all runs.
 
-(M.n) is equation n of Mates et al. (2012). The paper's cost adds absolute residuals; chi-square weighs
-each by its measured noise: the force in bins, the outline point by point. The noise of a point's height
+(M.n) is equation n of Mates et al. (2012). The paper's cost sums absolute residuals. Chi-square weights each
+residual by its measured noise: the force in bins, the outline point by point. The noise of a point's height
 would enter Z through the slope, sigma_Z,eff^2 = sigma_Z^2 + (dr/dy)^2 sigma_y^2. That term is NOT used:
 `CentreLine` has no sigma_y, and the slope is small except near the platens.
 """
@@ -30,7 +30,7 @@ SCALE_SHAPE = 0.001
 class Terms:
     """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
 
-    Where no outline was measured those that need one are NaN: they are not known.
+    Without an outline, the terms that need one are NaN.
     """
 
     phi_shape: float
@@ -71,21 +71,20 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
     """Misfit terms of simulation `i`.
 
     Phi_S is the mean over frames of the mean over a frame's counted points, Eq. (M.3); a frame without
-    a counted point is left out of the mean. Its uncertainty, Eq. (M.6), is Z_FEA sigma_Z / Z_DIC^2 of
-    each counted point, averaged in the same way, which like the paper's treats the points' errors as
-    common to all: it does not fall with their number. Phi_F is a sum over samples, Eq. (M.4), and
-    its uncertainty the sum of their sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the
-    bins, with the bins' sigma, and the outline point by point, with sigma_Z.
+    a counted point is left out of the mean. Its uncertainty, Eq. (M.6), is Z_FEA sigma_Z / Z_DIC^2 of each
+    counted point, averaged in the same way. As in the paper, the errors of the points are treated as common
+    to all: the uncertainty does not decrease with their number. Phi_F is a sum over samples, Eq. (M.4), and
+    its uncertainty the sum of their sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the bins,
+    with the bins' sigma, and the outline point by point, with sigma_Z.
 
-    Where no outline was measured every term that needs one is NaN, Phi of Eq. (M.5) too: none of them is
-    known, and none of them is zero.
+    Without an outline, every term that needs one is NaN (not zero), including Phi of Eq. (M.5).
 
     Parameters
     ----------
     prediction, observations
-        What the model says and what was measured.
+        The predictions of the model and the measurements.
     i : int
-        Which simulation of the prediction.
+        Index of the simulation in the prediction.
 
     Raises
     ------
@@ -161,7 +160,7 @@ class DesignTable:
     end_times: FloatArray
     """Time each run reached [s], shape [n_runs]."""
     failed_elements: NDArray[np.int64]
-    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
+    """Element where it failed, numbered in the mesh of the run; -1 if it completed, shape [n_runs]."""
     failed_places: FloatArray
     """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
     stage: tuple[str, ...]
@@ -200,11 +199,11 @@ class CompletedRuns:
     rows: NDArray[np.intp]
     """Their rows in the design, shape [n]."""
     prediction: Prediction
-    """What the instruments would have seen."""
+    """The simulated measurements."""
     response: Response
     """The solver's full answer."""
     lost: str
-    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
+    """The failed runs in words, the first of them in full; empty if there are none."""
 
 
 @dataclass(frozen=True)
@@ -214,13 +213,13 @@ class Runs:
     names: tuple[str, ...]
     """Free parameters."""
     points: FloatArray
-    """Where, shape [n, d]."""
+    """Their points, shape [n, d]."""
     response: Response
     """The solver's answer."""
     rows: NDArray[np.intp]
-    """The completed ones."""
+    """Indices of the completed runs."""
     prediction: Prediction | None
-    """What the instruments would have seen in those; None if there are none."""
+    """The simulated measurements of those; None if there are none."""
 
     @classmethod
     def of(
@@ -241,19 +240,19 @@ class Runs:
 
     @property
     def lost(self) -> str:
-        """Lost runs in words: their number and the first one's ending; empty if all did."""
+        """Failed runs in words: their number and the first one's ending; empty if all completed."""
         n, lost = len(self.points), len(self.points) - len(self.rows)
         return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
 
     def completed(self) -> CompletedRuns | None:
-        """Those that completed; None if there are none."""
+        """The completed runs; None if there are none."""
         if self.prediction is None:
             return None
         response = self.response.select(self.rows)
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 
     def apart(self) -> list[CompletedRuns]:
-        """Each of the runs by itself, all of which completed."""
+        """Each run as a separate record; all must have completed."""
         assert self.prediction is not None
         return [
             CompletedRuns(
@@ -268,7 +267,7 @@ class Runs:
 
 
 Place = tuple[tuple[int, int], FlyerPath, FloatArray]
-"""Mesh, path of the front face and what was added to the points, shape [d], of a batch."""
+"""Mesh, path of the front face and offset of the points, shape [d], of a batch."""
 
 
 class RunTable:
@@ -287,7 +286,8 @@ class RunTable:
     ) -> None:
         """Append a batch.
 
-        ``values``: where the mesh was run, shape [n, d]; the points of `runs` are the refined mesh's.
+        ``values``: parameter values of the runs on this mesh, shape [n, d]; the points of `runs` refer to the
+        refined mesh.
         """
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}
@@ -303,8 +303,8 @@ class RunTable:
     def on(self, mesh: tuple[int, int], path: FlyerPath, offset: FloatArray) -> tuple[FloatArray, Prediction]:
         """Points and predictions of all completed runs on a mesh under a path, in their order.
 
-        ``offset``: what is added to a point where the mesh is run now, shape [d]. A run that was made with
-        another one counts for the point that it stands for.
+        ``offset``: present offset between a point and the values run on this mesh, shape [d]. The point of a
+        run made with another offset is converted.
         """
         kept = [
             (runs.points[runs.rows] - (offset - before), runs.prediction)
@@ -315,10 +315,9 @@ class RunTable:
         return np.concatenate(points), Prediction.joined(predictions)
 
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
-        """Append the runs of another table, of some of the parameters, the others held.
+        """Append the runs of another table that has a subset of the parameters, with the others held.
 
-        ``other``: its parameters are among these. ``held``: value of each parameter that the other table has
-        not, by name.
+        ``other``: table with a subset of the parameters. ``held``: value of each missing parameter, by name.
         """
         for point in other.points:
             values = {**held, **dict(zip(other.names, point.tolist(), strict=True))}
@@ -340,7 +339,7 @@ class RunTable:
         return points[first], cost[first]
 
     def build(self, box: Box) -> DesignTable:
-        """The finished table; a run that did not complete has NaN misfits beside its outcome."""
+        """The finished table; a run that did not complete has NaN misfits."""
 
         def column(name: str) -> FloatArray:
             return np.array([np.nan if t is None else getattr(t, name) for t in self.terms])
@@ -364,17 +363,17 @@ class RunTable:
 
 @dataclass(frozen=True)
 class Replicates:
-    """Runs at one point under other motions of the flyer and other curves, drawn from their noise."""
+    """Runs at one point with other flyer motions and other curves, drawn from their noise."""
 
     prediction: Prediction
     """Row 0 is the reference, with the fitted motion and curve."""
     flyer: NDArray[np.bool_]
-    """Which rows have another motion."""
+    """Mask of the rows with another motion."""
     lesson: NDArray[np.bool_]
-    """Which rows have still other motions: the weights learn from these, so that `flyer` judges them."""
+    """Mask of the rows with further motions, used for the weights, so that `flyer` stays independent."""
     curve: NDArray[np.bool_]
-    """Which rows have another curve."""
+    """Mask of the rows with another curve."""
     scale: NDArray[np.bool_]
-    """Which row has a motion larger by one standard uncertainty of its scale; at most one."""
+    """Mask of the row with the motion scaled up by one standard uncertainty of its scale; at most one."""
     lost: int
-    """How many did not complete."""
+    """Number of failed runs."""

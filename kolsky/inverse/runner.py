@@ -1,4 +1,4 @@
-"""Runs of an inverse problem's points, each kept in the run table; compilation before the first."""
+"""Runs at points of an inverse problem, recorded in the run table; compilation before the first run."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ Mesh = tuple[int, int]
 class Runner:
     """Runs points of a problem under a path of the front face.
 
-    A coarse mesh answers like the refined one at other parameters: it is too soft, and its waves are too
-    slow. Points, in and out, are the refined mesh's.
+    A coarse mesh is too soft, and its waves are too slow: it responds like the refined mesh at other
+    parameters. All points passed in and out refer to the refined mesh.
     """
 
     problem: InverseProblem
-    """What is free, and where."""
+    """The problem: free parameters and their bounds."""
     front: FrontPath
-    """The path that the model is run under."""
+    """The front-face path of the runs."""
     table: RunTable
-    """Every run of a stage, of this one and of those made of it by `under`."""
+    """Table of every run, shared with the runners made by `under`."""
     work: Work
-    """Told of the stages."""
+    """Notified of the stages."""
     rng: np.random.Generator
-    """Of designs and replicates, in the order in which they are asked for."""
+    """Random generator of designs and replicates, used in the order of the calls."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
-    """What is added to a point so that a mesh's run there resembles the refined mesh's at the point, [d]."""
+    """Offset of a point per mesh, [d]: with it, the run on the mesh resembles that on the refined mesh."""
 
     @classmethod
     def of(cls, problem: InverseProblem, work: Work) -> Runner:
-        """Under the path as fitted to the record, with an empty table."""
+        """A runner with the path fitted to the record and an empty table."""
         rng = np.random.default_rng(problem.settings.seed)
         return cls(problem, FrontPath(problem.prepared.path), RunTable(problem.box.names), work, rng)
 
     def under(self, front: FrontPath, offsets: Mapping[Mesh, FloatArray] | None = None) -> Runner:
-        """The same under another path, and with other offsets if there are some; the table is shared."""
+        """The same with another path and, if given, other offsets; the table is shared."""
         return replace(self, front=front, offsets=self.offsets if offsets is None else offsets)
 
     @property
     def forward(self) -> Forward:
-        """The shot ready to run under the path."""
+        """The shot prepared to run with the path."""
         forward = self.problem.prepared.forward
         return forward if forward.paths[0] is self.front.path else replace(forward, paths=(self.front.path,))
 
@@ -70,13 +70,13 @@ class Runner:
         return Objective(problem.observations, counted, self.front.noise, prior=problem.prior, slowly=slowly)
 
     def offset(self, mesh: Mesh) -> FloatArray:
-        """What is added to a point of a mesh, shape [d]; zero where nothing is known."""
+        """Offset of a mesh, shape [d]; zero if none is known."""
         return self.offsets.get(mesh, np.zeros(self.problem.box.dimension))
 
     def solver_values(self, points: FloatArray, mesh: Mesh) -> FloatArray:
         """The points at which a mesh is run, shape [n, d].
 
-        An offset that would leave a parameter's allowed range ends at its bound.
+        Values outside a parameter's allowed range are clipped to its bound.
         """
         if mesh not in self.offsets:
             return points
@@ -84,7 +84,7 @@ class Runner:
         return np.clip(points + self.offsets[mesh], low, high)
 
     def at(self, x: FloatArray, mesh: Mesh) -> dict[str, float]:
-        """Named parameters at which a mesh is run for a point of shape [d]."""
+        """The named parameters run on a mesh for a point of shape [d]."""
         return self.problem.point(self.solver_values(x[None], mesh)[0])
 
     @property
@@ -109,10 +109,10 @@ class Runner:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> Response:
-        """Run points as part of a stage, beside the table.
+        """Run points as part of a stage, without recording them in the table.
 
-        ``points``: they may lie outside the box, shape [n, d]. ``forward``: in place of the path's own, with
-        the paths and laws that ``motion`` and ``material`` number.
+        ``points``: may lie outside the box, shape [n, d]. ``forward``: replaces that of the path; holds the
+        paths and laws that ``motion`` and ``material`` index.
         """
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
@@ -134,7 +134,8 @@ class Runner:
         all_nodes: bool = False,
         recorded: bool = True,
     ) -> Runs:
-        """Run points of shape [n, d], which may lie outside the box; recorded, they join the table."""
+        """Run points of shape [n, d], which may lie outside the box; with `recorded`, add them to the
+        table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
@@ -146,7 +147,7 @@ class Runner:
     def simulate(
         self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
     ) -> CompletedRuns:
-        """Run a design and keep it; raises ValueError if no run completed."""
+        """Run a design and record it; raises ValueError if no run completed."""
         runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
         completed = runs.completed()
         if completed is None:
@@ -154,9 +155,9 @@ class Runner:
         return completed
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
-        """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a lost run.
+        """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a failed run.
 
-        An outline point that a run does not reach is given its measured value: it adds nothing.
+        An outline point that a run does not reach gets its measured value (zero residual).
         """
         runs = self.run(stage, points, numerics)
         vectors = np.full((len(points), len(objective.data)), np.nan)
@@ -170,13 +171,14 @@ class Runner:
         return self.table.on(mesh, self.front.path, self.offset(mesh))
 
     def replicate(self, x: FloatArray, *, lesson: bool = True) -> PendingResult[Replicates]:
-        """Run a point again under `settings.replicates` other curves, and as many motions.
+        """Run a point with `settings.replicates` other curves and as many other motions.
 
-        They are drawn now and run when they are asked for. Where the path's patterns are known no motion is.
+        They are drawn now and run when the result is requested. If the patterns of the path are known, no
+        motion is drawn.
 
-        ``x``: in parameter units, shape [d]. ``lesson``: whether as many motions again are run, from which
-        weights learn. Returns: gives the replicates; raises ValueError if the reference among them did not
-        complete.
+        ``x``: in parameter units, shape [d]. ``lesson``: whether to run as many further motions for the
+        weights. Returns: pending result that gives the replicates; raises ValueError if the reference run did
+        not complete.
         """
         settings = self.problem.settings
         n = settings.replicates
@@ -210,12 +212,12 @@ class Runner:
     def under_other_motions(
         self, points: FloatArray, jerks: FloatArray, numerics: Numerics
     ) -> list[Prediction | None]:
-        """Run each point under the path of the front face, row 0, and under others.
+        """Run each point with the path of the front face (row 0) and with other paths.
 
         None for a point whose run under the path itself did not complete.
 
-        ``points``: in parameter units, shape [p, d]. ``jerks``: of the other paths less that of the path
-        [m/s^3], shape [n, n_spans], see `front_jerks`.
+        ``points``: in parameter units, shape [p, d]. ``jerks``: jerk of each other path minus that of the
+        path [m/s^3], shape [n, n_spans], see `front_jerks`.
         """
         path, n = self.front.path, len(jerks)
         forward = replace(
@@ -233,13 +235,13 @@ class Runner:
 
 
 RUNS_OF_A_DESIGN = 64
-"""Runs of a design: packs of lanes, where a few runs are made one by one."""
+"""Number of runs of a design: these are run in vector lanes, a few runs one by one."""
 
 
 def compile_for(problem: InverseProblem, work: Work) -> None:
-    """Compile, side by side, what runs alone, a design's runs and the other element's need.
+    """Compile the solver in parallel for single runs, for a design and for the other element.
 
-    It takes some seconds once on a machine, and is the stage "compile"; otherwise nothing is done.
+    It takes some seconds once on a machine (stage "compile"); after that, nothing is done.
     """
     numerics = problem.numerics
 

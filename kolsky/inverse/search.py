@@ -1,9 +1,9 @@
 """The search for the optimum, from the choice of the free parameters to the refined mesh.
 
-The optimum of a specimen that keeps its hold is moved to the refined mesh by Gauss-Newton steps
-(`kolsky.inverse.gauss_newton`), after the front face's path has been followed on the surrogate's mesh
-(`kolsky.inverse.surrogate_mesh_search`). Where a surface slides or lets go, a quadratic through many runs
-averages its jumps (`kolsky.inverse.refined_search`).
+If the specimen sticks to the platens, the front face's path is first corrected on the surrogate's mesh
+(`kolsky.inverse.surrogate_mesh_search`). Gauss-Newton steps then move the optimum to the refined mesh
+(`kolsky.inverse.gauss_newton`). If a surface slides or lets go, a quadratic through many runs averages its
+jumps (`kolsky.inverse.refined_search`).
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
-"""A parameter whose standard deviation times this is wider than its design is not constrained by the data."""
+"""A parameter is not constrained by the data if its standard deviation times this exceeds its range."""
 
 
 @dataclass(frozen=True)
 class HeldSearch:
-    """The search for the stiffness factor alone, everything else as the shot declares it."""
+    """The search for the stiffness factor only, with all other parameters at the shot's values."""
 
     values: Mapping[str, float]
-    """The values that were held and are free otherwise, in SI."""
+    """Held values of the parameters that are free in the full search, in SI."""
     runner: Runner
     """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
@@ -59,34 +59,34 @@ class Search:
     """Result of the search."""
 
     runner: Runner
-    """Runs points of what was free in the end, under the path of the optimum."""
+    """Runs points of the final free parameters, with the path of the optimum."""
     coarse: CoarseOptimum
     """The optimum on the surrogate's mesh."""
     fine: RefinedOptimum
     """The optimum on the refined mesh."""
     replication: Callable[[], Replicates] | None = None
-    """Gives the runs under other motions and curves; None if none were asked for."""
+    """Gives the runs with other motions and curves; None if none were requested."""
     held: HeldSearch | None = None
-    """What the stiffness factor alone would have given; None where it was alone."""
+    """Result with the stiffness factor only; None if it was the only free parameter."""
     designs: RunTable | None = None
-    """The runs of designs over the whole range, which the paper's cost is told by; None if all runs are."""
+    """The runs of designs over the whole range, used for the paper's cost; None if all runs are used."""
     valley_margin: float = np.inf
-    """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-]."""
+    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]."""
 
     @property
     def problem(self) -> InverseProblem:
-        """What was free in the end."""
+        """The problem with the final free parameters."""
         return self.runner.problem
 
     @property
     def replicates(self) -> Replicates | None:
-        """The runs under other motions and curves."""
+        """The runs with other motions and curves."""
         return None if self.replication is None else self.replication()
 
     def held_run(self) -> tuple[FloatArray, Response] | None:
-        """The counterpart on the refined mesh of the stiffness factor with the others held, [d], and its run.
+        """The optimum of the stiffness factor only, moved to the refined mesh, [d], and its run.
 
-        None where the stiffness factor was alone, or the run does not complete.
+        None if the stiffness factor was the only free parameter, or the run fails.
         """
         if self.held is None:
             return None
@@ -97,9 +97,9 @@ class Search:
         return (x, response) if response.outcomes[0].ok else None
 
     def paper_route(self) -> Route | None:
-        """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried.
+        """The optimum of the paper's cost; from the stiffness-only search, as in the paper, if it was made.
 
-        None if no surrogate can be fitted to that cost: a comparison must not cost the answer.
+        None if no surrogate can be fitted to that cost; this comparison must not stop an identification.
         """
         try:
             if self.held is None:
@@ -110,9 +110,9 @@ class Search:
 
 
 def search_shot(problem: InverseProblem, work: Work) -> Search:
-    """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
+    """Find the optimum on the refined mesh; by default, hold parameters that the data do not constrain.
 
-    ``work``: is notified of the stages. Raises ValueError if too few runs complete.
+    ``work``: notified of the stages. Raises ValueError if too few runs complete.
     """
     while True:
         compile_for(problem, work)
@@ -139,7 +139,7 @@ def _search_rough(runner: Runner) -> Search:
 
 
 def _search_one(runner: Runner) -> Search:
-    """One smooth parameter: like several, its first optimum from designs over the whole range."""
+    """One smooth parameter: as for several, but with the first optimum from designs over the whole range."""
     wide = search_coarse(runner)
     designs = _designs_so_far(runner)
     meshes = search_meshes_for_one(runner, wide)
@@ -148,14 +148,14 @@ def _search_one(runner: Runner) -> Search:
 
 
 def _designs_so_far(runner: Runner) -> RunTable:
-    """The runs of designs over the whole range: those on the refined mesh lie too near to each other."""
+    """The runs of designs over the whole range; those on the refined mesh are too close to each other."""
     designs = RunTable(runner.problem.box.names)
     designs.take(runner.table, {})
     return designs
 
 
 def _search_several(runner: Runner) -> Search | dict[str, str]:
-    """Several smooth parameters; or, by default, why some of them must be held."""
+    """Search several smooth parameters; or return, by default, why some of them must be held."""
     problem = runner.problem
     box, by_default = problem.box, problem.freed.by_default
     held = _search_held(runner) if MOVED in box.names else None
@@ -181,7 +181,7 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
 
 
 def _search_held(runner: Runner) -> HeldSearch:
-    """The stiffness factor alone on the surrogate's mesh, the other free parameters at the shot's values."""
+    """The search of the stiffness factor only, on the surrogate's mesh; the others keep the shot's values."""
     problem = runner.problem
     values = {name: PARAMETERS[name].held(problem.shot) for name in problem.box.names if name != MOVED}
     alone = Runner.of(problem.of_one(MOVED), runner.work)
@@ -189,7 +189,7 @@ def _search_held(runner: Runner) -> HeldSearch:
 
 
 def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, str]:
-    """Why the data do not tell a parameter other than the stiffness factor, by name; empty if they do."""
+    """Parameters that the data do not constrain, with the reason; the stiffness factor is never listed."""
     found, edge = {}, on_edge(x, box)
     for i, name in enumerate(box.names):
         if name == MOVED:

@@ -1,6 +1,6 @@
 """Settings of an identification and of its runs: free parameters, numerical choices, options of a command.
 
-The module loads no solver: the command line makes its options of these fields.
+The command line makes its options from these fields; the module therefore imports no solver.
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,14 @@ from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, Option
 from kolsky.inverse.parameters import PARAMETERS
 
 LEAST_ACROSS = 10
-"""Fewest elements across the radius of a mesh that corrects for Poisson's ratio."""
+"""Smallest number of elements across the radius of a mesh used to correct for Poisson's ratio."""
 
 FreeParameters = Mapping[str, tuple[float, float] | None]
 """Parameters and the bounds of their search; None for the default bounds."""
 
 
 def _usable_device(option: str, text: str) -> str:
-    """The device, if this machine has it."""
+    """The device, if this machine has it; raises InputError if not."""
     from explicit.device import select_device
 
     try:
@@ -58,7 +58,7 @@ class Numerics:
     grading: float = 2.0
     """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
     safety: float = 0.9
-    """Share of the stability bound a step uses."""
+    """Time step over the stability limit [-]."""
     precision: Annotated[
         Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.", panel=NUMERICAL)
     ] = "fp64"
@@ -89,8 +89,9 @@ class Numerics:
             panel=NUMERICAL,
         ),
     ] = None
-    """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
-    `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
+    """Poisson's ratio of the runs; coarser meshes give the correction to the wanted ratio, see
+    `explicit.run_nearly_incompressible`. None runs the wanted ratio directly. Every wanted ratio must be
+    larger."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
@@ -101,7 +102,7 @@ class Numerics:
         return replace(self, element="fbar" if self.element == "one_point" else "one_point")
 
     def coarser(self) -> "tuple[Numerics, Numerics]":
-        """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
+        """The two coarser meshes for the Poisson correction: half as fine, and three quarters of that.
 
         Raises
         ------

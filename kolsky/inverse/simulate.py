@@ -1,4 +1,4 @@
-"""One simulation of a shot beside its data, and the quasi-static test of the same specimen."""
+"""One simulation of a shot compared with its data, and the quasi-static test of the same specimen."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ from kolsky.shot.records import Shot
 
 @dataclass(frozen=True)
 class Simulation:
-    """One run and how far it is from the data."""
+    """One run and its misfit to the data."""
 
     parameters: dict[str, float]
     """The parameters that were named, in SI."""
     response: Response
     """The run, a batch of one, with all nodes."""
     prediction: Prediction | None
-    """What the instruments would have seen; None if the run did not complete."""
+    """The simulated measurements; None if the run did not complete."""
     terms: Terms | None
-    """Misfit terms, Eqs. (M.3)-(M.8); None if the run did not complete: they belong to the whole window."""
+    """Misfit terms over the whole window, Eqs. (M.3)-(M.8); None if the run did not complete."""
     prepared: PreparedShot
     """The observations it is compared with."""
 
@@ -47,7 +47,7 @@ def simulate(
 ) -> Simulation:
     """Simulate a shot with given parameters; those not named keep the shot's values.
 
-    A run that does not complete is a result too: `Simulation.response.describe(0)` says what happened.
+    A run that does not complete is returned too; `Simulation.response.describe(0)` gives the reason.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def simulate(
     numerics
         Mesh, precision, device, element; the defaults if left out.
     progress
-        Told of the runs just finished.
+        Called with the number of runs just finished.
 
     Raises
     ------
@@ -84,14 +84,14 @@ def simulate(
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
-    """Write force.csv and, where an outline was measured, profile.csv: measured beside simulated, atomically.
+    """Write force.csv and, if an outline was measured, profile.csv, with measured and simulated values.
 
-    Of a run that did not complete the tables hold what lies before its end.
+    Files are written atomically. If a run did not complete, the tables end where it ended.
 
     Parameters
     ----------
     folder
-        Where to; made if absent.
+        Output folder; created if absent.
     simulation
         The run.
     """
@@ -157,7 +157,7 @@ def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatA
 
 
 SLOW_POINTS = 60
-"""Strains of the table."""
+"""Number of strains in the table."""
 INERTIA = 0.01
 """Kinetic over elastic energy, or difference of the faces over their force, above which it is reported."""
 
@@ -174,7 +174,7 @@ def slow_test_of(
     """Compress the specimen of a shot slowly.
 
     ``shot``: a loaded shot. ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than
-    the shot's. ``last``: last nominal compressive strain [-]; that of the window's end if left out.
+    the shot's. ``last``: last nominal compressive strain [-]; default: that at the end of the window.
     ``error``: wanted relative error of the force, see `kolsky.material.slow_compression.slow_compression`.
     ``mesh``, ``threads``: elements across the radius and along the length, CPU threads. Raises ValueError if
     a parameter is not allowed or has no effect, the strain is not in (0, 1), or as
@@ -207,7 +207,7 @@ def slow_test_of(
 
 
 def slow_test_warnings(found: SlowCompression) -> list[str]:
-    """What to know before a slow test is used."""
+    """Warnings about a simulated slow test."""
     said, test = [], found.test
     if test.kinetic_share > INERTIA or test.face_difference > INERTIA:
         said.append(

@@ -43,7 +43,7 @@ _TEST_KEYS = (
 )
 _OPTIONAL: dict[str, tuple[str, ...]] = {"relaxation": ("rise",)}
 _ZEROS = {"degC": 273.15, "°C": 273.15, "K": 0.0}
-"""Unit of a temperature -> what leads to kelvin; a temperature is no multiple of another."""
+"""Unit of a temperature -> offset to kelvin."""
 
 
 def _frequency(text: object) -> float:
@@ -54,7 +54,7 @@ def _frequency(text: object) -> float:
 
 
 class FrequencyColumn(ColumnSection):
-    """A column of frequencies; once read, `unit` is the factor that leads to rad/s."""
+    """A column of frequencies; after reading, `unit` is the factor to rad/s."""
 
     unit: Annotated[float, BeforeValidator(_frequency)]
 
@@ -77,13 +77,13 @@ def _temperature(text: object) -> float:
 
 
 class TemperatureColumn(ColumnSection):
-    """A column of temperatures; once read, `unit` is what is added to lead to kelvin."""
+    """A column of temperatures; after reading, `unit` is the offset to kelvin."""
 
     unit: Annotated[float, BeforeValidator(_temperature_unit)]
 
 
 class SlowTest(Section):
-    """[test.NAME]: one slow test of the material, its file beside the list."""
+    """[test.NAME]: one slow test of the material; its file is in the folder of the list."""
 
     kind: Literal["relaxation", "history", "oscillation", "sweep"]
     file: f.FileName
@@ -91,7 +91,7 @@ class SlowTest(Section):
     time: TimeColumn | None = None
     stress: StressColumn | None = None
     strain: f.Ratio | None = None
-    """Nominal strain that is held, a size; its sign is that of `branch`."""
+    """Absolute value of the constant nominal strain; its sign is that of `branch`."""
     strain_column: RatioColumn | None = None
     rise: f.Time = 0.0
     branch: Literal["compression", "tension"] = "compression"
@@ -101,7 +101,7 @@ class SlowTest(Section):
     loss: StressColumn | None = None
     temperature: TemperatureColumn | None = None
     reference: Annotated[float, BeforeValidator(_temperature)] | None = None
-    """Temperature that a sweep is brought to [K]."""
+    """Reference temperature of a sweep [K]."""
     relative_sigma: f.Share = 0.0
     sigma_floor: f.Stress = 0.0
 
@@ -132,7 +132,7 @@ class SlowTest(Section):
 
 
 class SlowFile(Section):
-    """A list of slow tests, and the material law that they are compared with."""
+    """A list of slow tests, and the material law for the comparison."""
 
     format: Literal[1]
     law: LawSection | None = None
@@ -144,9 +144,9 @@ class SlowList:
     """Slow tests as read."""
 
     tests: Slow
-    """The tests; of a sweep what it gave at its reference temperature."""
+    """The tests; a sweep is given as its master curve at the reference temperature."""
     sweeps: Mapping[str, Superposition]
-    """Temperature sweeps by name, those whose shifts are not determined too."""
+    """Temperature sweeps by name, including those with undetermined shifts."""
     files: Mapping[str, str]
     """SHA-256 of the files by path."""
     law: AnyLaw | None
@@ -154,7 +154,7 @@ class SlowList:
 
 
 def read_slow_tests(path: Path) -> Slow:
-    """Read a list of slow tests and their files, for shots whose law is their own.
+    """Read a list of slow tests and their files, for use with shots that declare the law.
 
     Raises InputError if the list or a file cannot be used; the message names file, line, key and cure.
     """
@@ -174,9 +174,9 @@ def read_slow_tests(path: Path) -> Slow:
 
 
 def read_slow_list(source: Path | TomlFile) -> SlowList:
-    """Read a list of slow tests and their files, its law, and how its sweeps were brought together.
+    """Read a list of slow tests and their files, its law, and the superposition of its sweeps.
 
-    Raises InputError as of `read_slow_tests`; a sweep whose shifts are not determined is none of the tests.
+    Raises InputError as of `read_slow_tests`; a sweep with undetermined shifts is not among the tests.
     """
     toml = source if isinstance(source, TomlFile) else parse_toml(source)
     declared = toml.validated(SlowFile)
@@ -208,7 +208,7 @@ def read_slow_list(source: Path | TomlFile) -> SlowList:
 
 
 def _column(section: ColumnSection | None) -> Column:
-    assert section is not None  # the schema saw to it
+    assert section is not None  # checked by the schema
     return section.as_column()
 
 
@@ -222,12 +222,12 @@ def _history(name: str, test: SlowTest, table: Table) -> HistoryTest:
     stress = sign * stress
     sigma = _sigma(test, stress)
     if test.kind == "relaxation":
-        assert test.strain is not None  # the schema saw to it
+        assert test.strain is not None  # checked by the schema
         stretch = 1.0 + (test.strain if test.branch == "tension" else -test.strain)
         made = HistoryTest.relaxation(time, stress, sigma, stretch=stretch, rise=test.rise)
         return replace(made, label=name)
     strain = sign * table.values(_column(test.strain_column))
-    # at rest nothing is measured that a law could explain: the sample only carries the history
+    # samples at zero strain give no information on the law: they only define the history
     told = np.where(stress == 0.0, np.inf, sigma) if test.sigma_floor == 0.0 else sigma
     return HistoryTest(time, 1.0 + strain, stress, told, label=name)
 
@@ -248,14 +248,15 @@ def _oscillation(name: str, test: SlowTest, table: Table) -> DynamicTest:
 
 def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:
     column = test.temperature
-    assert column is not None  # the schema saw to it
+    assert column is not None  # checked by the schema
     assert test.reference is not None
     kelvin = table.values(Column(column.column, 1.0)) + column.unit
     return superpose(TemperatureSweep(kelvin, _oscillation(name, test, table), test.reference))
 
 
 def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
-    """Values of all tests in a row, and their standard uncertainties; samples of no test are left out."""
+    """Values of all tests in one vector, and their standard uncertainties; samples without one are left
+    out."""
     if not slow:
         return np.zeros(0), np.zeros(0)
     known = [np.isfinite(one.sigma) for one in slow]
@@ -269,10 +270,9 @@ def slow_predicted(
 ) -> FloatArray:
     """The same values for a material, shape [n].
 
-    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the relaxation as it is
-    declared; None if nothing does. ``values``: constants by parameter name; the declared ones where a name is
-    missing, and factor 1. Raises ValueError if a network of Bergstrom and Boyce is to be held against an
-    oscillation.
+    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the declared relaxation; None
+    if there is none. ``values``: constants by parameter name; a missing constant keeps its declared value, a
+    missing factor is 1. Raises ValueError if a Bergstrom-Boyce network is to be compared with an oscillation.
     """
     if not slow:
         return np.zeros(0)

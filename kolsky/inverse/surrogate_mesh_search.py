@@ -1,11 +1,11 @@
 """Several parameters on the coarse meshes: the right valley first, then least squares on the solver.
 
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
-(`kolsky.inverse.valleys`). Searches from the floors of the likeliest, side by side, are least squares on the
-solver itself (`doe.least_squares`): its steps need no surrogate. From the likeliest of their ends the summit
-of the likelihood is climbed (`kolsky.inverse.valleys`), and the search on the surrogate's mesh begins there.
-The logarithm of 1 - 2 nu is the coordinate of Poisson's ratio: a valley is a few percent of 1 - 2 nu wide,
-whatever nu is. One parameter comes from a surrogate, and its path is followed like that of several.
+(`kolsky.inverse.valleys`). From the floors of the likeliest valleys, least-squares searches run in parallel
+directly on the solver, without a surrogate (`doe.least_squares`). From the likeliest result, the summit of
+the likelihood is searched (`kolsky.inverse.valleys`); the search on the surrogate's mesh starts there. The
+search coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
+for any nu. A single parameter is found with a surrogate; its path is corrected as for several.
 """
 
 from __future__ import annotations
@@ -46,22 +46,23 @@ from kolsky.inverse.valleys import (
 )
 
 BEST = 3
-"""Starts where Poisson's ratio is held, the best of a design."""
+"""Number of starts if Poisson's ratio is held: the best points of a design."""
 FIRST_STEPS, MOST_STEPS = 4, 8
-"""Trial points of each search before the best of them goes on alone, and of that one on each mesh."""
+"""Trial points of each search before only the best one continues, and of that one on each mesh."""
 AT_REST = 0.5
-"""Length of the next step, in standard deviations, at which a search is at rest: the refined mesh's optimum
-is some ten of them away."""
+"""A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
+optimum is about ten of them away."""
 MOST_MOVES = 4
-"""Most times that the front face's path is moved and its patterns are made anew."""
+"""Maximum number of corrections of the front face's path, each with recomputed patterns."""
 STILL = 1.0
-"""Move of the optimum, in standard deviations, by which the patterns are not made anew: they are as much out
-of step then as where the answer may lie anyhow."""
+"""The patterns are not recomputed if the optimum shifts by less, in standard deviations. Their phase error is
+then within that of the uncertainty of the answer."""
 STILL_HELD = 8.0
-"""The same where Poisson's ratio is held and the path stays: the frequency goes with the root of m, and eight
-standard deviations of half a per mille move thirty oscillations by 0.06 of one."""
+"""The same if Poisson's ratio is held and the path is not corrected. The frequency is proportional to the
+square root of m, and eight standard deviations of half a per mille shift thirty oscillations by 0.06 of
+one."""
 STEP = 1e-3
-"""Half the distance of the differences in the unit box of the search."""
+"""Half step of the central differences, in the unit box of the search."""
 
 
 @dataclass(frozen=True)
@@ -75,26 +76,25 @@ class MeshOptimum:
     deviance: float
     """-2 ln L up to a constant [-]."""
     converged: bool
-    """Whether the search came to rest."""
+    """True if the search converged."""
 
 
 @dataclass(frozen=True)
 class MeshOptima:
-    """Optima on the coarse meshes, and what they were found under."""
+    """Optima on the coarse meshes, with the path and replicates used."""
 
     optima: Mapping[Mesh, MeshOptimum]
-    """On the mesh of the replicates and on the surrogate's."""
+    """Optima on the mesh of the replicates and on the surrogate's mesh."""
     front: FrontPath
-    """The front face's path where the data put it."""
+    """The front face's path, corrected to the data."""
     replicates: Callable[[], Replicates] | None
-    """Gives runs at the optimum under other motions and curves; None if none were asked for."""
+    """Gives runs at the optimum with other motions and curves; None if none were requested."""
     valley_margin: float = np.inf
-    """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-], infinite where there
-    is none."""
+    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]; infinite if there is none."""
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
-    """Optima on the mesh of the replicates and on the surrogate's, the second from the first.
+    """Optima on the replicates' mesh and, starting from there, on the surrogate's mesh.
 
     ``start``: a first guess in parameter units, shape [d]. Raises ValueError if no run of the scan completes,
     or no search can start.
@@ -108,7 +108,7 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
         summit = likeliest_summit(runner, np.array([end.x for end in ends]), first, objective.counted)
         begin, margin = summit.x, summit.margin
         if problem.settings.replicates:
-            # Without them least squares would go back to the floor.
+            # Without them, least squares would return to the floor.
             runner = runner.under(runner.front.with_noise(summit.patterns))
             objective = replace(objective, front=runner.front.noise)
     (best,) = _least_squares_on(runner, objective, first, begin[None], MOST_STEPS)
@@ -119,9 +119,9 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
 
 
 def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
-    """Optima of one parameter on both coarse meshes, from that of a surrogate.
+    """Optima of one parameter on both coarse meshes, starting from that of a surrogate.
 
-    ``coarse``: the optimum on the surrogate's mesh under the path as it was fitted to the record.
+    ``coarse``: the optimum on the surrogate's mesh with the path fitted to the record.
     """
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
@@ -131,11 +131,11 @@ def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
 
 
 def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift: FloatArray) -> MeshOptima:
-    """Optima on both coarse meshes with the front face's path where the data put it, and its replicates."""
+    """Optima on both coarse meshes with the front face's path corrected to the data, and its replicates."""
     problem, replicates = runner.problem, None
     surrogate, first, box = problem.numerics, problem.first, problem.box
     if problem.settings.replicates:
-        # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
+        # On this mesh, the ringing and its noise patterns are closer to those of the refined mesh.
         fine, front = follow_front(runner, objective, surrogate, fine)
         runner, objective = runner.under(front), replace(objective, front=front.noise)
     optima = {surrogate.mesh: fine}
@@ -150,20 +150,20 @@ def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift
 def follow_front(
     runner: Runner, objective: Objective, numerics: Numerics, best: MeshOptimum
 ) -> tuple[MeshOptimum, FrontPath]:
-    """The optimum on a mesh with the front face's path where the data put it, and the patterns there.
+    """The optimum on a mesh with the front face's path corrected to the data, and its patterns.
 
-    The patterns ring at the frequency of the point at which they are made: they are made anew until the
-    optimum stays. Where they have little to explain the path stays, and they explain it.
+    The patterns ring at the frequency of the point at which they are computed. They are recomputed until the
+    optimum converges. If they explain only a small residual, the path is not corrected.
     """
     front, noise = runner.front, noise_of(runner.problem.observations)
     fitted, first = front.path, best
     jerks = runner.front_jerks
     shares = np.zeros(len(jerks))
-    # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
+    # Patterns that ring at another frequency than the model would bias Poisson's ratio to their point.
     followed = 0.0 if VALLEY in runner.problem.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
         runs = runner.under(front).under_other_motions(best.x[None], jerks, numerics)[0]
-        if runs is None or len(runs.force_bins) <= len(jerks):  # which motion was lost is not known
+        if runs is None or len(runs.force_bins) <= len(jerks):  # it is not known which motion failed
             break
         change = data_change(runs)[1:]
         modes = PathModes.of(change, noise, jerks)
@@ -173,7 +173,7 @@ def follow_front(
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
-            # Another object: no run so far serves a surrogate under it.
+            # A new path object: no earlier run can be used for a surrogate with it.
             return first, FrontPath(replace(fitted), FrontNoise(modes.patterns))
         if shares.any() or rms_amplitude(amplitudes) > followed:
             shares = amplitudes @ modes.shares
@@ -188,10 +188,10 @@ def follow_front(
 
 
 def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
-    """Points to search from, the most likely first, [n, d], and the objective over what the first reaches.
+    """Search starts, the most likely first, [n, d], and the objective over the points the first one reaches.
 
     ``runner``: runs points of the identification's problem. ``start``: a first guess in parameter units,
-    shape [d]. ``numerics``: of the scan. Raises ValueError if no run of the scan completes.
+    shape [d]. ``numerics``: numerical choices of the scan. Raises ValueError if no run of the scan completes.
     """
     box = runner.problem.box
     if VALLEY in box.names:
@@ -222,7 +222,7 @@ def _least_squares_on(
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
+    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data."""
     box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))

@@ -1,16 +1,16 @@
 """Valleys of the misfit along Poisson's ratio: scan, floors, summit, search coordinates.
 
-The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio
-sets that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)), so that the misfit has a valley wherever the
-model's oscillations match the measured ones in step, or one whole oscillation off. Valleys are equally
-far apart in the number of oscillations, N = T c / (2 L) with the window T, the length L and the wave's
-speed c^2 = (K + 4 G / 3) / rho: the scan takes equal steps of N.
+The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio sets
+that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)). The misfit has a valley wherever the model's
+oscillations are in phase with the measured ones, or shifted by whole oscillations. Valleys are equally spaced
+in the number of oscillations, N = T c / (2 L), with the window T, the length L and the wave speed c^2 = (K +
+4 G / 3) / rho. The scan takes equal steps of N.
 
-On a coarse mesh the outline's error is a smooth field, many times its noise; so the points of a frame
-count once when valleys are compared. Each floor is judged with some runs under other motions of the
-flyer, whose noise may explain ringing. From the likeliest floor the summit of that likelihood is climbed
-in steps of half an oscillation. The search coordinate of Poisson's ratio is log(1 - 2 nu): a valley is a
-few percent of it wide.
+On a coarse mesh the outline's error is a smooth field, many times its noise. The points of a frame therefore
+count as one value when valleys are compared. At each floor, some runs with other motions of the flyer are
+made, because its noise may explain ringing. From the likeliest floor, the maximum of the likelihood (the
+summit) is searched in steps of half an oscillation. The search coordinate of Poisson's ratio is log(1 - 2
+nu): a valley is a few percent of it wide.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from kolsky.inverse.settings import Numerics
 VALLEY = "poisson"
 """The parameter whose misfit has many valleys."""
 PHASE = 0.4
-"""Step of the scan, in oscillations over the whole test: a run in step is at most half of it away."""
+"""Step of the scan, in oscillations over the whole test: a run in phase is at most half a step away."""
 MOST_LEVELS = 240
-"""Most values of Poisson's ratio in a scan."""
+"""Maximum number of values of Poisson's ratio in a scan."""
 SMALL_STRAIN = 0.05
 """Strain up to which a curve's slope is its small-strain modulus [-]."""
 LIKELY = {"balanced": 3, "force": 1, "joint": 2}
-"""Local minima of each misfit of the scan that are searched, the deepest first: by a frame's points as one
-entry, by the force alone, by all entries. The one nearest to the declared value is searched too."""
+"""Number of local minima to search for each misfit of the scan, deepest first: with a frame's points as one
+entry, by the force only, by all entries. The one nearest to the declared value is searched too."""
 
 
 def small_strain_modulus(curve: MaterialCurve) -> float:
@@ -60,7 +60,7 @@ def small_strain_modulus(curve: MaterialCurve) -> float:
 def oscillations(
     poisson: FloatArray, *, modulus: float, density: float, length: float, window: float
 ) -> FloatArray:
-    """Number of passages of a pressure wave there and back, T c / (2 L) [-], shape of `poisson`.
+    """Number of round trips of a pressure wave, T c / (2 L) [-], shape of `poisson`.
 
     ``poisson``: poisson's ratio [-], < 1/2. ``modulus``: young's modulus of the incompressible material [Pa]:
     G is a third of it. ``density``, ``length``, ``window``: of the specimen [kg/m^3], [m]; duration of the
@@ -72,7 +72,7 @@ def oscillations(
 
 
 def valley_levels(prepared: PreparedShot, factor: float, bounds: tuple[float, float]) -> FloatArray:
-    """Values of Poisson's ratio between two bounds, both among them, a share of an oscillation apart.
+    """Values of Poisson's ratio between two bounds, both included, at equal steps of the oscillation number.
 
     ``factor``: stiffness factor [-]. ``bounds``: of Poisson's ratio.
     """
@@ -99,24 +99,25 @@ def oscillation_table(
 
 
 def equal_steps(values: FloatArray, number: FloatArray) -> FloatArray:
-    """Values at equal steps, at most `PHASE`, of an increasing function of them given in a table, both ends
-    among them; fewer than that where they would be more than `MOST_LEVELS`."""
+    """Values at equal steps (at most `PHASE`) of the tabulated increasing function `number`, both ends
+    included. The step is larger if there would be more than `MOST_LEVELS` values."""
     n = min(max(ceil((number[-1] - number[0]) / PHASE) + 1, 2), MOST_LEVELS)
     return np.asarray(np.interp(np.linspace(number[0], number[-1], n), number, values))
 
 
 def local_minima(values: FloatArray) -> list[int]:
-    """Places of the values that are below both neighbours, the lowest first; NaN is no minimum."""
+    """Indices of the values below both neighbours, the lowest first; NaN is no minimum."""
     padded = np.concatenate([[np.inf], np.where(np.isnan(values), np.inf, values), [np.inf]])
     found = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
     return sorted(found.tolist(), key=lambda i: float(values[i]))
 
 
 def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArray) -> list[int]:
-    """Rows of a scan that lie on the floor of a valley and deserve a search, the likeliest first.
+    """Rows of a scan at valley floors from which to search, the likeliest first.
 
-    ``objective``: over the outline points that every run reaches. ``vectors``: predicted data along the scan,
-    shape [n, k]. ``distance``: of each run from the declared value, in any unit, shape [n].
+    ``objective``: objective over the outline points that every run reaches. ``vectors``: predicted data along
+    the scan, shape [n, k]. ``distance``: distance of each run from the declared value, in any unit, shape
+    [n].
     """
     misfits = {
         "balanced": objective.balanced_deviance(vectors),
@@ -135,10 +136,10 @@ def deviance_with_path_noise(
 ) -> FloatArray:
     """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
 
-    Up to a constant, a frame's points as one entry; infinite where the run did not complete.
+    Up to a constant, with a frame's points as one entry; infinite if the run did not complete.
     """
     found = np.full(len(points), np.inf)
-    # The same outline points for all of them: likelihoods of different data do not compare.
+    # The same outline points for all: likelihoods of different data cannot be compared.
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
     for row, prediction in enumerate(runs):
         if prediction is not None:
@@ -150,43 +151,43 @@ def deviance_with_path_noise(
 
 
 def patterns_of(problem: InverseProblem, prediction: Prediction) -> FloatArray:
-    """Patterns of the flyer's noise from runs under other motions, shape [q, n_bins + n_points]."""
+    """Patterns of the flyer's noise from runs with other motions, shape [q, n_bins + n_points]."""
     change = data_change(prediction)[1:]
     return PathModes.of(change, noise_of(problem.observations), change).patterns
 
 
 STRIDE = 0.5
-"""Distance of neighbouring places, in oscillations over the whole test: minima of least squares are half an
-oscillation apart or more."""
+"""Step between neighbouring positions, in oscillations over the whole test. Least-squares minima are at least
+half an oscillation apart."""
 AHEAD = 2
-"""Places that are run at once to a side: one oscillation."""
+"""Number of positions run in parallel on each side: one oscillation."""
 OTHER_VALLEY = 2.0
-"""Oscillations from a summit beyond which a floor is of another valley [-]."""
+"""A floor farther from a summit than this belongs to another valley [oscillations]."""
 FARTHEST = 8
-"""Most places from the floor: the next valleys that the scan has found lie about there."""
+"""Largest number of steps from the floor: about the distance of the next valleys found by the scan."""
 
 
 @dataclass(frozen=True)
 class Summit:
-    """The likeliest place about a floor."""
+    """The point of maximum likelihood near a floor."""
 
     x: FloatArray
     """In parameter units, shape [d]."""
     patterns: FloatArray
-    """Of the flyer's noise there, one standard deviation a mode, shape [q, n_bins + n_points]."""
+    """Patterns of the flyer's noise there, one standard deviation per mode, shape [q, n_bins + n_points]."""
     strides: int
-    """Places from the floor, positive toward a higher Poisson's ratio."""
+    """Number of steps from the floor, positive toward a higher Poisson's ratio."""
     runs: Prediction
-    """Under other motions there, the fitted one's first."""
+    """Runs there with other motions, the fitted one first."""
     margin: float = np.inf
-    """-2 ln of likelihood and prior of the next valley's floor less that of the summit [-]; infinite where
-    the scan found no other valley."""
+    """-2 ln of likelihood and prior at the next valley's floor minus that at the summit [-]; infinite if the
+    scan found no other valley."""
 
 
 def climb_summit(
     runner: Runner, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
 ) -> Summit:
-    """The summit that is reached from a floor, all other parameters as they are there."""
+    """The summit reached from a floor, with all other parameters fixed at their values there."""
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -215,7 +216,7 @@ def climb_summit(
 
 
 def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
-    """The summit from the likeliest of some valleys' floors, and what the next is short of it.
+    """The summit from the likeliest valley floor, and its margin over the next valley.
 
     ``runner``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
     ValueError if the run at no floor completes.
@@ -233,18 +234,18 @@ def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, ins
 
 
 def margin(values: FloatArray, apart: FloatArray) -> float:
-    """By how much the likeliest of other valleys is short of a summit [-].
+    """Margin of a summit over the likeliest other valley [-].
 
     ``values``: -2 ln of likelihood and prior, the summit's first, shape [n]. ``apart``: oscillations from the
-    summit [-], shape [n]; within `OTHER` of it a floor is on its slope.
+    summit [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
 
 
 def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
-    """Oscillations over the whole test at points of shape [n, d], shape [n]; all with the first one's
-    stiffness."""
+    """Oscillations over the whole test at points of shape [n, d], shape [n], with the stiffness of the first
+    point."""
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -253,7 +254,7 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
 
 
 def strides_beside(best: int, known: set[int]) -> list[int]:
-    """Places to run next: `AHEAD` of them on each side of the best one where nothing is known next to it."""
+    """Positions to run next: `AHEAD` on each side of the best one where its neighbour is not yet known."""
     found = []
     for side in (-1, 1):
         if best + side not in known:
@@ -264,7 +265,7 @@ def strides_beside(best: int, known: set[int]) -> list[int]:
 def search_box(box: Box) -> Box:
     """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio.
 
-    What spans decades is logarithmic too.
+    Parameters that span decades are logarithmic too.
     """
     bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
     decades = [name for name in box.names if PARAMETERS[name].logarithmic]

@@ -1,4 +1,4 @@
-"""What the simulations of an identification are made with: progress, seconds, several models at once."""
+"""Support for the simulations of an identification: progress, wall time, several models in parallel."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Progress = Callable[[str, int, int], None]
 
 
 class Work:
-    """Tells the progress of stages and keeps their seconds.
+    """Reports the progress of stages and records their wall time.
 
-    ``progress``: notified of every stage; nobody is if it is left out.
+    ``progress``: called at every stage; None reports nothing.
     """
 
     def __init__(self, progress: Progress | None = None) -> None:
@@ -33,7 +33,8 @@ class Work:
     def stage(self, name: str, runs: int | None = None) -> Iterator[Callable[[int], None]]:
         """Time a block as part of a stage.
 
-        ``runs``: how many are made in it; None tells nobody. Yields: what is told of runs just finished.
+        ``runs``: number of runs in the block; None reports nothing. Yields a function to call with the number
+        of runs just finished.
         """
         done, started = 0, time.perf_counter()
 
@@ -52,7 +53,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Launch:
-    """Runs of one model, to be made at the same time as those of others, see `run_side_by_side`."""
+    """Runs of one model, executed in parallel with runs of other models, see `run_side_by_side`."""
 
     forward: Forward
     """The shot."""
@@ -67,9 +68,9 @@ class Launch:
 
 
 def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
-    """Run several models at once, each with the same bits as `Forward.run` alone.
+    """Run several models in parallel; each result is bit-identical to that of `Forward.run`.
 
-    What is corrected for Poisson's ratio runs one after the other: it is three meshes already.
+    Runs with a correction for Poisson's ratio are made one after the other: each already uses three meshes.
 
     Raises
     ------

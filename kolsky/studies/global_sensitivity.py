@@ -1,7 +1,7 @@
-"""Which parameter matters: indices of Sobol and screening of misfits and peak force over a box of
-parameters.
+"""Global sensitivity: Sobol indices and screening of misfits and peak force over a box of parameters.
 
-Either the solver runs every point of the sample, or runs over the box make a surrogate of the response.
+Either the solver runs every point of the sample, or a surrogate of the response is fitted to runs over the
+box.
 """
 
 from collections.abc import Callable, Mapping
@@ -36,15 +36,15 @@ OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 WITHOUT_OUTLINE = ("Phi_F", "peak force")
 """Those of a shot without an outline."""
 CHUNK = 256
-"""Runs made at once."""
+"""Number of runs per batch."""
 
 
 @dataclass(frozen=True)
 class Observables:
-    """Force samples, bin means and outline points as one vector, and the numbers made of it."""
+    """Force samples, bin means and outline points as one vector, and the scalar outputs computed from it."""
 
     observations: Observations
-    """What was measured."""
+    """The measurements."""
     counted: NDArray[np.bool_]
     """Outline points that every run reaches, shape [n_points]."""
 
@@ -100,7 +100,7 @@ def _observed(
     held: Mapping[str, float] | None,
     numerics: Numerics | None,
 ) -> tuple[Observables, FloatArray]:
-    """What is observed of a shot, and its vectors at points of a box, simulated some at a time."""
+    """The observables of a shot, and its vectors at points of a box, simulated in batches."""
     prepared, parts = prepare_shot(shot), []
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
@@ -115,7 +115,7 @@ def _observed(
 
 
 LARGEST_ERROR = 0.1
-"""Largest share of an output's variance that the surrogate may get wrong at runs it has not seen."""
+"""Largest accepted error of the surrogate at test runs, as a share of an output's variance."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +126,12 @@ class GlobalSensitivity(ResultViews):
     box: Box
     """Where the parameters vary, uniformly and independently."""
     runs: int
-    """Runs made in all."""
+    """Total number of runs."""
     by_surrogate: bool
-    """Whether a surrogate was asked, or the solver itself."""
+    """True if a surrogate was used, False for the solver itself."""
     errors: dict[str, float]
-    """Share of an output's variance that the surrogate gets wrong at runs that it has not seen [-]: scalars,
-    "force", "outline"; empty without a surrogate."""
+    """Error of the surrogate at test runs, as a share of an output's variance [-]: scalars, "force",
+    "outline"; empty without a surrogate."""
     refused: dict[str, str]
     """Outputs without indices, and why."""
     scalars: SobolIndices | None
@@ -343,7 +343,7 @@ def screening(
     shot, box, held, numerics
         As in `solver_sensitivity`.
     trajectories
-        How many; they cost this many times one more run than there are parameters.
+        Number of trajectories; each needs one more run than there are parameters.
     rng
         Seed.
 

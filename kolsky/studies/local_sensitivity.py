@@ -1,10 +1,10 @@
 """Slopes of force and outline by each parameter, through time and over height: dF/dp(t), dZ/dp(y, t).
 
 Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
-batch: what a search sees that comes from there. The derivative at the point itself can be quite another
-number. Near incompressibility the specimen rings, and a per cent of stiffness moves the phase of that ringing
-so far that dF/dp grows ever larger as the reach is made smaller; no mesh knows the phase so well. What the
-lines leave out is kept beside them.
+batch. They are the mean slopes in the range of a search. The derivative at the point itself can be very
+different. Near incompressibility the specimen rings, and one per cent of stiffness shifts the phase so much
+that dF/dp increases without limit as the reach decreases; no mesh predicts the phase so accurately. The
+residuals of the lines are stored too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,9 +21,9 @@ from kolsky.inverse.parameters import PARAMETERS, checked_value, has_effect, par
 from kolsky.inverse.settings import Numerics
 
 LEVELS = 10
-"""Runs a parameter, beside the point itself: enough that ringing averages out of a slope."""
+"""Number of runs per parameter, without the point itself: enough to average the ringing in a slope."""
 REACH = 0.1
-"""Reach of each parameter over its scale (`explicit.model.scale_of`) unless another is asked for."""
+"""Default reach of each parameter over its scale (`explicit.model.scale_of`)."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class LocalSensitivity:
     point: FloatArray
     """Their values, in their units, shape [d]."""
     scale: FloatArray
-    """A change of each that counts as large, in its unit, shape [d]."""
+    """Scale of each parameter (a large change), in its unit, shape [d]."""
     reach: float
     """Largest change in the runs over the scale [-]."""
     grid: ObservationGrid
-    """When and where."""
+    """Times and heights of the evaluation."""
     force: FloatArray
     """Mean force over each bin at the point [N], shape [n_bins]."""
     radius: FloatArray
@@ -68,9 +68,9 @@ class LocalSensitivity:
     """dZ/dp [m per unit], shape [d, n_frames, n_heights]; NaN where the surface does not reach in every
     run."""
     force_left: FloatArray
-    """Root mean square of what the line leaves out [N], shape [d, n_bins]."""
+    """Root mean square residual of the line [N], shape [d, n_bins]."""
     radius_left: FloatArray
-    """Likewise of the radius [m], shape [d, n_frames, n_heights]; NaN likewise."""
+    """The same for the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
 
 
 def local_sensitivity(
@@ -84,9 +84,9 @@ def local_sensitivity(
 ) -> LocalSensitivity:
     """Slopes of force and outline about a point, from one batch of runs.
 
-    ``forward``: the shot; its own sampling is replaced by ``grid``. ``names``: parameters of
-    `kolsky.inverse.parameters.PARAMETERS`. ``held``: values of parameters, those of `names` too, that are not
-    the shot's own. ``reach``: largest change over the parameter's scale, in (0, 0.5]. Raises ValueError if a
+    ``forward``: the shot; its sampling is replaced by ``grid``. ``names``: parameters of
+    `kolsky.inverse.parameters.PARAMETERS`. ``held``: values of parameters (also those in `names`) that differ
+    from the shot's. ``reach``: largest change over the parameter's scale, in (0, 0.5]. Raises ValueError if a
     parameter is unknown, named twice or has no scale at its value, the reach is outside its range, or a run
     does not complete.
     """
@@ -148,7 +148,7 @@ def mesh_change(
 
 
 def _point(forward: Forward, names: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
-    """Values of the named parameters and of those that are held at another value than the shot's."""
+    """Values of the named parameters and of those held at another value than the shot's."""
     if not names:
         raise ValueError("name at least one parameter")
     for name in names:
@@ -175,7 +175,7 @@ def _scale(name: str, value: float) -> float:
 
 
 def _levels(name: str, value: float, reach: float) -> FloatArray:
-    """Values about a point, moved inwards where the allowed range ends."""
+    """Values about a point, shifted inwards at the end of the allowed range."""
     low, high = parameter(name).allowed
     levels = value + reach * np.setdiff1d(np.linspace(-1.0, 1.0, LEVELS + 1), [0.0])
     levels = levels + max(0.0, low - levels[0])
@@ -202,7 +202,7 @@ def completed_runs(
     """Runs that must all complete.
 
     ``columns``: values of each parameter, or one for all runs. Raises ValueError with the place and the
-    ending of the first run that did not complete, and what cures it.
+    ending of the first failed run, and the remedy.
     """
     response = forward.run(columns, numerics)
     lost = np.flatnonzero(~response.completed)
@@ -218,7 +218,7 @@ def completed_runs(
 
 
 def _line(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slope of the least-squares line and root mean square of what it leaves out, entry by entry."""
+    """Slope and root mean square residual of the least-squares line, entry by entry."""
     away = x - x.mean()
     slope = np.tensordot(away, values, axes=1) / (away @ away)
     rest = values - values.mean(axis=0) - away.reshape(-1, *[1] * slope.ndim) * slope

@@ -1,7 +1,7 @@
 """The method of Mates et al. (2012): factorial over friction and stiffness, surface through Phi, simplex.
 
-Its cost and the surface through it, the interval where the cost cannot be told from its minimum, Eqs.
-(M.6)-(M.8), and the answer as text, JSON and a table of runs.
+Its cost and the surface through it, the interval in which the cost cannot be distinguished from its minimum,
+Eqs. (M.6)-(M.8), and the answer as text, JSON and a table of runs.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ from kolsky.studies.sweep import costs
 
 FRICTION = "friction"
 GRID = 101
-"""Places along each parameter at which the surface is looked at for the interval."""
+"""Number of values along each parameter at which the surface is evaluated for the interval."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Surface:
     runs: sweeping.Sweep
     """The runs."""
     fit: CostSurrogate
-    """Through the cost of those that completed."""
+    """Surface through the cost of the completed runs."""
     optimum: FloatArray
-    """Where the simplex found its least, in parameter units, shape [d]."""
+    """Minimum found by the simplex, in parameter units, shape [d]."""
     least: float
-    """The cost there by the surface [-]."""
+    """Cost of the surface at the minimum [-]."""
 
 
 def cost_of(found: Terms) -> float:
@@ -73,7 +73,7 @@ def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
 
 
 def surface_of(runs: sweeping.Sweep) -> Surface:
-    """Radial basis functions through the costs of completed runs, and where a simplex finds their least.
+    """Radial basis functions through the costs of completed runs, and their minimum by a simplex.
 
     Raises ValueError if fewer than four runs completed.
     """
@@ -113,14 +113,14 @@ class CostInterval:
     """True if it is at the upper bound."""
 
     def moved(self, distance: float) -> "CostInterval":
-        """The same interval about an optimum that lies elsewhere, on another mesh for one."""
+        """The same interval about another optimum, for example on another mesh."""
         return CostInterval(self.low + distance, self.high + distance, self.open_low, self.open_high)
 
 
 def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval:
     """The outermost values of a parameter with Phi <= min Phi + delta Phi.
 
-    A cost with several valleys has one interval over all of them that are as deep: none is told from the
+    A cost with several valleys has one interval over all valleys that cannot be distinguished from the
     deepest.
     """
     if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
@@ -151,19 +151,19 @@ REFINED_LEVELS = (3, 7)
 REFINED_SHARE = (0.25, 0.16)
 """Edges of the box on the refined mesh over those of the design."""
 MOST_BOXES, MOST_CHECKS = 3, 6
-"""Most boxes on the refined mesh, and most runs at the optimum there."""
+"""Maximum number of boxes on the refined mesh, and of runs at the optimum there."""
 CONFIRMED = 0.005
-"""A run at the optimum that moves the stiffness factor by no more confirms it: half of the last digit that
-the paper gives."""
+"""A run at the optimum confirms the stiffness factor if it shifts by no more than this: half of the last
+digit in the paper."""
 SAME = 1e-6
-"""Points of the unit box closer than this are one run."""
+"""Points of the unit box closer than this count as one run."""
 
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class PaperAnswer:
-    """What the paper's method says of a shot."""
+    """The answer of the paper's method for a shot."""
 
     shot: str
     factor: float
@@ -173,15 +173,15 @@ class PaperAnswer:
     friction: float | None
     """Friction coefficient of the last run [-]; None if nothing slips."""
     friction_told: bool
-    """False if the data do not tell the friction."""
+    """False if the data do not constrain the friction."""
     coarse: dict[str, float]
     """Optimum of the surface on the coarse mesh."""
     terms: Terms
     """Misfits of the last run and their uncertainties, Eqs. (M.3)-(M.8)."""
     predicted: float
-    """What the surface on the refined mesh had said of the last run's cost before it was made [-]."""
+    """Cost of the last run predicted by the surface on the refined mesh [-]."""
     confirmed: bool
-    """Whether that run left m where it is, inside the bounds of the design."""
+    """True if that run confirmed m inside the bounds of the design."""
     error: float
     """Leave-one-out error (rms) of the surface on the coarse mesh [-]."""
     design: tuple[float, float]
@@ -229,7 +229,7 @@ def paper_method(
     refined_mesh
         Elements across the radius and along the length.
     ledger
-        File that keeps the runs of the designs, so that none is made twice.
+        File that stores the runs of the designs, so that none is repeated.
     progress
         Called with stage, runs done, runs in the stage.
 
@@ -283,7 +283,7 @@ def paper_method(
 
 
 def at_bound(value: float, bounds: tuple[float, float]) -> bool:
-    """True if a value lies at a bound of its design, to `CONFIRMED`."""
+    """True if a value lies within `CONFIRMED` of a bound of its design."""
     return value - bounds[0] <= CONFIRMED or bounds[1] - value <= CONFIRMED
 
 
@@ -294,7 +294,7 @@ class _Search:
         self.shot, self.held, self.ledger, self.progress = shot, held, ledger, progress
 
     def factorial(self, box: Box, levels: list[int], numerics: Numerics, stage: str) -> Surface:
-        """Run a full factorial and find the least of the surface through its costs."""
+        """Run a full factorial and find the minimum of the surface through its costs."""
         design = full_factorial(box, levels * box.dimension if len(levels) == 1 else levels)
         self.progress(stage, 0, len(design))
         runs = sweeping.sweep(
@@ -324,7 +324,7 @@ class _Search:
     def refine(
         self, whole: Box, coarse: Surface, fine: Numerics
     ) -> tuple[Surface, tuple[tuple[dict[str, float], float], ...], single.Simulation, float, float]:
-        """Surface, runs at its optimum, the last of them, its predicted cost, and by how much it moved m."""
+        """Surface, runs at its optimum, the last of them, its predicted cost, and its shift of m."""
         shares = dict(zip(BOUNDS, REFINED_SHARE, strict=True))
         levels = [REFINED_LEVELS[list(BOUNDS).index(name)] for name in whole.names]
         own, x = whole.names.index(MOVED), coarse.optimum
@@ -360,7 +360,7 @@ STEM = "paper_method"
 
 
 def rows(answer: PaperAnswer) -> dict[str, str]:
-    """Names and values for a table beside our own answer."""
+    """Names and values for a table, for comparison with our answer."""
     span, (coarse, refined) = answer.interval, answer.meshes
     range_ = f"{span.low:.4g} to {span.high:.4g}"
     ends_open = [side for side, open_ in (("below", span.open_low), ("above", span.open_high)) if open_]
@@ -385,7 +385,7 @@ def _friction(answer: PaperAnswer) -> str:
 
 
 def paper_warnings(answer: PaperAnswer) -> list[str]:
-    """What to know before the paper's answer is used."""
+    """Warnings on the paper's answer."""
     said = []
     low, high = answer.design
     if at_bound(answer.factor, answer.design):

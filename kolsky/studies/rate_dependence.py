@@ -40,35 +40,35 @@ POINTS = 80
 
 @dataclass(frozen=True)
 class SlowDynamics(ResultViews):
-    """What slow tests and shots of one material tell of its rate dependence."""
+    """Rate dependence of one material from slow tests and shots."""
 
     tests: tuple[Evidence, ...]
-    """The tests that the series is fitted to."""
+    """The tests used to fit the series."""
     sweeps: Mapping[str, Superposition]
     """Temperature sweeps by name."""
     moduli: tuple[ApparentModuli, ...]
-    """Moduli of each test by itself, then those of the shots."""
+    """Moduli of each single test, then those of the shots."""
     law: MaterialLaw
     """The long-term law, up to the fitted factor."""
     declared: bool
-    """True if the list declares it; else it is neo-Hookean."""
+    """True if the list declares it; otherwise it is neo-Hookean."""
     verdict: RateVerdict
     """Prony series with 0, 1, 2, ... branches."""
     comparison: ModelComparison
-    """Elastic, the series and the creeping network beside one another."""
+    """Comparison of elastic model, series and creeping network."""
     fitted: ApparentModuli
-    """E(t) of the series that the data ask for."""
+    """E(t) of the series that the data need."""
     remarks: tuple[str, ...]
-    """What a reader must know."""
+    """Remarks that a user must read."""
 
     @property
     def fit(self) -> RateFit:
-        """The series that the data ask for."""
+        """The series that the data need."""
         return self.verdict.fit
 
     @property
     def sentence(self) -> str:
-        """The number of branches in words; none is asked for where a curve of the strain does as well."""
+        """The number of branches in words; none is needed if a curve of the strain fits equally well."""
         best = self.comparison.best
         return self.comparison.sentence if best.name == CURVE else self.verdict.sentence
 
@@ -83,8 +83,8 @@ def analyse_rate_dependence(
 ) -> SlowDynamics:
     """Place all tests on one axis of time and fit a Prony series to the slow ones.
 
-    ``shots``: identified shots of the same material; they are placed on the axis and take no part in the fit.
-    ``at_most``: most branches that are tried.
+    ``shots``: identified shots of the same material, placed on the axis but not used in the fit. ``at_most``:
+    largest number of branches tried.
     """
     remarks = [said for name, sweep in slow.sweeps.items() for said in _sweep_remarks(name, sweep)]
     if not slow.tests:
@@ -146,7 +146,7 @@ def shot_modulus(shot: RatedShot) -> ApparentModuli:
 
 
 def _scale(tests: Sequence[Evidence], moduli: Sequence[ApparentModuli]) -> float:
-    """A shear modulus of the size of the measured ones [Pa]; the fit's factor is on it."""
+    """A shear modulus of the order of the measured ones [Pa], the reference of the fitted factor."""
     seen = [float(np.median(one.modulus)) for one in moduli if one.modulus.size]
     if not seen:
         seen = [float(np.abs(test.values[np.isfinite(test.sigma)]).max()) for test in tests]
@@ -154,7 +154,7 @@ def _scale(tests: Sequence[Evidence], moduli: Sequence[ApparentModuli]) -> float
 
 
 def _sweep_remarks(name: str, sweep: Superposition) -> list[str]:
-    """Why a sweep is not used, or what is doubtful of it."""
+    """Reasons why a sweep is not used, or is doubtful."""
     if not sweep.determined:
         try:
             sweep.reduced()

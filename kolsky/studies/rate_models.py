@@ -1,17 +1,17 @@
-"""Which rate dependence the data choose: elastic, Prony series or Bergstrom and Boyce's network.
+"""Model selection for the rate dependence: elastic, Prony series or Bergstrom-Boyce network.
 
 Each model is fitted to the same values, and compared by two criteria. With the weighted sum of squares Q (for
 shots -2 ln L), k parameters and n values,
 
     AICc = Q + 2 k + 2 k (k + 1) / (n - k - 1),    BIC = Q + k ln n,                                   (V.6)
 
-and the weight of a model is exp(-dBIC / 2) over the sum of all, its probability where all were equally likely
-before (Kass and Raftery 1995). A model is chosen if it is the least by BIC, no other comes within `STRONG` of
-it, and none has a lower AICc. Else the data do not choose.
+and the weight of a model is exp(-dBIC / 2) over the sum of all. It is the probability of the model if all
+were equally likely a priori (Kass and Raftery 1995). A model is chosen if it has the lowest BIC, all others
+differ by more than `STRONG`, and none has a lower AICc. Otherwise no model is chosen.
 
-A law that does not fit in strain leaves a misfit that a branch can take up as well, and tests at one rate
-cannot show the difference. Among the models of histories is therefore a curve: a stress that is any smooth
-function of the stretch alone. Where it is the best, no rate dependence is chosen.
+If a law does not fit the strain dependence, a branch can also reduce the misfit, and tests at one rate cannot
+distinguish the two. The models of histories therefore include a curve: the stress is any smooth function of
+the stretch only. If it is the best, no rate dependence is chosen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,21 +35,22 @@ STRONG = 6.0
 """Least distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of Kass
 and Raftery (1995)."""
 POOR_FIT = 2.0
-"""Chi-square over degrees of freedom from which on a fit is remarked, and no model is chosen."""
+"""If chi-square over degrees of freedom exceeds this, the fit is reported and no model is chosen."""
 NETWORK = "bergstrom_boyce"
 """Name of the network among the models, as in a shot file."""
 ELASTIC, CURVE = "elastic", "elastic curve"
 """Names of the models without rate dependence: the declared law, and any curve of the stretch."""
 MOST_PIECES = 6
-"""Most cubic pieces of a curve: 9 constants bend as often as any law of `explicit.materials` [-]."""
+"""Maximum number of cubic pieces of a curve: 9 constants are as flexible as any law of `explicit.materials`
+[-]."""
 CREEP_STRENGTHS = (0.1, 1.0)
-"""Ratios of the networks that the search begins with [-]."""
+"""Initial ratios of the networks in the search [-]."""
 CREEP_RESISTANCES = (0.1, 1.0, 10.0)
-"""Resistances that the search begins with, over the largest stress of the tests [-]."""
+"""Initial resistances in the search, over the largest stress of the tests [-]."""
 RESISTANCES = (1e-4, 1e4)
-"""Allowed resistances over that stress [-]: beyond, the network has flowed at once, or never flows."""
+"""Allowed resistances over that stress [-]: outside, the network flows immediately or never."""
 AT_END = 1e-3
-"""Distance of a logarithm from the end of its range below which the constant is not determined [-]."""
+"""A constant is not determined if its logarithm is closer than this to the end of its range [-]."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Candidate:
     parameters: int
     """Number of its free parameters."""
     deviance: float
-    """Q of Eq. (V.6), up to a constant that all share [-]."""
+    """Q of Eq. (V.6), up to a common constant [-]."""
     values: Mapping[str, float]
     """The constants found, SI."""
     doubt: str = ""
@@ -86,7 +87,7 @@ class ModelComparison:
     candidates: tuple[Candidate, ...]
     """The models, the fewest parameters first."""
     n_data: int
-    """Values that each was fitted to."""
+    """Number of fitted values."""
     scatter: float
     """Least sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over it."""
     left_out: Mapping[str, str]
@@ -107,10 +108,10 @@ class ModelComparison:
 
     @property
     def rivals(self) -> tuple[Candidate, ...]:
-        """Models that keep the best from being chosen.
+        """Models that prevent the choice of the best one.
 
-        One that cannot be chosen is a rival only if it is better than the best by BIC. The law and a curve
-        are both elastic and no rivals of each other.
+        A model that cannot be chosen is a rival only if its BIC is lower than that of the best. The law and a
+        curve are both elastic and not rivals of each other.
         """
         best, n = self.best, self.n_data
         return tuple(
@@ -126,7 +127,7 @@ class ModelComparison:
 
     @property
     def chosen(self) -> Candidate | None:
-        """The model that the data choose; None if they do not."""
+        """The chosen model; None if the data do not choose one."""
         return None if self.rivals or self.best.doubt or self.scatter > POOR_FIT else self.best
 
     @property
@@ -200,7 +201,7 @@ def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> Model
 
 
 def series_name(branches: int) -> str:
-    """Name of a series as `--relaxation` takes it; "elastic" without branches."""
+    """Name of a series as in `--relaxation`; "elastic" without branches."""
     return (ELASTIC, "prony")[branches] if branches < 2 else f"prony:{branches}"
 
 
@@ -217,7 +218,7 @@ def fit_curve(slow: Slow) -> Candidate:
     for pieces in range(1, MOST_PIECES + 1):
         knots = np.unique(np.quantile(stretch, np.linspace(0.0, 1.0, pieces + 1)))
         if len(knots) < 2:
-            continue  # one stretch: a constant below
+            continue  # only one stretch: a constant is fitted below
         knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
         rows = BSpline.design_matrix(stretch, knots, 3).toarray()
         found.append(_least_squares(rows / sigma[:, None], values / sigma))
@@ -227,7 +228,7 @@ def fit_curve(slow: Slow) -> Candidate:
 
 
 def _least_squares(rows: FloatArray, values: FloatArray) -> Candidate:
-    """A curve that is linear in its constants; those that no value sees do not count."""
+    """Fit a curve that is linear in its constants; unconstrained constants do not count."""
     solved, _, rank, _ = np.linalg.lstsq(rows, values)
     return Candidate(CURVE, int(rank), float(np.square(rows @ solved - values).sum()), {})
 
@@ -249,7 +250,7 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
         )
         try:
             predicted = slow_predicted(slow, law, network, {"stiffness_factor": found["factor"]})
-        except ValueError:  # this flow cannot be integrated: the search turns back
+        except ValueError:  # this flow cannot be integrated: the search must reject the step
             return np.full(len(values), REFUSED)
         return (predicted - values) / sigma
 
@@ -258,7 +259,7 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
     elastic = slow_predicted(slow, law, None, {})
     weight = elastic / sigma**2
     scale = max(float(weight @ values / (weight @ elastic)), 2.0 * FACTORS[0])
-    # both networks together carry the mean stress; what the second carries by itself is not known before
+    # both networks together carry the mean stress; the share of the second is not known in advance
     starts = [
         np.log([scale / np.sqrt(1.0 + ratio), ratio, stress * size])
         for ratio, size in product(CREEP_STRENGTHS, CREEP_RESISTANCES)
@@ -271,7 +272,7 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
 
 
 def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, int]]:
-    """Models that shots and slow tests can be identified with: name, kind and branches."""
+    """Models available for the identification of shots and slow tests: name, kind and branches."""
     made: list[tuple[str, RelaxationKind, int]] = [
         (series_name(k), "prony", k) for k in range(1, min(branches, MOST_BRANCHES) + 1)
     ]
@@ -281,9 +282,9 @@ def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, i
 
 
 def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
-    """Compare models that the same shots and slow tests were identified with, each beside an elastic one.
+    """Compare models identified from the same shots and slow tests, each relative to an elastic one.
 
-    Each result holds its criteria less those of the elastic model on the same data, mesh error included
+    Each result holds its criteria minus those of the elastic model on the same data, mesh error included
     (`kolsky.inverse.joint_result.ModelChoice`): the elastic deviance is 0 here.
 
     Parameters
@@ -308,7 +309,8 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
         values = {key: e.value for key, e in result.estimates.items()}
         if not found:
             found.append(Candidate(ELASTIC, len(choice.elastic), 0.0, choice.elastic))
-        # what a criterion speaks for, but planted elastic data or the mesh would show as well, is not chosen
+        # a model favoured by a criterion is not chosen if synthetic elastic data or the mesh would show the
+        # same
         doubt = "" if choice.asked_for or choice.aic >= 0.0 else choice.sentence
         found.append(Candidate(name, len(result.estimates), lower, values, doubt))
     if len(set(sizes)) != 1:
@@ -318,7 +320,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
 
 
 def comparison_table(found: ModelComparison) -> dict[str, list[Any]]:
-    """One row a model."""
+    """One row per model."""
     n, models = found.n_data, found.candidates
     least, best = min(one.aicc(n) for one in models), min(one.bic(n) for one in models)
     return {

@@ -1,4 +1,4 @@
-"""A design of experiments over a shot's parameters: every run with outcome and misfit, none run twice.
+"""A design of experiments over a shot's parameters: every run with outcome and misfit, none repeated.
 
 The design is made here or read from a CSV file of parameter values with units in its header.
 """
@@ -41,8 +41,8 @@ from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
-"""What a run leaves in the ledger, in this order, SI; the misfits are NaN where it did not complete, the
-element -1 and its place NaN where it did."""
+"""Results of a run in the ledger, in this order, SI. The misfits are NaN if it did not complete; the element
+is -1 and its position NaN if it did."""
 CHUNK = {"cpu": 64, "cuda": 4096}
 """Runs between two entries in the ledger, by class of device."""
 
@@ -57,7 +57,7 @@ class Sweep(ResultViews):
     held: dict[str, float]
     """Parameters held at another value than the shot's."""
     damaged: tuple[str, ...] = ()
-    """Beginnings of the keys of runs that the ledger held damaged and that were run again."""
+    """Prefixes of the keys of damaged runs in the ledger, which were repeated."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ShotRuns:
     """The shot as a function of points, for `doe.ledger.run_chunks`; it can be pickled."""
 
     prepared: PreparedShot
-    """The shot made ready."""
+    """The prepared shot."""
     names: tuple[str, ...]
     """Parameters varied, length d."""
     held: Mapping[str, float]
@@ -74,7 +74,7 @@ class ShotRuns:
     """Mesh, precision, device."""
 
     def __call__(self, points: FloatArray) -> list[Run]:
-        """Simulate the points, shape [n, d]; every run is `KEPT`."""
+        """Simulate the points, shape [n, d]; every run holds the results in `KEPT`."""
         columns = {name: points[:, i] for i, name in enumerate(self.names)}
         response = self.prepared.forward.run({**self.held, **columns}, self.numerics)
         rows = np.flatnonzero(response.completed)
@@ -93,11 +93,11 @@ class ShotRuns:
         return runs
 
     def model_hash(self) -> bytes:
-        """SHA-256 of all that a run's result depends on but the varied values.
+        """SHA-256 of all inputs of a run's result except the varied values.
 
-        Inputs, window, specimen, interface, what is held, names, mesh and the other numerical choices,
-        class of device, versions and the package's sources; not the number of threads, which no bit
-        depends on.
+        Inputs, window, specimen, interface, held parameters, names, mesh and other numerical choices, class
+        of device, versions and the package's sources. The number of threads is not included, since the result
+        does not depend on it.
         """
         device = self.numerics.device.partition(":")[0]
         settings = {
@@ -136,20 +136,20 @@ def sweep(
     numerics
         As in `kolsky.inverse.forward.Forward.run`.
     ledger
-        File where each chunk of runs is recorded and where runs made before are found; none if left out.
+        File that stores each chunk of runs and supplies earlier runs; default: none.
     merge
-        Ledgers of other shards, taken over into `ledger` first.
+        Ledgers of other shards, first copied into `ledger`.
     retry
-        Run again what the ledger holds as not completed.
+        Repeat the runs that the ledger records as not completed.
     executor, progress
         As in `doe.ledger.run_chunks`.
 
     Raises
     ------
     ValueError
-        If a parameter is unknown or outside its range, or ledgers are to be merged into none.
+        If a parameter is unknown or outside its range, or `merge` is given without `ledger`.
     doe.ledger.LedgerError
-        If a ledger is none, is damaged or in use.
+        If a file is not a ledger, is damaged or in use.
     OSError
         If the ledger's folder cannot be made.
 
@@ -187,7 +187,7 @@ def sweep(
 
 @contextmanager
 def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledger]:
-    """A ledger that has taken over others; if one is refused, no ledger stays that was not there before."""
+    """A ledger with others merged into it; if one is rejected, a newly created ledger is removed."""
     fresh, made = not path.exists(), missing(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -207,7 +207,7 @@ def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledg
 
 
 def _refuse_strangers(ledger: Path, runs: list[Run]) -> None:
-    """A row may have the right key and still not be what this program writes."""
+    """Raise LedgerError if a row has a valid key but was not written by a sweep."""
     for run in runs:
         known = run.outcome in Outcome.__members__ and Outcome[run.outcome].ok == run.completed
         if not known or run.results.shape != (len(KEPT),) or not float(run.results[5]).is_integer():
@@ -232,8 +232,8 @@ def _table(design: Design, runs: list[Run]) -> DesignTable:
 
 
 def columns(result: Sweep) -> dict[str, Any]:
-    """One row a run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; and how, when and where a run
-    that did not complete ended."""
+    """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; for a failed run also how, when
+    and where it ended."""
     table = result.table
     made: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
     made |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
@@ -260,9 +260,9 @@ def misfit_sum(table: DesignTable) -> FloatArray:
 
 
 def costs(table: DesignTable) -> FloatArray:
-    """Phi of every run, Eq. (M.5) [-]; its force term alone where no outline was measured.
+    """Phi of every run, Eq. (M.5) [-]; only its force term if no outline was measured.
 
-    NaN where a run did not complete, shape [n_runs].
+    NaN if a run did not complete, shape [n_runs].
     """
     phi = misfit_sum(table)
     return phi if np.isfinite(phi).any() else table.phi_force / SCALE_FORCE
@@ -285,12 +285,12 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
 
 
 MOST_RUNS = 1_000_000
-"""Most runs of a sweep; their histories must fit into memory."""
+"""Maximum number of runs in a sweep; their histories must fit into memory."""
 HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 
 def read_design(path: Path) -> Design:
-    """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point a line.
+    """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point per line.
 
     A name without a unit is in SI. The design's box spans the values of each column.
     """

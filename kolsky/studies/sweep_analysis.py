@@ -19,16 +19,16 @@ from kolsky.shot.records import Shot
 from kolsky.studies.sweep import Sweep, misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
-"""Misfits looked at, Eqs. (M.3) to (M.5), and their units."""
+"""Analysed misfits, Eqs. (M.3) to (M.5), and their units."""
 MOST_FITTED = 400
-"""Most runs an interpolant is made of: its equations are dense. The others are what it is tried on."""
+"""Maximum number of runs used for an interpolant, whose equations are dense. The others test it."""
 LARGEST_ERROR = 0.2
-"""Largest error (rms) of an interpolant over the standard deviation of the runs for which anything is drawn
-from it: its square, 4 % of the variance, is what the shares below cannot be trusted for."""
+"""Largest accepted error (rms) of an interpolant over the standard deviation of the runs. Its square, 4 % of
+the variance, is the uncertainty of the variance shares."""
 LEVELS = 41
 """Points along each parameter of an effect and of a map."""
 MOST_FORCES = 64
-"""Most runs along one parameter whose forces are simulated once more: a second of work."""
+"""Maximum number of runs along one parameter whose forces are simulated again: about one second."""
 SAMPLE = 1024
 """Points of each sample of the indices."""
 
@@ -54,21 +54,21 @@ class Output:
     name: str
     """Key of `OUTPUTS`."""
     values: FloatArray
-    """At every run, NaN where it did not complete, shape [n_runs]."""
+    """Values at every run, NaN if it did not complete, shape [n_runs]."""
     error: float
     """Error of the interpolant over the standard deviation of the runs [-]: root mean square of
-    leave-one-out residuals, or of runs it was not made of where there are many."""
+    leave-one-out residuals or, with many runs, of the runs not used for it."""
     refused: str
-    """Why nothing is drawn from the interpolant; empty if it is good enough."""
+    """The reason why the interpolant is not used; empty if it is accurate enough."""
     surrogate: CostSurrogate | None
-    """The interpolant, None if it could not be made or is not good enough."""
+    """The interpolant; None if it could not be computed or is not accurate enough."""
     effects: dict[str, Effect]
     """Main effects by parameter; empty without an interpolant."""
 
 
 @dataclass(frozen=True)
 class SurfaceOptimum:
-    """Where an interpolant is least."""
+    """The minimum of an interpolant."""
 
     output: str
     """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
@@ -79,12 +79,12 @@ class SurfaceOptimum:
     at_bound: dict[str, str]
     """ "lower" or "upper" for each parameter that lies at a bound of the box: its optimum may lie outside."""
     converged: bool
-    """Whether the search ended by its own criterion."""
+    """True if the search met its convergence criterion."""
 
 
 @dataclass(frozen=True)
 class ForcesAlong:
-    """Forces and cost of runs along one parameter, those that completed."""
+    """Forces of the completed runs along one parameter."""
 
     x: FloatArray
     """Values of the parameter [SI], rising, shape [n]."""
@@ -100,11 +100,11 @@ class ForcesAlong:
 
 @dataclass(frozen=True)
 class SweepAnalysis(ResultViews):
-    """A sweep looked at as a whole."""
+    """The analysis of a complete sweep."""
 
     shot: str
     box: Box
-    """Where the parameters varied."""
+    """Range of the parameters."""
     table: DesignTable
     outputs: dict[str, Output]
     """The misfits, by name; only those of force without an outline."""
@@ -113,9 +113,9 @@ class SweepAnalysis(ResultViews):
     best: int | None
     """Run with the smallest Phi (Phi_F without an outline); None if none completed."""
     optimum: SurfaceOptimum | None = None
-    """Where the interpolant of Phi (Phi_F without an outline) is least; None without a good one."""
+    """Minimum of the interpolant of Phi (Phi_F without an outline); None without an accurate one."""
     forces: ForcesAlong | None = None
-    """Of a sweep over one parameter, if they were asked for; see `forces_along`."""
+    """Forces of a sweep over one parameter, if requested; see `forces_along`."""
 
     @property
     def judged(self) -> str:
@@ -123,7 +123,7 @@ class SweepAnalysis(ResultViews):
         return "Phi" if "Phi" in self.outputs else "Phi_F"
 
     def map(self, output: str, first: str, second: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """An output in the plane of two parameters, the others where the best run has them.
+        """An output in the plane of two parameters, with the others at the values of the best run.
 
         Returns: values of the two parameters [SI], shape [LEVELS]. Returns: the output, shape [LEVELS,
         LEVELS], rows along y. Raises ValueError if the output has no interpolant.
@@ -140,7 +140,7 @@ class SweepAnalysis(ResultViews):
 
 
 def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
-    """Interpolate the misfits of a sweep's runs and look at them as a whole.
+    """Interpolate the misfits of a sweep's runs and analyse the complete sweep.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> S
 
 
 def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:
-    """Least of an interpolant by downhill simplex from the best run, and from the best of a scan."""
+    """Minimum of an interpolant by downhill simplex, from the best run and from the best point of a scan."""
     surrogate = output.surrogate
     if surrogate is None:
         return None
@@ -192,7 +192,7 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
 
 
 def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
-    """Least of the interpolant in plain types: where, how much, at which bounds; or why there is none.
+    """Minimum of the interpolant in plain types: point, value, bounds reached; or why there is none.
 
     The value is that of Phi (without an outline of Phi_F, in newtons).
     """
@@ -228,10 +228,10 @@ def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: in
 
 
 def _too_large(error: float, runs: int, dimension: int) -> str:
-    """The refusal, with the runs that would do if the error falls as it does for a smooth function.
+    """The reason for rejection, with the number of runs needed if the misfit is smooth.
 
-    An interpolant of a smooth function gains at least its second order in the distance of the runs, which
-    goes with their number to the power of -1/d.
+    For a smooth function, the error is at least second order in the distance of the runs, which is
+    proportional to their number to the power of -1/d.
     """
     needed = int(np.ceil(runs * (error / LARGEST_ERROR) ** (dimension / 2.0)))
     return (
@@ -272,9 +272,9 @@ def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | N
 
 
 def forces_along(shot: Shot, swept: Sweep, numerics: Numerics) -> ForcesAlong | None:
-    """Simulate the levels of one parameter once more, for their forces: the ledger has misfits only.
+    """Simulate the levels of one parameter again to get the forces; the ledger stores misfits only.
 
-    Returns: None for several parameters, more than `MOST_FORCES` runs, or where none completed.
+    Returns: None for several parameters, more than `MOST_FORCES` runs, or if none completed.
     """
     if len(swept.table.names) != 1 or len(swept.table.points) > MOST_FORCES:
         return None

@@ -1,8 +1,7 @@
 """The uncertainty analysis of an optimum: declared inputs, profiles, other choices of the analyst,
 posterior.
 
-Other choices are another end of the window and other bins of the force: the same data and runs searched
-again.
+Other choices are another end of the window and other force bins; the same data and runs are searched again.
 """
 
 from __future__ import annotations
@@ -47,16 +46,16 @@ from kolsky.uncertainty.profiles import (
 
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 WINDOW_SHARES = (0.9, 0.8)
-"""Ends of the window over its whole length."""
+"""Alternative window lengths over the full length [-]."""
 LEAST_BINS = 8
-"""Fewest bins of the force that are searched."""
+"""Smallest number of force bins for a search."""
 SEARCH_TOLERANCE = 1e-5
-"""Of the searches, in the unit box."""
+"""Tolerance of the searches, in the unit box."""
 SEARCHED = "searched again on the surrogate"
 AT_EDGE = "searched again on the surrogate, whose range the optimum would leave: at least so much"
 
 Data = tuple[Objective, Model]
-"""Other data, and what predicts them."""
+"""Modified data, and the model that predicts them."""
 
 
 def variations(
@@ -64,10 +63,9 @@ def variations(
 ) -> tuple[Variation, ...]:
     """Shifts of the answer by other choices of window and bins.
 
-    ``runner``: runs points of the identification's problem. ``answer``: where it ended. ``found``: the
-    surrogate that its profiles rest on. ``check``: what the run on the refined mesh at the answer predicts,
-    in its first row. Returns: shifts from the optimum of the same surrogate with the choices as they were
-    made.
+    ``runner``: runs points of the identification's problem. ``answer``: its optimum. ``found``: the surrogate
+    used for its profiles. ``check``: prediction of the run on the refined mesh at the answer, in its first
+    row. Returns: shifts from the optimum of the same surrogate with the original choices.
     """
     first, last = runner.problem.shot.window
     width = float(np.diff(found.objective.observations.bins.edges).mean())
@@ -124,7 +122,7 @@ def _first_bins(bins: ForceBins, end: float) -> ForceBins:
 
 
 def wider_bins(objective: Objective, model: Model) -> Data:
-    """The data with every two bins of the transmitted force as one; an odd last one stays."""
+    """The data with pairs of transmitted-force bins merged; an odd last bin stays."""
     bins = objective.observations.bins
     own = len(bins.mean)
     starts = np.arange(0, own, 2)
@@ -155,7 +153,7 @@ def wider_bins(objective: Objective, model: Model) -> Data:
 def _narrower_bins(
     runner: Runner, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> Data:
-    """The data with every bin of the transmitted force as two, and a surrogate of the same runs for them."""
+    """The data with every transmitted-force bin split in two, and a surrogate of the same runs for them."""
     seen = answer.objective.observations
     edge = np.searchsorted(seen.force.time, seen.bins.edges - SAME_TIME)
     middle = (edge[1:] + edge[:-1]) // 2
@@ -170,7 +168,7 @@ def _narrower_bins(
     n, bins = len(seen.bins.mean), force_between(seen.force, halves)
 
     def twice(rows: FloatArray) -> FloatArray:
-        """Rows of bins and points in which both halves of a bin have its own value."""
+        """Rows of bins and points in which both halves of a bin have the value of the bin."""
         return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
 
     front = answer.objective.front.over(twice)
@@ -178,7 +176,7 @@ def _narrower_bins(
     fine = replace(
         answer,
         objective=objective,
-        # The model's own means, shared by the halves as the run shares its own.
+        # The model's bin means are divided between the halves as in the run.
         vector=np.concatenate(
             [
                 np.repeat(answer.vector[:n] - check.force_bins[0, :n], 2)
@@ -186,7 +184,7 @@ def _narrower_bins(
                 answer.vector[n:],
             ]
         ),
-        # What the finer mesh adds to a bin's slope, both halves get.
+        # Both halves get the slope correction of the finer mesh for the bin.
         steeper=np.concatenate([np.repeat(answer.steeper[:n], 2, axis=0), answer.steeper[n:]]),
     )
     model, objective = surrogate_of((points, halved(prediction)), fine, found.box, runner.problem.box)
@@ -198,7 +196,7 @@ def _halves(
 ) -> FloatArray:
     """Means over the halves of bins by the trapezoid rule, those of a bin with its exact mean, [n, 2 n_bins].
 
-    The rule misses what a force does between its samples, and both halves are given the same of it.
+    The trapezoid rule misses changes between the samples; both halves get the same correction for them.
     """
     F = prediction.force
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
@@ -224,28 +222,28 @@ class UncertaintyAnalysis:
     systematic: tuple[Declaration, ...]
     """Every key that shot.toml may declare uncertain."""
     profiles: tuple[ParameterProfile, ...]
-    """One a free parameter; none if they could not be made."""
+    """One per free parameter; empty if they could not be computed."""
     ridge: PairMap | None
     """The plane of two free parameters."""
     posterior: PosteriorSummary | None
-    """If it was asked for."""
+    """The posterior; None if not requested."""
     found: ParameterProfiles | None
-    """What the profiles rest on."""
+    """The surrogate and data used for the profiles; None if there are none."""
     warnings: tuple[str, ...]
-    """What a user should know of them."""
+    """Warnings about the profiles and the posterior."""
     runs: int
-    """Simulations on the surrogate's mesh when all was done."""
+    """Total number of simulations on the surrogate's mesh."""
     variations: tuple[Variation, ...] = ()
     """Other choices of the analyst; none if there is no surrogate to search."""
     directions: InputDirections | None = None
-    """What each input does to the data vector, and to the answer."""
+    """Effect of each input on the data vector and on the answer."""
 
     def sigma_systematic(self, name: str) -> float:
         """Standard uncertainty of a parameter from the declared ones, root sum of squares."""
         return float(np.sqrt(sum(part.shifts.get(name, 0.0) ** 2 for part in self.systematic)))
 
     def added_to(self, result: Identification) -> Identification:
-        """The result with all of it, its intervals with the systematic part."""
+        """The result with this analysis added; its intervals include the systematic part."""
         estimates = {
             name: replace(e, sigma_systematic=self.sigma_systematic(name))
             for name, e in result.estimates.items()
@@ -262,7 +260,7 @@ class UncertaintyAnalysis:
         )
 
     def methods(self, estimates: dict[str, Estimate]) -> Iterator[Method]:
-        """Profile and posterior beside the answer."""
+        """Profile and posterior, compared with the answer."""
         if self.found is None:
             return
         answer = {name: e.on_mesh for name, e in estimates.items()}
@@ -292,7 +290,7 @@ class UncertaintyAnalysis:
 
 
 def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:
-    """Declared uncertainties, profiles, other choices and, if asked for, the posterior.
+    """Declared uncertainties, profiles, other choices of the analyst and, if requested, the posterior.
 
     Parameters
     ----------
@@ -301,14 +299,14 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     answer
         Where it ended.
     check
-        What the run on the refined mesh there predicts.
+        Prediction of the run on the refined mesh at the optimum.
 
     Raises
     ------
     ValueError
         If a run with a changed input does not complete.
     ImportError
-        If the posterior is asked for and emcee is not installed.
+        If the posterior is requested and emcee is not installed.
     """
     with runner.work.stage("inputs"):
         directions = input_directions(runner, answer.x, answer.objective)
@@ -344,14 +342,14 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
 
 
 def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
-    """The posterior; imported when it is asked for."""
+    """The posterior; its module is imported only if needed."""
     from kolsky.uncertainty.profiles import posterior
 
     return posterior(found, seed=seed)
 
 
 def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...]) -> FloatArray:
-    """Share of the noise in each parameter's variance beside that of the declared inputs, shape [d]."""
+    """Share of the noise in each parameter's variance from noise and declared inputs, shape [d]."""
     noise = np.diag(answer.objective.covariance(answer.slope, answer.vector))
     names = answer.local.names
     declared = [sum(part.shifts.get(name, 0.0) ** 2 for part in systematic) for name in names]
@@ -359,10 +357,11 @@ def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...])
 
 
 def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
-    """Width of the answer's interval over itself, were its part from the noise as wrong as the profile [-].
+    """Factor on the answer's interval if its noise part had the same relative error as the profile [-].
 
-    The rise goes with the square of the distance: a profile whose rise is too large by the share e of its
-    level ends at sqrt(1 - e) of where it should, and the noise's variance is larger by 1 / (1 - e).
+    The rise is proportional to the square of the distance. If a profile's rise is too large by the share e of
+    its level, its interval ends at sqrt(1 - e) of the correct distance. The noise variance is then larger by
+    1 / (1 - e).
     """
     e = profile.error / profile.level
     return float(np.sqrt(1.0 + noise_share * e / (1.0 - e))) if e < 1.0 else np.inf
@@ -371,7 +370,7 @@ def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
 def analysis_warnings(
     profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None, shares: FloatArray
 ) -> Iterator[str]:
-    """Say which profiles are not confirmed or not closed, and that chains are too short."""
+    """Warnings on profiles that are not confirmed or not closed, and on chains that are too short."""
     for profile, share in zip(profiles, shares, strict=False):
         if wider_interval(profile, float(share)) > WARN_WIDER:
             yield (

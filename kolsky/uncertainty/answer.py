@@ -1,4 +1,4 @@
-"""The answer of a search with its budget: sources of error, estimates, routes, run beside the data."""
+"""The answer of a search with its budget: sources of error, estimates, routes, comparison with the data."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
 
 
 def error_sources(found: Search, directions: InputDirections | None) -> Sources:
-    """Everything that moves the optimum, as changes of the data vector; the mesh's share is run.
+    """All sources of error of the optimum, as changes of the data vector; runs the mesh-error simulations.
 
-    ``found``: the search. ``directions``: what each input does to the data vector; None leaves out what
-    shot.toml declares uncertain. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
+    ``found``: the search. ``directions``: effect of each input on the data vector; None omits the declared
+    uncertainties of shot.toml. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
     """
     runner, fine = found.runner, found.fine
     declared = runner.problem.shot.uncertainty
@@ -37,9 +37,9 @@ def error_sources(found: Search, directions: InputDirections | None) -> Sources:
 
 
 def budgeted_answer(found: Search, sources: Sources) -> Identification:
-    """The identification as the search and its budget give it: neither judged nor diagnosed.
+    """The identification from the search and its budget, before verdicts and diagnosis.
 
-    ``found``, ``sources``: the search, and what moves its optimum.
+    ``found``, ``sources``: the search, and the error sources of its optimum.
     """
     runner, problem, fine = found.runner, found.problem, found.fine
     shot, box, observations, settings = problem.shot, problem.box, problem.observations, problem.settings

@@ -2,8 +2,8 @@
 
 The noise of flyer motion and material curve comes from replicates, that of the outline from its modes.
 
-Of several shots: a constant of the material is one number for all of them. A specimen and the place of an
-outline are each shot's own, and their parts add in quadrature. Scale and clock of the force are in the
+For several shots, a material constant is one number for all of them. Specimen dimensions and outline
+positions are independent in each shot; their parts add in quadrature. Scale and clock of the force are in the
 weights.
 """
 
@@ -33,7 +33,7 @@ from kolsky.uncertainty.input_changes import height_follows, outline_follows, pa
 from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
 
 OUTLINE = "common errors of the outline"
-"""Name of the part by errors that outline points have in common."""
+"""Name of the part from errors common to outline points."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class InputChanges:
 
     replicates: Mapping[str, FloatArray]
     """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
-    curve"; of what is known as patterns of one standard deviation each, these times root n (`as_drawn`):
-    `OUTLINE`, and "flyer motion" where the path is a nuisance of the fit."""
+    curve". Sources known as patterns of one standard deviation are scaled by root n (`as_drawn`): `OUTLINE`,
+    and "flyer motion" if the path is a nuisance of the fit."""
     scales: Mapping[str, FloatArray]
     """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
     scale"."""
@@ -51,7 +51,7 @@ class InputChanges:
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
-        ``gain``: linear map from a change of the data vector to the move of the optimum, shape [d, k].
+        ``gain``: linear map from a change of the data vector to the shift of the optimum, shape [d, k].
         """
         found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
         for key, changes in self.replicates.items():
@@ -66,16 +66,16 @@ def as_drawn(patterns: FloatArray) -> FloatArray:
 
 
 def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
-    """Changes of the data vector by every source that is known.
+    """Changes of the data vector by every known source.
 
     Parameters
     ----------
     objective
-        Whose data vector, and the force's scale.
+        Defines the data vector and the scale error of the force.
     replicates
-        Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
-        replicate leaves adds nothing. Where no other motion was run, the patterns of its noise in the weights
-        stand for them.
+        Runs with other motions and curves, the reference first; None omits their noise. An outline point that
+        a replicate does not reach has zero change. If no other motion was run, the noise patterns in the
+        weights are used instead.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
@@ -101,18 +101,18 @@ DECLARED = "declared inputs"
 
 @dataclass(frozen=True)
 class Sources:
-    """Everything that moves an optimum, as changes of the data vector."""
+    """All error sources of an optimum, as changes of the data vector."""
 
     inputs: InputChanges
     """Noise and scales of the inputs."""
     mesh: MeshChange
     """Mesh and element."""
     deviations: FloatArray | None = None
-    """What a run deviates from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k];
-    each route, and the difference of two, makes of them what its own map does."""
+    """Deviations of runs from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k]. Each
+    route, and the difference of two routes, applies its linear map to them."""
     declared: FloatArray | None = None
-    """Changes by what shot.toml declares uncertain, their mean square the sum over the keys, shape [n, k];
-    the joint answer counts these by itself, `Estimate.sigma_systematic`."""
+    """Changes by the declared uncertainties of shot.toml, shape [n, k]; their mean square is the sum over the
+    keys. The joint answer counts them separately, in `Estimate.sigma_systematic`."""
 
     def roughness(self, gain: FloatArray) -> FloatArray | None:
         """Standard deviation of an optimum from the response's roughness, shape [d]; None if it is smooth."""
@@ -123,8 +123,7 @@ class Sources:
     def parts(self, residual: FloatArray, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
-        ``residual``: covariance from the residuals, shape [d, d]. ``gain``, ``gains``: as of
-        `InputChanges.parts`.
+        ``residual``: covariance from the residuals, shape [d, d]. ``gain``: as for `InputChanges.parts`.
         """
         found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
@@ -168,9 +167,9 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force alone minus outline alone with its own budget; None where one of them is missing.
+    """Force-only minus outline-only result with its budget; None if one of them is missing.
 
-    The residuals of the two are of different data, and their covariances add.
+    Their residuals are independent, so their covariances add.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
@@ -196,10 +195,10 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A constant of the material has one row, what is a shot's own a row for each shot. The scale of the curve
-    is none of them: m takes it up whole.
+    A material constant has one row; an independent input of each shot has one row per shot. The scale of the
+    curve is excluded, because m absorbs it completely.
 
-    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a moved input does
+    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a changed input does
     not complete.
     """
     changes: dict[str, FloatArray] = {}
@@ -229,12 +228,12 @@ def declared_parts(
     """Standard uncertainties of the unknowns by declared source, shape [d] each.
 
     ``problem``, ``found``: the problem and its optimum. ``gain``: linear map from a change of the data to the
-    move of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
+    shift of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
     """
     parts: dict[str, FloatArray] = {}
     for key in _declared_keys(problem):
         if key == "curve_scale" and MOVED in problem.unknowns.names:
-            # m times the curve is what the data see: the whole of it goes into m
+            # the data depend on m times the curve: m absorbs the whole scale
             sigmas = [p.forward.shot.uncertainty.get(key, 0.0) for p in problem.runs.prepared]
             i = problem.unknowns.names.index(MOVED)
             parts[key] = np.zeros(len(found.x))
@@ -245,7 +244,7 @@ def declared_parts(
 
 
 def _of_each(problem: JointProblem, change: FloatArray) -> FloatArray:
-    """A change of all data as a row for each shot, shape [n, k]."""
+    """A change of all data, split into one row per shot, shape [n, k]."""
     return np.array([problem.stack.of_shot(k, change) for k in range(len(problem.stack.shots))])
 
 
@@ -261,7 +260,7 @@ def _held_constant(problem: JointProblem, key: str) -> bool:
 def _constant_change(
     problem: JointProblem, found: Optimum, base: FloatArray, sigma: float, key: str
 ) -> FloatArray:
-    """A constant of the material that is held: moved in all shots together."""
+    """Change of all data by a held material constant, changed in all shots together."""
     p = PARAMETERS[key]
     value = problem.runs.held.get(key, p.held(problem.first.shot))
     step = parameter_step(key, value)
@@ -274,7 +273,7 @@ def _constant_change(
 def _specimen_change(
     problem: JointProblem, found: Optimum, base: FloatArray, sigmas: FloatArray, key: str
 ) -> FloatArray:
-    """A length or the density of every shot's own specimen."""
+    """Change of all data by a length or the density of every shot's specimen."""
     moved: list[PreparedShot] = []
     for prepared, sigma in zip(problem.runs.prepared, sigmas, strict=True):
         shot = prepared.forward.shot
@@ -300,7 +299,7 @@ def outlines_with_diameter(
     ends: Sequence[int],
     sigmas: FloatArray,
 ) -> FloatArray:
-    """Change of prediction minus data by larger diameters: outlines move whose axis was placed by theirs."""
+    """Change of prediction minus data by larger diameters, where they define the outline's axis."""
     found, start = change.copy(), 0
     for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
         if shot.axis_by_radius:
@@ -311,8 +310,8 @@ def outlines_with_diameter(
 
 
 def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
-    """Change of prediction minus data by a larger Z or y of every outline: the data move, the model does not,
-    shape [k]."""
+    """Change of prediction minus data by a larger Z or y of every outline, shape [k]; the model is
+    unchanged."""
     change = np.zeros(len(problem.stack.data))
     start = 0
     for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):
@@ -325,7 +324,7 @@ def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatA
 
 
 def _outline_slope(seen: Observations) -> FloatArray:
-    """dZ/dy along each frame's outline as it was measured [-], shape [Q]."""
+    """dZ/dy along the measured outline of each frame [-], shape [Q]."""
     line, found = seen.centre_line, np.zeros(len(seen.centre_line.Z))
     for frame in np.unique(line.frame):
         rows = np.flatnonzero(line.frame == frame)

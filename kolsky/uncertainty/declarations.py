@@ -1,4 +1,4 @@
-"""Declared uncertainties carried to the answer, and its sensitivity to every input."""
+"""Declared uncertainties propagated to the answer, and its sensitivity to every input."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from kolsky.uncertainty.input_changes import InputDirections, input_directions, 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
 ALIKE = 0.95
-"""Cosine between what two inputs leave in the residual, from which on the data do not tell them apart [-]."""
+"""The data cannot distinguish two inputs if the cosine of their residual changes exceeds this [-]."""
 
 
 def declarations(runner: Runner, directions: InputDirections) -> tuple[Declaration, ...]:
-    """Every key that shot.toml may declare uncertain, and by how much it moves the optimum.
+    """Every key that shot.toml may declare uncertain, and the shift of the optimum by it.
 
     Parameters
     ----------
     runner
         Runs points of the identification's problem.
     directions
-        What every input does, at the optimum.
+        Effect of every input at the optimum.
 
     Raises
     ------
     ValueError
-        If a run with an input moved by its declared uncertainty does not complete.
+        If a run with an input changed by its declared uncertainty does not complete.
     """
     shot, box = runner.problem.shot, runner.problem.box
     told = {
@@ -70,7 +70,7 @@ def declarations(runner: Runner, directions: InputDirections) -> tuple[Declarati
 
 
 def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
-    """The fields of a `Declaration` that need no declared uncertainty; none where it has no direction."""
+    """The fields of a `Declaration` that need no declared uncertainty; empty if it has no direction."""
     if key not in directions.keys:
         return {}
     one = directions[key]
@@ -97,11 +97,11 @@ def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 
 INVISIBLE = 1e-3
-"""Share of an input's change that stays in the residual, below which the data do not show it [-]."""
+"""The data do not reveal an input if a smaller share of its change remains in the residual [-]."""
 
 
 def amount_text(part: Declaration) -> str:
-    """The plain amount of an input as text: "1 %", "1 us", "10 um", "1e-05"."""
+    """The reference change of an input as text: "1 %", "1 us", "10 um", "1e-05"."""
     if INPUTS[part.key].relative:
         return f"{100.0 * part.amount:g} %"
     factor, unit = SHOWN.get(part.unit, (1.0, ""))
@@ -109,28 +109,29 @@ def amount_text(part: Declaration) -> str:
 
 
 def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """By what share each free parameter moves if the input is larger by its plain amount [-].
+    """Relative shift of each free parameter if the input increases by its reference change [-].
 
-    ``part``: the input. ``answer``: parameter -> value, in the unit of `part.moves`; one that is zero has no
-    share.
+    ``part``: the input. ``answer``: parameter -> value, in the unit of `part.moves`; a value of zero is left
+    out.
     """
     return {name: move / answer[name] for name, move in part.moves.items() if answer.get(name)}
 
 
 def elasticity(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """The logarithmic derivative of each free parameter by an input that is a scale; empty for others."""
+    """The logarithmic derivative of each free parameter by an input that is a scale; empty for other
+    inputs."""
     if not INPUTS[part.key].relative:
         return {}
     return {name: share / part.amount for name, share in relative_moves(part, answer).items()}
 
 
 def taken_as_exact(parts: Sequence[Declaration]) -> list[Declaration]:
-    """Inputs that move the answer and were not declared uncertain."""
+    """Inputs that affect the answer and were not declared uncertain."""
     return [part for part in parts if part.status == UNDECLARED and part.moves]
 
 
 def caution(parts: Sequence[Declaration], answer: Mapping[str, float]) -> Iterator[str]:
-    """Say what a plain amount of the input that moves the first free parameter most would do."""
+    """Warning on the undeclared input with the largest effect on the first free parameter."""
     open_ = taken_as_exact(parts)
     name = next(iter(answer), "")
     shares = {part.key: relative_moves(part, answer).get(name, 0.0) for part in open_}
@@ -147,7 +148,7 @@ def caution(parts: Sequence[Declaration], answer: Mapping[str, float]) -> Iterat
 
 
 def invisible_inputs(parts: Sequence[Declaration]) -> Iterator[str]:
-    """Say which inputs leave no residual, and which the data do not tell apart."""
+    """Report inputs that leave no residual, and inputs that the data cannot distinguish."""
     for part in parts:
         if isfinite(part.visible) and part.visible < INVISIBLE:
             words = INPUTS[part.key].words

@@ -1,12 +1,12 @@
-"""Change of "prediction minus data" when an input is changed by a step, by runs or by the data alone.
+"""Change of "prediction minus data" by a step of an input, from runs or from the data only.
 
-Every direction, and the Jacobian by the free parameters, is from runs on one mesh, the surrogate's: a map
-from another would not cancel what rings in the mesh. Parameters and curves share one batch; a change of
-the mesh, of its mass, or of friction that is not named has a batch of its own. A scale, a zero, a clock
-and a place of what was measured need no run.
+All directions, and the Jacobian by the free parameters, come from runs on the surrogate's mesh: with another
+mesh, the ringing of the mesh would not cancel. Parameters and curves share one batch. A change of the mesh,
+of its mass, or of unnamed friction has a separate batch. A scale, a zero, a clock and a position of a
+measurement need no run.
 
-A wrong input moves the optimum by the part of its direction that the free parameters can follow, and
-leaves the rest in the residual:
+The free parameters absorb a part of the change by a wrong input, which shifts the optimum. The rest remains
+in the residual:
 
     shift = -G c,    rest = c + J shift,    visible share = |rest / sigma|^2 / |c / sigma|^2
 
@@ -42,17 +42,18 @@ from kolsky.shot.records import ForceChannel, Shot
 
 
 def outline_follows(change: FloatArray, step: float, diameter: float, n_force: int) -> FloatArray:
-    """Change of prediction minus data by a larger diameter, where the outline's axis was placed by it.
+    """Change of prediction minus data by a larger diameter, if the diameter defines the outline's axis.
 
-    An axis that lies the declared radius behind the surface at rest moves back with it, and every measured Z
-    grows by as much: the model's outline and the measured one grow alike, and what is left is their strain.
+    If the axis lies the declared radius behind the undeformed surface, it moves back with a larger radius,
+    and every measured Z increases equally. The outlines of model and measurement then increase equally; only
+    the effect of strain remains.
 
     Parameters
     ----------
     change
-        Change of the prediction alone, shape [k].
+        Change of the prediction only, shape [k].
     step
-        By how much the diameter is larger, relative to it.
+        Relative increase of the diameter.
     diameter
         The declared one [m].
     n_force
@@ -64,31 +65,31 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
 
 
 def height_follows(shot: Shot, step: float) -> float:
-    """By how much the outline's heights are too large where the length is too large by a share of it [m].
+    """Error of the outline's heights for a relative error of the length [m].
 
-    Where the pictures have a part in the length, errors of length and heights go together
-    (`kolsky.pictures.specimen_length`): what of the heights' error goes with the length's is in the direction
-    of the length, what is left in that of the heights, and both are independent.
+    If the length is partly measured in the pictures, errors of length and heights are correlated
+    (`kolsky.pictures.specimen_length`). The correlated part of the height error is in the direction of the
+    length, the rest in that of the heights; both are independent.
 
     Parameters
     ----------
     shot
         The shot.
     step
-        By how much its length is larger, relative to it.
+        Relative increase of its length.
     """
     found = shot.length_by_pictures
     return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
 
 
 SHARES = {"stiffness_factor": 0.003}
-"""Step of a free parameter that is no input over its scale, `explicit.model.scale_of` [-]."""
+"""Step over its scale (`explicit.model.scale_of`) for a free parameter that is not an input [-]."""
 SHARE = 0.05
 """The same for the others [-]."""
 PERCENT = 0.01
-"""Plain amount of a scale, relative to it, and of friction [-]."""
+"""Reference change of a scale (relative) and of friction [-]."""
 ROUNDING = 1e-9
-"""What a logarithm may miss a whole number by."""
+"""Rounding tolerance of a logarithm at a whole number."""
 
 
 def parameter_step(name: str, value: float) -> float:
@@ -100,7 +101,7 @@ def parameter_step(name: str, value: float) -> float:
 
 
 def _step(one: Input, shot: Shot, objective: Objective) -> float:
-    """By how much an input is moved, in its unit or relative."""
+    """Step of an input, in its unit or relative."""
     if one.parameter:
         return parameter_step(one.parameter, PARAMETERS[one.parameter].held(shot))
     if one.unit == "N":
@@ -109,8 +110,10 @@ def _step(one: Input, shot: Shot, objective: Objective) -> float:
 
 
 def plain_amount(key: str, value: float) -> float:
-    """A plain amount of an input, in its unit or relative: 1 %, 1 us, 10 um; of the other constants the power
-    of ten that is not above a hundredth of its distance from 1/2 (Poisson's ratio) or 0.01.
+    """Reference change of an input, in its unit or relative: 1 %, 1 us, 10 um, or a plain number.
+
+    For Poisson's ratio it is the largest power of ten not above a hundredth of its distance from 1/2. For
+    other constants it is 0.01.
 
     ``key``: the input. ``value``: its value in SI; only Poisson's ratio needs it.
     """
@@ -123,7 +126,7 @@ def plain_amount(key: str, value: float) -> float:
 
 
 def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:
-    """The reason why an input has no part, or none of its own, in this shot's answer; empty if it has."""
+    """The reason why an input has no (separate) effect on this shot's answer; empty if it has one."""
     if key in free:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}
@@ -139,21 +142,21 @@ def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, s
 
 @dataclass(frozen=True)
 class ModelAtOptimum:
-    """The run at the optimum, through which inputs are seen that need no run of their own.
+    """The run at the optimum, used for inputs that need no separate run.
 
-    A scale and a clock act on the data, but are taken through the model's force and outline, which have no
-    noise and ring in the mesh as the Jacobian does; `kolsky.shot.input_records.Model`.
+    A scale and a clock act on the data, but their effect is computed from the model's force and outline.
+    These have no noise, and the same mesh ringing as the Jacobian; see `kolsky.shot.input_records.Model`.
     """
 
     objective: Objective
     """The objective."""
     observations: Observations
-    """What was measured."""
+    """The measurements."""
     reference: Response
-    """The run at the optimum, its surface `CLOCK` before and after each frame among its times."""
+    """The run at the optimum; its times include `CLOCK` before and after each frame."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data from those of the transmitted force, of all forces and of the
+        """A change of prediction minus data, composed of changes of the transmitted force, all forces and the
         outline, shape [k]."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
@@ -165,12 +168,12 @@ class ModelAtOptimum:
         return self._seen()[: len(self.observations.bins.mean)]
 
     def higher(self, step: float) -> FloatArray:
-        """Change of the prediction by outline points that lie higher by a step [m], shape [k]."""
+        """Change of the prediction if the outline points are higher by a step [m], shape [k]."""
         y = self.observations.centre_line.y
         return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
-        """Change of prediction minus data by the outline's heights that go with a longer specimen
+        """Change of prediction minus data by the outline's heights that are correlated with a longer specimen
         (`height_follows`), shape [k]; zero without an outline."""
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
@@ -178,7 +181,7 @@ class ModelAtOptimum:
         return self.higher(heights)
 
     def force_rate(self) -> FloatArray:
-        """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""
+        """Time derivative of the model's (noise-free) force in each bin [N/s], shape [n_bins]."""
 
         def rate(bins: ForceBins, which: str) -> FloatArray:
             run = self.reference
@@ -196,7 +199,7 @@ class ModelAtOptimum:
         return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
 
     def _seen(self, y: FloatArray | None = None, time: FloatArray | None = None) -> FloatArray:
-        """The predicted data vector with the outline seen at other heights or times."""
+        """The predicted data vector with the outline taken at other heights or times."""
         line = self.observations.centre_line
         line = replace(line, y=line.y if y is None else y, time=line.time if time is None else time)
         seen = replace(self.observations, centre_line=line)
@@ -204,18 +207,18 @@ class ModelAtOptimum:
 
 
 def _times_around(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
-    """Times `CLOCK` before and after; at the ends of what was simulated the time itself [s]."""
+    """Times `CLOCK` before and after, limited to the simulated range [s]."""
     first, last = response.surface_times[0], response.surface_times[-1]
     return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
 
 
 class RunLost(ValueError):
-    """A run with a moved input did not complete."""
+    """A run with a changed input did not complete."""
 
 
 @dataclass(frozen=True)
 class MovedRuns:
-    """Runs with moved parameters, curves and specimens, all on the surrogate's mesh."""
+    """Runs with changed parameters, curves and specimens, all on the surrogate's mesh."""
 
     runner: Runner
     """Runs points of the identification's problem."""
@@ -224,16 +227,16 @@ class MovedRuns:
     objective: Objective
     """The objective."""
     steps: Mapping[str, float]
-    """Key -> step of each input to be moved."""
+    """Key -> step of each input to be changed."""
 
     @property
     def mesh_point(self) -> FloatArray:
-        """Where the surrogate's mesh answers like the refined one at the optimum, shape [d]."""
+        """Point at which the surrogate's mesh responds like the refined mesh at the optimum, shape [d]."""
         return np.asarray(self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0])
 
     @property
     def forward(self) -> Forward:
-        """The shot ready to run, its surface kept beside the frames too."""
+        """The shot prepared to run, with surface output also shortly before and after each frame."""
         forward = self.runner.forward
         frames = self.runner.problem.observations.frame_times
         if not frames.size:
@@ -245,12 +248,12 @@ class MovedRuns:
 
     @property
     def point(self) -> dict[str, float]:
-        """The optimum and what is held, by name."""
+        """The optimum and the held parameters, by name."""
         return self.runner.at(self.x, self.runner.problem.numerics.mesh)
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Inputs that join the common batch: parameters that change nothing but their value when named."""
+        """Inputs in the common batch: parameters that change only their value when named."""
         held = self.runner.problem.settings.held
         return tuple(
             key
@@ -280,7 +283,7 @@ class MovedRuns:
 
     @cached_property
     def _responses(self) -> dict[str, Response]:
-        """The common batch, and each changed shot's by key and sign: all of them side by side."""
+        """The common batch, and the batch of each changed shot by key and sign, run in parallel."""
         keys, numerics = {"": self._common}, self.runner.problem.numerics
         for key, step in self.steps.items():
             if self._is_alone(key):
@@ -335,9 +338,9 @@ class MovedRuns:
         return self.common.select([0]), np.nan_to_num(np.array(slopes)).T
 
     def change(self, key: str, step: float) -> FloatArray:
-        """Change of the predicted data vector, up and down where both are possible, shape [k].
+        """Change of the predicted data vector, by central difference if both signs are possible, shape [k].
 
-        Raises RunLost if a run with the moved input did not complete.
+        Raises RunLost if a run with the changed input did not complete.
         """
         up, down = self.moved(key, 1, step), self.moved(key, -1, step)
         if up is not None and down is not None:
@@ -350,7 +353,8 @@ class MovedRuns:
         return np.asarray(centre - down)
 
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
-        """The predicted data vector with an input moved up or down; None where it cannot be."""
+        """The predicted data vector with an input increased or decreased; None if the value is not
+        allowed."""
         if self._is_alone(key):
             if step != self.steps[key]:
                 raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
@@ -359,14 +363,14 @@ class MovedRuns:
         return self._vector((key, sign)) if (key, sign) in self.rows else None
 
     def _is_alone(self, key: str) -> bool:
-        """Whether an input needs a model of its own."""
+        """True if an input needs a separate model."""
         one = INPUTS.get(key)
         if one is None or one.seen is not None:
             return False
         return one.key not in self.named if one.parameter else one.applied is not None
 
     def _changed(self, key: str, step: float) -> Shot | None:
-        """The shot with an input moved by a step; None where the value is not allowed."""
+        """The shot with an input changed by a step; None if the value is not allowed."""
         one, shot = INPUTS[key], self.forward.shot
         if not one.parameter:
             assert one.applied is not None  # else it is seen without a run, or joins the common batch
@@ -396,17 +400,17 @@ def _scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
 
 @dataclass(frozen=True)
 class InputDirection:
-    """One input, and what a step of it does to the data vector."""
+    """One input, and the change of the data vector by a step of it."""
 
     key: str
     """Its key of `kolsky.shot.inputs.INPUTS`."""
     step: float
-    """By how much it is larger, in its unit, or relative."""
+    """Its increase, in its unit or relative."""
     change: FloatArray
-    """Change of prediction minus data by the step, shape [k]; zero at an outline point that the moved model
+    """Change of prediction minus data by the step, shape [k]; zero at an outline point that the changed model
     does not reach."""
     value: float
-    """Its declared value in SI; NaN where it is a scale or an offset that no number stands for."""
+    """Its declared value in SI; NaN for a scale or an offset without a value."""
 
     @property
     def slope(self) -> FloatArray:
@@ -416,27 +420,27 @@ class InputDirection:
 
 @dataclass(frozen=True)
 class InputDirections:
-    """The directions of all inputs at an optimum, beside the Jacobian by the free parameters."""
+    """The directions of all inputs at an optimum, and the Jacobian by the free parameters."""
 
     names: tuple[str, ...]
     """Free parameters, length d."""
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector there on the surrogate's mesh, shape [k]."""
     jacobian: FloatArray
     """Its derivative by the free parameters, shape [k, d]."""
     directions: tuple[InputDirection, ...]
-    """One an input that has a part in the answer."""
+    """One per input with an effect on the answer."""
     absent: Mapping[str, str] = field(default_factory=dict)
-    """Key -> why an input has none: it is free, has no part here, or its run did not complete."""
+    """Key -> why an input has none: it is free, has no effect, or its run did not complete."""
 
     def __getitem__(self, key: str) -> InputDirection:
         """The direction of an input.
 
-        Raises KeyError if it has none; the message says why.
+        Raises KeyError if it has none; the message gives the reason.
         """
         for one in self.directions:
             if one.key == key:
@@ -450,28 +454,28 @@ class InputDirections:
 
     @cached_property
     def gain(self) -> FloatArray:
-        """Linear map from a change of the prediction to minus that of the optimum, shape [d, k]."""
+        """Linear map from data minus prediction to the shift of the optimum, shape [d, k]."""
         return self.objective.gain(self.jacobian)
 
     def shift(self, key: str) -> FloatArray:
         """Change of the optimum by the input's step, in SI, shape [d]."""
-        # The optimum follows what the prediction is short of.
+        # The map is from data minus prediction, hence the sign.
         return np.asarray(-self.gain @ self[key].change)
 
     def rest(self, key: str) -> FloatArray:
-        """What the step leaves in the residual once the free parameters have followed, shape [k]."""
+        """Change of the residual by the step after the free parameters are refitted, shape [k]."""
         return np.asarray(self[key].change + self.jacobian @ self.shift(key))
 
     def visible(self, key: str) -> float:
-        """Share of the direction that stays in the residual, 0 to 1, in weighted squares [-]."""
+        """Share of the direction that remains in the residual, 0 to 1, in weighted squares [-]."""
         whitened = self.objective.whitened
         whole = float(np.sum(whitened(self[key].change) ** 2))
         return float(np.sum(whitened(self.rest(key)) ** 2)) / whole if whole > 0.0 else 0.0
 
     def likeness(self, one: str, other: str) -> float:
-        """Cosine between what two inputs leave in the residual, -1 to 1; near +-1 none tells them apart.
+        """Cosine of the residual changes by two inputs, -1 to 1; near +-1 they cannot be distinguished.
 
-        Zero where one of them leaves nothing.
+        Zero if one of them leaves no residual.
         """
         a, b = self.objective.whitened(self.rest(one)), self.objective.whitened(self.rest(other))
         size = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -486,11 +490,11 @@ def input_directions(
     steps: Mapping[str, float] | None = None,
     only: Collection[str] | None = None,
 ) -> InputDirections:
-    """Move every input that has a part in the answer, and return what that does to the data vector.
+    """Change every input with an effect on the answer, and return the changes of the data vector.
 
     ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``steps``: key -> step, in place of the input's own;
-    a declared uncertainty, for one. ``only``: inputs to be moved; all of them if left out. Raises ValueError
+    ``objective``: with the discrepancies of the optimum. ``steps``: key -> step that replaces the default
+    one, for example a declared uncertainty. ``only``: inputs to be changed; default: all. Raises ValueError
     if the run at the optimum, or one for the Jacobian, does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
@@ -532,7 +536,7 @@ def input_directions(
 
 
 def _declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
-    """The value in SI that a shot declares for an input, or that it is held at; NaN if no number does."""
+    """The declared or held value of an input in SI; NaN if it has none."""
     if key in PARAMETERS:
         return held.get(key, PARAMETERS[key].held(shot))
     if INPUTS[key].specimen:
@@ -547,5 +551,5 @@ def declared_changes(directions: InputDirections, uncertainty: Mapping[str, floa
 
 
 def in_quadrature(rows: list[FloatArray]) -> FloatArray:
-    """Changes as rows whose mean square is the sum of their squares, shape [n, k]."""
+    """Changes scaled by root n, so that their mean square is the sum of the squares, shape [n, k]."""
     return np.asarray(np.sqrt(len(rows)) * np.array(rows))

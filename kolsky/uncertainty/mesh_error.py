@@ -1,8 +1,8 @@
-"""The mesh's error of an answer: runs on other meshes and elements, correction, what is left, and roughness.
+"""The mesh error of an answer: runs with other meshes and elements, correction, its uncertainty, roughness.
 
-The change from the surrogate's mesh to the refined one, from one element to the other, and between two
-graded meshes tell the error. For several shots the same changes are patterns of each shot: a faster shot
-bends more.
+The error is estimated from three changes of the prediction: from the surrogate's mesh to the refined one,
+from one element to the other, and between two graded meshes. For several shots, these changes are separate
+patterns of each shot, because a faster shot deforms more.
 """
 
 from __future__ import annotations
@@ -26,44 +26,43 @@ ORDER = 3.2
 """Order of the mesh error in the parameters, as `populations.mesh_order` fits it over both elements on seed
 1, with a standard error of 0.4."""
 LOW_ORDER = 2.1
-"""The same on twelve tests of seed 2, with a standard error of 0.5: what it would correct more is the
-standard uncertainty of the correction."""
+"""The same on twelve tests of seed 2, with a standard error of 0.5. The difference of the two corrections is
+the standard uncertainty of the correction."""
 ELEMENT_ORDER = 1.5
-"""Order at which the answers of the two elements come together, fitted likewise."""
+"""Order of convergence of the two elements' answers to each other, fitted in the same way."""
 WITHOUT_ELEMENT_SHARE = 3.5
-"""Standard uncertainty of the correction over its size where the other element could not be run: root mean
-square of what it leaves, of three parameters in the tests that `WINDOWS` is chosen on."""
+"""Standard uncertainty of the correction over its size if the other element could not be run. It is the root
+mean square of the remaining error of three parameters in the tests used for `WINDOWS`."""
 WINDOWS = 12
-"""Parts of a test in each of which the mesh may err by the distance of the two elements, to either side.
-
-Chosen on the twenty noise-free tests of `populations.mesh_windows`: over what is said, the errors of m, nu
-and beta have root mean squares of 1.04, 1.04 and 1.03. With one window for the whole test they had 0.42,
-0.54 and 0.96 of the distance: what a coarse mesh does early and late was added up with one sign."""
+"""Number of time windows of a test. In each, the mesh error has the size of the distance of the two elements,
+with independent sign. Chosen on the twenty noise-free tests of `populations.mesh_windows`: the errors of m,
+nu and beta over their stated uncertainties have root mean squares of 1.04, 1.04 and 1.03. With one window for
+the whole test they had 0.42, 0.54 and 0.96 of the distance: early and late errors of a coarse mesh were added
+with one sign."""
 
 
 GRADED_ORDER = 2.0
-"""Order of a graded mesh's error: that of bilinear elements. 2.5 and 3 leave more of the errors of m and beta
-in the tests that `ELEMENT_SHARE` is chosen on."""
+"""Order of a graded mesh's error: that of bilinear elements. 2.5 and 3 leave larger errors of m and beta in
+the tests used for `ELEMENT_SHARE`."""
 ELEMENT_SHARE = 0.5
-"""Share of the elements' distance that counts beside what is extrapolated from graded meshes [-].
-
-Chosen on 97 noise-free tests (`python -m populations.mesh_errors`): over what is said, the errors of m, nu
-and beta, free alone or together, have root mean squares of 0.72 to 1.24, 0.90 in all."""
+"""Share of the elements' distance that counts in addition to the extrapolation from graded meshes [-]. Chosen
+on 97 noise-free tests (`python -m populations.mesh_errors`): the errors of m, nu and beta over their stated
+uncertainties, free separately or together, have root mean squares of 0.72 to 1.24, 0.90 in all."""
 GRADED_ALONE_SHARE = 1.6
-"""Standard uncertainty over what is extrapolated from graded meshes where the other element could not be run
-[-]: root mean square in the same tests."""
+"""Standard uncertainty over the extrapolation from graded meshes if the other element could not be run [-]:
+root mean square in the same tests."""
 
 
 @dataclass(frozen=True)
 class GradedChange:
-    """Changes of the predicted data vector by meshes whose elements are small where faces end."""
+    """Changes of the predicted data vector by meshes with small elements at the edges of the faces."""
 
     coarser: FloatArray
-    """Data on a coarser graded mesh minus those on the other, shape [k]."""
+    """Data on the coarser graded mesh minus those on the finer one, shape [k]."""
     ratio: float
-    """Elements across the radius of the other over those of the coarser one [-], > 1."""
+    """Elements across the radius of the finer one over those of the coarser one [-], > 1."""
     graded: FloatArray | float = 0.0
-    """Data on the finer graded mesh minus those on the refined one, shape [k]; 0 where it is that."""
+    """Data on the finer graded mesh minus those on the refined one, shape [k]; 0 if both are the same."""
 
     @property
     def left(self) -> FloatArray:
@@ -78,14 +77,14 @@ class GradedChange:
 
 @dataclass(frozen=True)
 class LostRun:
-    """A run at the answer that was to tell the mesh's error, and did not complete."""
+    """A failed run for the mesh error at the answer."""
 
     numerics: Numerics
     """Its mesh, grading and element."""
     why: str
-    """How it ended, or of which shots it was, without a final stop."""
+    """How it ended, or of which shots it was, without a full stop."""
     is_graded: bool
-    """Whether its mesh is one of `GradedChange`."""
+    """True if its mesh is one of `GradedChange`."""
 
 
 @dataclass(frozen=True)
@@ -102,11 +101,11 @@ class MeshChange:
     windows: IntArray | None = None
     """Window of each entry, see `windows_of`, shape [k]; None for one window."""
     graded: GradedChange | None = None
-    """By graded meshes; None where they were not run, on purpose or because one of them is among `lost`."""
+    """Changes by graded meshes; None if they were not run, on purpose or because one of them is in `lost`."""
     element_share: float = ELEMENT_SHARE
-    """Share of the elements' distance that counts beside what is extrapolated from graded meshes [-]."""
+    """Share of the elements' distance that counts in addition to the extrapolation from graded meshes [-]."""
     lost: tuple[LostRun, ...] = ()
-    """Runs that did not complete: another formula stands in for what they were to tell."""
+    """Failed runs; another formula is used for their part of the error."""
 
     def __post_init__(self) -> None:
         if not self.ratio > 1.0:
@@ -118,7 +117,7 @@ class MeshChange:
     def shift(self, gain: FloatArray) -> FloatArray:
         """Optimum on the refined mesh minus that on the surrogate's, shape [d].
 
-        ``gain``: linear map from what the prediction is short of to the move of the optimum, shape [d, k].
+        ``gain``: linear map from data minus prediction to the shift of the optimum, shape [d, k].
         """
         return np.asarray(gain @ self.coarser)
 
@@ -147,7 +146,7 @@ class MeshChange:
         return np.asarray(np.hypot(missed, apart))
 
     def in_windows(self, gain: FloatArray, change: FloatArray) -> FloatArray:
-        """Move of the optimum by a change of the data that has a sign of its own in each window, [d]."""
+        """Shift of the optimum by a change of the data with an independent sign in each window, [d]."""
         windows = np.zeros(len(change), int) if self.windows is None else self.windows
         moved = np.zeros((windows.max(initial=0) + 1, len(gain)))
         np.add.at(moved, windows, (gain * change).T)
@@ -155,7 +154,7 @@ class MeshChange:
 
 
 def windows_of(times: FloatArray) -> IntArray:
-    """Which of `WINDOWS` equal parts of a test each entry is in, shape [k]."""
+    """Index of the time window of each entry, out of `WINDOWS` equal windows, shape [k]."""
     if not len(times):
         return np.zeros(0, int)
     start, end = times.min(), times.max()
@@ -182,13 +181,13 @@ class MeshRun:
     numerics: Numerics
     """Its numerical choices."""
     prediction: Prediction | None
-    """What the instruments would have seen; None if it did not complete."""
+    """The simulated measurements; None if it did not complete."""
     ending: str
-    """How it ended, a sentence without a final stop."""
+    """How it ended, a sentence without a full stop."""
 
 
 BOTH_ELEMENTS = 2
-"""Runs of `mesh_error_numerics` on the surrogate's mesh; what follows them is graded."""
+"""Number of runs of `mesh_error_numerics` on the surrogate's mesh; graded ones follow."""
 
 
 def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
@@ -212,7 +211,7 @@ def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs at a point, those on the surrogate's mesh where it resembles the refined one."""
+    """Runs at a point; on the surrogate's mesh, at the shifted point that resembles the refined mesh."""
     launches = []
     for k, one in enumerate(numerics):
         values = runner.at(point, one.mesh) if k < BOTH_ELEMENTS else runner.problem.point(point)
@@ -229,7 +228,7 @@ def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numeri
 
 
 def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]) -> MeshChange:
-    """What the runs say of the mesh."""
+    """The mesh change computed from the runs."""
     numerics, x = runner.problem.numerics, fine.x
     vectors = [None if run.prediction is None else fine.objective.vectors(run.prediction)[0] for run in runs]
     coarse, element = vectors[:2]
@@ -239,10 +238,10 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
             f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
             "so that the error of the refined one cannot be estimated: refine the surrogate's mesh"
         )
-    # Where the mesh is run at shifted points, in step with the refined one, the shift is taken back along the
-    # slopes, which are right there; a run that is out of step with the data has other ones.
+    # If the mesh is run at shifted points, in phase with the refined one, the shift is removed by means of
+    # the slopes, which are valid there. A run that is out of phase with the data has other slopes.
     offset = runner.offset(numerics.mesh)
-    # Where a surface slides the model is the quadratic, which does not follow the jumps of single runs.
+    # If a surface slides, the model is the quadratic, which does not follow the jumps of single runs.
     model = fine.model(x)[0]
     found = MeshChange(
         coarser=np.nan_to_num(coarse - model) - fine.jacobian @ offset,
@@ -264,15 +263,14 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
 
 
 JOINT_ELEMENT_SHARE = 1.0
-"""Share of the elements' distance that is uncertain [-]: the mesh errs alike in all shots, whose noise is
-small together. With half of it, as for one shot, the errors of m, nu and beta over what was said had root
-mean squares of 1.26, 1.64 and 1.45 in fifty planted draws of seed 52631. With the whole of it, and what was
-cured since, they have 0.94, 1.17 and 0.69 in fifty of seed 90731, which it was judged on
-(docs/validation/planted_shots.md)."""
+"""Share of the elements' distance that counts as uncertainty [-]. The mesh error is similar in all shots,
+while their combined noise is small. In fifty synthetic draws of seed 90731, the errors of m, nu and beta over
+their stated uncertainties have root mean squares of 0.94, 1.17 and 0.69. With a share of 0.5, as for one
+shot, they had 1.26, 1.64 and 1.45 in fifty draws of seed 52631 (docs/validation/planted_shots.md)."""
 
 
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
-    """The data at an optimum on the search's mesh, with both elements, beside those on the refined mesh.
+    """Mesh change at an optimum: data on the search mesh with both elements, and on the refined mesh.
 
     Raises ValueError if the run with the element of the search does not complete there.
     """
@@ -295,10 +293,10 @@ def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
 
 
 def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange | None, list[LostRun]]:
-    """The data at an optimum on two graded meshes, and which of them were lost.
+    """The data change at an optimum between two graded meshes, and the failed runs.
 
-    None where one is, and on purpose where a surface slides, since single runs jump, or where runs are
-    corrected for Poisson's ratio, since that correction has meshes of its own.
+    The change is None if a run fails. It is not computed if a surface slides (single runs jump), or if runs
+    are corrected for Poisson's ratio (this uses other meshes).
     """
     if shots_slide(problem) or problem.mesh.compressible is not None:
         return None, []
@@ -315,14 +313,14 @@ def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange |
 
 
 def _joint_lost(problem: JointProblem, numerics: Numerics, vector: FloatArray, *, is_graded: bool) -> LostRun:
-    """A run of which a shot's part is lost, with the shots' names: the ledger keeps no endings."""
+    """A failed run with the names of its shots; the ledger does not store how a run ended."""
     parts = zip(problem.runs.prepared, problem.stack.parts(vector), strict=True)
     names = [prepared.forward.shot.name for prepared, part in parts if np.isnan(part).any()]
     return LostRun(numerics, f"of {', '.join(names)}", is_graded)
 
 
 def _joint_windows(stack: Stack) -> IntArray:
-    """Windows of every shot; slow tests and prior knowledge, which no mesh moves, stand in the first, [k]."""
+    """Windows of every shot, [k]; slow tests and priors do not depend on the mesh and get window 0."""
     each = [WINDOWS * i + windows_of(shot.objective.times) for i, shot in enumerate(stack.shots)]
     found = np.zeros(len(stack.data), int)
     found[: stack.ends[-1]] = np.concatenate(each)
@@ -330,12 +328,12 @@ def _joint_windows(stack: Stack) -> IntArray:
 
 
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
-    """Error of the refined mesh as patterns of each shot: by Richardson and by the element, shape [n, k].
+    """Error of the refined mesh as patterns of each shot, by Richardson and by the element, shape [n, k].
 
-    Rows of one standard deviation: what is extrapolated may be missing altogether or be there twice; the two
-    elements come together as q^-1.5 with the ratio q of the meshes.
+    Each row is one standard deviation: the uncertainty of the extrapolation equals its size, and the
+    difference of the two elements decreases as q^-1.5 with the ratio q of the meshes.
 
-    ``stack``: whose entries. ``change``: changes of the data vector.
+    ``stack``: defines the entries. ``change``: changes of the data vector.
     """
     rows = [change.error]
     if change.element is not None:

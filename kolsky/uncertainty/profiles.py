@@ -1,5 +1,5 @@
-"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that runs along the profiles
-confirm.
+"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that is confirmed by runs
+along the profiles.
 
 The data vector is reduced to the components that can change; `sample_posterior` needs emcee (extra
 [bayes]).
@@ -28,7 +28,7 @@ from kolsky.inverse.runner import Runner
 
 @dataclass(frozen=True)
 class ReducedResiduals:
-    """T and the scores."""
+    """The weighted residuals, reduced to the triangle T and the scores s(x)."""
 
     coordinates: Callable[[FloatArray], FloatArray]
     """s(x), shape [n, d] -> [n, q]."""
@@ -96,24 +96,23 @@ def full_likelihood(
 
 
 TOLERANCE = 0.1
-"""Error of the rise at the runs along a profile, over the level, at which the surrogate is believed."""
+"""The surrogate is accepted if the error of the rise at runs along a profile, over the level, is smaller."""
 WARN_WIDER = 4.0 / 3.0
-"""The answer's interval over itself, were the noise's part of it wrong by as much as its profile, at which it
-is said."""
+"""A profile is reported if its error would widen the answer's interval by more than this factor."""
 ROUNDS = 3
-"""Most times that runs along the profiles are added to a surrogate."""
+"""Maximum number of times that runs along the profiles are added to a surrogate."""
 ALONG = 6
-"""Runs along each profile that test the surrogate."""
+"""Number of runs along each profile to test the surrogate."""
 REACH = 1.5
 """Rise over the level up to which a profile is tested."""
 MAP_REACH = 3.0
-"""Rise over the level up to which a map shows."""
+"""Rise over the level up to which a map is drawn."""
 NEAR = 8.0
-"""Half the edge of the box in which profiles of several parameters begin, over their sigma."""
+"""Half edge of the first box for profiles of several parameters, over their sigma."""
 APART = 1e-3
 """Smallest distance of two runs of a surrogate, in the unit box."""
 MAP = 81
-"""Values along an edge of a map."""
+"""Number of values along an edge of a map."""
 
 
 @dataclass(frozen=True)
@@ -131,13 +130,13 @@ class LinearisedOptimum:
     slope: FloatArray
     """Its Jacobian there, shape [k, d]."""
     steeper: FloatArray
-    """What of the Jacobian the refined mesh adds to the surrogate's, shape [k, d]."""
+    """Jacobian on the refined mesh minus that of the surrogate, shape [k, d]."""
     smooth: bool = False
-    """Whether the response is smooth about it; of one parameter it is."""
+    """True if the response is smooth about the optimum; always for one parameter."""
 
     @classmethod
     def of(cls, fine: RefinedOptimum) -> LinearisedOptimum:
-        """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
+        """From the model corrected to the last run on the refined mesh, and its surrogate."""
         x, local = fine.x, fine.box
         slope = jacobian(fine.model, local, x)
         steeper = slope - jacobian(fine.surrogate, local, x)
@@ -146,7 +145,7 @@ class LinearisedOptimum:
 
     @property
     def correlation(self) -> FloatArray:
-        """Variance with residuals correlated in time over that without, of each parameter, >= 1."""
+        """Factor on each parameter's variance by the time correlation of the residuals, >= 1."""
         information = self.objective.information(self.slope)
         alone = np.linalg.inv(information + self.objective.prior_precision(len(self.x)))
         together = self.objective.covariance(self.slope, self.vector)
@@ -155,18 +154,18 @@ class LinearisedOptimum:
 
 @dataclass(frozen=True)
 class ParameterProfiles:
-    """The profiles and what they rest on."""
+    """The profiles, and the surrogate and data used for them."""
 
     profiles: tuple[ParameterProfile, ...]
-    """One a free parameter."""
+    """One per free parameter."""
     map: PairMap | None
     """The rise over the plane of two free parameters; None for another number of them."""
     model: CorrectedSurrogate
     """The surrogate, corrected to the refined mesh at the optimum."""
     objective: Objective
-    """The objective over the points that all its runs reach."""
+    """The objective over the outline points that all runs of the surrogate reach."""
     box: Box
-    """Where it holds."""
+    """Range of the surrogate."""
     optimum: FloatArray
     """The most likely point on it, in SI, shape [d]."""
 
@@ -174,13 +173,13 @@ class ParameterProfiles:
 def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterProfiles:
     """Profile every free parameter.
 
-    First near the answer; if the data do not close an interval there, in the whole box. The
-    surrogate is tested by runs along the profiles and takes them in, until their rise agrees to a tenth of
-    the level.
+    First near the answer; if the data do not close an interval there, in the whole box. The surrogate is
+    tested by runs along the profiles, which are then added to it, until their rise agrees to a tenth of the
+    level.
 
     ``runner``: runs points of the identification's problem, with all runs on the surrogate's mesh.
-    ``answer``: where it ended. Raises ValueError, RuntimeError if no surrogate or profile can be made from
-    the runs; the message says why.
+    ``answer``: its optimum. Raises ValueError, RuntimeError if no surrogate or profile can be made from the
+    runs; the message gives the reason.
     """
     local, whole = _near(runner, answer), runner.problem.box
     found = _in_box(runner, answer, local)
@@ -190,8 +189,8 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
-    """Where the profiles begin: the box of the last design, for several parameters `NEAR` sigma about the
-    answer with a design of its own."""
+    """First box of the profiles: that of the last design; for several parameters, `NEAR` sigma about the
+    answer, with a new design."""
     whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local
@@ -214,7 +213,7 @@ def _in_box(runner: Runner, answer: LinearisedOptimum, box: Box) -> ParameterPro
         found = profile_likelihoods(likelihood, start, correlation=answer.correlation)
         errors = _test_along(runner, found, model, objective)
         before, worst = worst, float(np.max(errors / [profile.level for profile in found.profiles]))
-        # Runs that do not halve the error meet roughness of the response, which more of them cannot mend.
+        # If further runs do not halve the error, the response is rough, and more runs cannot help.
         if turn == ROUNDS - 1 or worst <= TOLERANCE or worst > 0.5 * before:
             break
     told = verdicts(likelihood, found)
@@ -250,12 +249,12 @@ def surrogate_of(
 ) -> tuple[CorrectedSurrogate, Objective]:
     """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
 
-    Near the answer it agrees with value and slope there. The whole box is too wide for a slope that two
-    neighbouring runs gave; there it agrees in value.
+    Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value,
+    because the box is too wide for a slope from two neighbouring runs.
 
-    ``runs``: points and predictions on the surrogate's mesh. ``answer``: where the identification ended.
-    ``box``, ``whole``: where the surrogate shall hold, and the whole range of the design. Returns: the
-    surrogate, and the objective over the points that all its runs reach.
+    ``runs``: points and predictions on the surrogate's mesh. ``answer``: optimum of the identification.
+    ``box``, ``whole``: range of the surrogate, and the whole range of the design. Returns: the surrogate, and
+    the objective over the points that all its runs reach.
     """
     points, prediction = runs
     use = box.contains(points)
@@ -273,7 +272,7 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Points that are not too near to an earlier one: twins make a surrogate ill-conditioned."""
+    """Mask of points not too close to an earlier one: close pairs make a surrogate ill-conditioned."""
     kept: list[int] = []
     for row in range(len(unit)):
         if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
@@ -284,7 +283,7 @@ def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
 def _test_along(
     runner: Runner, found: Profiles, model: CorrectedSurrogate, objective: Objective
 ) -> FloatArray:
-    """Error of the rise at runs along each profile, shape [d]; NaN-free: a lost run is an infinite one."""
+    """Largest error of the rise at runs along each profile, shape [d]; infinite for a failed run."""
     rows = [_along(profile) for profile in found.profiles]
     points = np.concatenate([profile.points[row] for profile, row in zip(found.profiles, rows, strict=True)])
     runs = runner.simulate("profile", from_points(runner.problem.box, points), runner.problem.numerics)
@@ -300,7 +299,7 @@ def _test_along(
 
 
 def _along(profile: Profile) -> NDArray[np.intp]:
-    """Rows of a profile to run: spread over where its rise is small, both ends of that among them."""
+    """Rows of a profile to run: evenly spread over the range of small rise, both ends included."""
     low = np.flatnonzero(profile.rise <= REACH * profile.level)
     return np.unique(low[np.linspace(0, len(low) - 1, ALONG).round().astype(int)])
 
@@ -325,7 +324,7 @@ def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
 
 
 def _span(profile: Profile) -> tuple[float, float]:
-    """The range over which a profile's rise is small enough to be shown."""
+    """The range of a profile with a rise small enough for the map."""
     low = profile.values[profile.rise <= MAP_REACH * profile.level]
     return float(low[0]), float(low[-1])
 
@@ -333,20 +332,20 @@ def _span(profile: Profile) -> tuple[float, float]:
 TAU_SCALE = 10.0
 """Scale of the half-normal prior of a discrepancy, over the median noise of its channel."""
 MOST_SAMPLES = 4000
-"""Most samples that are kept."""
+"""Maximum number of stored samples."""
 NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
-"""How the discrepancy of a channel is called in a result."""
+"""Names of the channels' discrepancies in a result."""
 
 
 def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
     The prior of a parameter is uniform in the box of the profiles, times the Gaussian of its declared
-    uncertainty where it has one. Correlation of the residuals in time is
-    taken in by a power of the likelihood, one over the mean factor of the profiles.
+    uncertainty where it has one. The time correlation of the residuals enters as a power of the likelihood:
+    one over the mean factor of the profiles.
 
-    ``found``: the profiles and what they rest on. ``seed``: of the chains. Raises ImportError if emcee is not
-    installed: `pip install 'kolsky[bayes]'`.
+    ``found``: the profiles and their surrogate. ``seed``: seed of the chains. Raises ImportError if emcee is
+    not installed: `pip install 'kolsky[bayes]'`.
     """
     likelihood = full_likelihood(found.model, found.objective, found.box)
     power = 1.0 / float(np.mean([profile.correlation for profile in found.profiles]))

@@ -1,4 +1,4 @@
-"""Warnings before an answer is used, gravest first: one sentence each, with the value and the cure."""
+"""Warnings on an answer, most serious first: one sentence each, with the value and the remedy."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, sqrt
@@ -17,13 +17,13 @@ from kolsky.shot.curve import PAST_CURVE
 from kolsky.uncertainty.mesh_error import LostRun
 
 SIGMA_RATIO = 1.3
-"""A declared sigma is not believable when the data say this many times more or less."""
+"""A declared sigma is implausible if the scatter of the data differs by this factor or more."""
 WHITE = 3.0
 """Noise is not white when its lag-1 correlation is beyond this many times 1 / sqrt(samples)."""
 
 
 def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
-    """Say how m against the conditioned curve would differ from m against the first pull."""
+    """Ratio of m for the conditioned curve to m for the first pull."""
     if "conditioned_ratio" in checks:
         ratio = checks["conditioned_ratio"]
         yield (
@@ -33,7 +33,7 @@ def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
-    """Say that the window ends with the flyer's first direction, or goes on beyond it."""
+    """Warning if the window ends where the flyer leaves its first direction, or after that."""
     end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
     if end <= last:
         yield (
@@ -45,7 +45,7 @@ def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
-    """Say that the flyer's path, or the front face's velocity, scatters more or less than declared."""
+    """Warning if the flyer's path, or the front face's velocity, scatters more or less than declared."""
     if "front_noise_scale" in checks:
         scale = checks["front_noise_scale"]
         if scale > SIGMA_RATIO:
@@ -69,9 +69,9 @@ def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
-    """Say that the noise of the force is not white, as a bin's sigma takes it to be."""
+    """Warning if the noise of the force is not white; the sigma of a bin assumes white noise."""
     if "force_noise_correlation" not in checks:
-        return  # a force from bar waves: its noise is the reduction's affair
+        return  # a force from bar waves: its noise is handled by the wave reduction
     c, n = checks["force_noise_correlation"], checks["force_baseline_samples"]
     limit = WHITE / sqrt(n)
     if abs(c) > limit:
@@ -83,7 +83,7 @@ def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def _outline_noise_warnings(result: Identification) -> Iterator[str]:
-    """Residuals above the noise are the model's and are weighted so; below it only sigma can be wrong."""
+    """Warning if the outline residuals are below the noise: then the declared sigma must be wrong."""
     t = result.terms
     if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
         ratio = sqrt(t.n_shape / t.chi2_shape)
@@ -94,9 +94,10 @@ def _outline_noise_warnings(result: Identification) -> Iterator[str]:
 
 
 def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
-    """Say which runs of `kolsky.uncertainty.mesh_error.MeshChange` were lost, and what stands in for them.
+    """Report failed runs of `kolsky.uncertainty.mesh_error.MeshChange`, and the formula used instead.
 
-    ``lost``: the runs. ``coarse``: elements of the search's mesh, across the radius and along the length.
+    ``lost``: the failed runs. ``coarse``: elements of the search mesh, across the radius and along the
+    length.
     """
     for run in lost:
         across, along = run.numerics.mesh
@@ -118,14 +119,15 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
 
 
 FOLDED = -0.4
-"""Area at an element's corner over the undeformed one below which the edge is called folded over [-]: chosen
-on impacts with friction of 0.1, 0.3 and 0.5, judged on drawn ones (docs/validation/folding)."""
+"""The edge counts as folded over if the area at an element's corner over the undeformed one is below this
+[-]. Chosen on impacts with friction of 0.1, 0.3 and 0.5, validated on random ones
+(docs/validation/folding)."""
 ARTIFICIAL = 0.01
 """Energy of hourglass control over the strain energy above which it is reported."""
 
 
 def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
-    """Say that the material was strained beyond what the quasi-static test covers.
+    """Warning if the material was strained beyond the end of the quasi-static curve.
 
     ``share``: largest share of the specimen's volume past the curve [-]. ``reached``: largest s = sqrt(I1 -
     3) [-]. ``checks``: "curve_last_s" and "curve_last_strain" of
@@ -142,7 +144,7 @@ def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]
 
 
 def hourglass_warning(response: Response) -> Iterator[str]:
-    """Say that hourglass control took part in the answer of the batch's first simulation."""
+    """Warning if hourglass control has a significant energy in the batch's first simulation."""
     if not response.outcomes[0].ok:
         return
     share = float(response.energy.artificial_share()[0])
@@ -156,22 +158,22 @@ def hourglass_warning(response: Response) -> Iterator[str]:
 def folded_warning(
     response: Response, mesh: Mesh, interface: Interface, named: Sequence[str]
 ) -> Iterator[str]:
-    """Say that the edge of a sliding specimen folded over in the batch's first simulation.
+    """Warning if the edge of a sliding specimen folded over in the batch's first simulation.
 
-    Where a face slides with friction and its edge rolls onto the platen, the elements there are bent into a
-    fold. Once a corner is turned inside out by more than `FOLDED`, the edge comes loose and jumps along the
-    platen by up to 0.2 mm, and the run completes all the same (docs/validation/folding).
+    If a face slides with friction and its edge rolls onto the platen, the elements there are bent into a
+    fold. If a corner is turned inside out by more than `FOLDED`, the edge separates and jumps along the
+    platen by up to 0.2 mm, although the run completes (docs/validation/folding).
 
     Parameters
     ----------
     response
-        The batch, with its nodes; one without them is not looked at.
+        The batch, with its nodes; a batch without nodes is not checked.
     mesh
         Its mesh.
     interface
         The interface as the shot declares it.
     named
-        Parameters that were named; one that slides replaces that interface.
+        Named parameters; one that causes sliding replaces that interface.
     """
     laws = [contact_law(law) for law in (interface.faces, interface.side)]
     slides = any_slides(named) or any(law.needs_friction for law in laws)
@@ -191,9 +193,9 @@ def folded_warning(
 
 
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
-    """Count the runs that did not complete, by stage and `explicit.Outcome`, and tell the first of each kind.
+    """Count the failed runs by stage and `explicit.Outcome`, and describe the first of each kind.
 
-    ``table``: every run. ``rest``: what the others are for, said behind the count.
+    ``table``: every run. ``rest``: text added after the count.
     """
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
@@ -208,7 +210,7 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 
 
 def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
-    """Name the runs that a ledger held damaged and that were therefore made anew.
+    """Report the runs that were damaged in a ledger and were therefore repeated.
 
     ``damaged``: beginnings of their keys.
     """
@@ -221,7 +223,7 @@ def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
 
 
 def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
-    """Say that naming a parameter that slides replaced the declared interface; see
+    """Warning if a named parameter that causes sliding replaced the declared interface; see
     `kolsky.inverse.forward.Forward.run`."""
     names = [name for name in named if any_slides([name])]
     if names and {interface.faces, interface.side} != {SLIDING_LAW}:
@@ -239,26 +241,26 @@ def equivalent_strain(s: float, branch: float) -> float:
 
 
 DISAGREE = 2.5
-"""Force and outline disagree beyond this many standard uncertainties of their difference: at two, one right
-shot in twenty with one parameter would be called so, and one in seven with three."""
+"""Force and outline disagree beyond this many standard uncertainties of their difference. With 2.0, one
+correct shot in twenty would be reported with one parameter, and one in seven with three."""
 HALF = 0.5
-"""A mesh without which the interval would be shorter than this share of it is said."""
+"""The mesh error is reported if the interval without it would be shorter than this share."""
 IMBALANCE = 0.01
-"""Share of the external work that may be unaccounted for before it is said."""
+"""An unaccounted share of the external work above this is reported."""
 
 
 def _unit(e: Estimate) -> str:
-    """The unit behind a number; text and files are in SI."""
+    """The unit after a number; text and files are in SI."""
     return "" if e.unit == "1" else f" {e.unit}"
 
 
 def _route_disagreement(result: Identification) -> Iterator[str]:
-    """Say that the check run does not confirm the surrogate, and how many more runs would."""
+    """Warning if the check run does not confirm the surrogate, with the number of further runs needed."""
     if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
         shift = result.surrogate.get("check_shift_sigmas")
         by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
         needed, cure = result.surrogate.get("runs_needed"), ""
-        if len(result.estimates) > 1:  # no surrogate led there, but steps on the refined mesh
+        if len(result.estimates) > 1:  # found by steps on the refined mesh, not by a surrogate
             cure = (
                 "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold "
                 "what the data hardly determine (--hold)"
@@ -276,7 +278,7 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
 
 
 def _force_only_warning(result: Identification) -> Iterator[str]:
-    """Without an outline nothing contradicts a wrong model."""
+    """Warning if there is no outline: then nothing can contradict a wrong model."""
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
             "no outline was measured: the value rests on the force alone, and nothing shows whether the "
@@ -285,10 +287,10 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
 
 
 def route_warnings(result: Identification) -> Iterator[str]:
-    """Force and outline are two measurements of one specimen: their optima must agree.
+    """Warning if the optima by force and outline, two measurements of one specimen, disagree.
 
-    Compared is their difference with its own standard uncertainty, see
-    `kolsky.uncertainty.budgets.route_difference`. Of several parameters each is looked at alone.
+    Their difference is compared with its standard uncertainty, see
+    `kolsky.uncertainty.budgets.route_difference`, separately for each parameter.
     """
     difference, routes = result.route_difference, {route.name: route for route in result.routes}
     if difference is None or not {"force only", "shape only"} <= set(routes):
@@ -311,7 +313,7 @@ def route_warnings(result: Identification) -> Iterator[str]:
 
 
 def _method_warnings(result: Identification) -> Iterator[str]:
-    """Searches of one misfit must end at one point, or it has more than one valley, or is rough."""
+    """Warning if methods find different optima: the misfit then has several valleys or is rough."""
     for method, name, distance in disagreements(result.methods):
         if isfinite(distance):
             yield (
@@ -324,7 +326,7 @@ def _method_warnings(result: Identification) -> Iterator[str]:
 
 
 def _paper_warning(result: Identification) -> Iterator[str]:
-    """The route of the paper's cost, where it is missing."""
+    """Warning if the route of the paper's cost is missing."""
     names = {route.name for route in result.routes}
     if "shape only" in names and "paper" not in names:
         yield (
@@ -334,7 +336,7 @@ def _paper_warning(result: Identification) -> Iterator[str]:
 
 
 def bound_warnings(result: Identification) -> Iterator[str]:
-    """An interval that leaves the design rests on no run there."""
+    """Warning if an interval extends beyond the design, where there are no runs."""
     design = result.design
     for i, name in enumerate(design.names):
         e, low, high = result.estimates[name], design.lower[i], design.upper[i]
@@ -347,14 +349,14 @@ def bound_warnings(result: Identification) -> Iterator[str]:
 
 
 def _energy_warning(result: Identification) -> Iterator[str]:
-    """Say that energy is missing from the simulation's ledger."""
+    """Warning if the energy balance of the simulation is not closed."""
     imbalance = worst_imbalance(result.response)
     if imbalance > IMBALANCE:
         yield f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for"
 
 
 def _lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
-    """Say which runs of the design and how many replicates of the noise did not complete."""
+    """Report the failed runs of the design and the number of failed noise replicates."""
     yield from lost_runs(result.design, "; the surrogate rests on the others")
     if lost_replicates:
         yield (
@@ -364,7 +366,7 @@ def _lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator
 
 
 def _outside_warnings(result: Identification) -> Iterator[str]:
-    """Say that outline points were not counted, at the optimum or in the search."""
+    """Report outline points that were not counted, at the optimum or in the search."""
     t = result.terms
     if t.n_outside:
         yield (
@@ -380,7 +382,7 @@ def _outside_warnings(result: Identification) -> Iterator[str]:
 
 
 def mesh_warnings(result: Identification) -> Iterator[str]:
-    """Say that without the mesh's part the interval would be half as long, or that the misfit is rough."""
+    """Warning if the interval without the mesh error would be half as long, or if the misfit is rough."""
     for name, e in result.estimates.items():
         rough = e.numerical_parts.get("roughness", 0.0)
         mesh = e.numerical_parts.get("mesh", e.sigma_numerical)
@@ -402,7 +404,7 @@ def mesh_warnings(result: Identification) -> Iterator[str]:
 
 
 def _left_out_warnings(result: Identification) -> Iterator[str]:
-    """Say that the interval leaves out the noise of an input."""
+    """Warning if the interval does not include the noise of an input."""
     for source in ("flyer motion", "material curve"):
         if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
             yield f"the interval leaves out the noise of the {source}"
@@ -417,7 +419,7 @@ def collect_warnings(
     mesh: Mesh | None = None,
     lost_meshes: Sequence[LostRun] = (),
 ) -> tuple[str, ...]:
-    """Collect the warnings of a result, gravest first.
+    """Collect the warnings of a result, most serious first.
 
     Parameters
     ----------
@@ -430,14 +432,14 @@ def collect_warnings(
     lost_replicates : int
         Runs of the noise stage that did not complete.
     mesh
-        Of the check run; left out, its elements are not looked at.
+        Mesh of the check run; if omitted, its elements are not checked.
     lost_meshes
-        Runs that were to tell the mesh's error and did not complete.
+        Failed runs for the mesh error.
 
     Returns
     -------
     tuple of str
-        One sentence each, without a final stop; empty if there is nothing to say.
+        One sentence each, without a full stop; empty if there are none.
     """
     named = [*result.estimates, *_held_values(result)]
     return tuple(

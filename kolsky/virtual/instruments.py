@@ -1,4 +1,4 @@
-"""What the instruments of a made shot report: forces as volts, path, outline, curve, and the recorder's file.
+"""Instrument readings of a synthetic shot: forces in volts, path, outline, curve, and the recorder's file.
 
 Transducer, amplifier, cable and recorder are applied one after the other. Each file format is one entry of
 `FORMATS`.
@@ -22,12 +22,12 @@ from kolsky.virtual.truth import SurfaceHistory, Truth
 
 
 def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:
-    """Force on the sensing plane [N]: that on the specimen and what moves the platen between, Eq. (E.5)."""
+    """Force on the sensing plane [N]: force on the specimen plus inertia of the platen, Eq. (E.5)."""
     return np.asarray(force + mass * acceleration)
 
 
 def droop(signal: FloatArray, step: float, time_constant: float) -> FloatArray:
-    """The signal of a transducer whose charge leaks: a first-order high-pass, the inverse of Eq. (U.6).
+    """The signal of a transducer with charge leakage: a first-order high-pass, the inverse of Eq. (U.6).
 
     ``signal``: uniform samples, 0 at rest, shape [n]. ``step``: time from sample to sample [s].
     ``time_constant``: time in which the output of a constant force falls to 1/e [s].
@@ -45,12 +45,12 @@ def sampled(
     jitter: float = 0.0,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Samples of a signal that arrives late, taken at times that scatter, of the times' shape.
+    """Samples of a delayed signal with jitter of the sample times, shape of `times`.
 
     ``signal``: uniform samples, at rest before the first, shape [n]. ``start``, ``step``: time of the first
-    sample and from one to the next [s]. ``times``: nominal times of the recorder [s]. ``delay``: how late the
-    signal arrives [s]. ``jitter``: standard deviation of a sample's time [s]. ``rng``: stream of the jitter.
-    Raises ValueError if the recorder goes on after the signal ends.
+    sample and from one to the next [s]. ``times``: nominal times of the recorder [s]. ``delay``: delay of the
+    signal [s]. ``jitter``: standard deviation of a sample's time [s]. ``rng``: stream of the jitter. Raises
+    ValueError if the recorder goes on after the signal ends.
     """
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))
@@ -70,18 +70,18 @@ def code_step(full_scale: float, bits: int) -> float:
 
 
 def quantised(volts: FloatArray, full_scale: float, bits: int) -> FloatArray:
-    """Volts as the recorder's nearest codes give them, clipped to the first and last code, Eq. (E.7)."""
+    """Voltage rounded to the recorder's nearest code, clipped to the first and last code, Eq. (E.7)."""
     step = code_step(full_scale, bits)
     codes = np.clip(np.rint(volts / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     return np.asarray(codes * step)
 
 
 _RECORD_AFTER = 5e-6
-"""How long the recorder goes on after the last frame [s]."""
+"""Recording time after the last frame [s]."""
 _LANDED = 1e-7
-"""Two nodes of the surface whose heights differ by less lie on a platen [m]."""
+"""Two surface nodes with a smaller height difference lie on a platen [m]."""
 FINER = 8
-"""Points of the curve through the surface's nodes from one node to the next."""
+"""Number of curve points between two surface nodes."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Outline:
-    """An outline as a correlation program exports it: one row a point."""
+    """An outline as exported by a correlation program: one row per point."""
 
     frame: IntArray
     """Frame of the point, shape [n]."""
@@ -109,7 +109,7 @@ class Outline:
 
 
 def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scope:
-    """Both forces as the recorder keeps them.
+    """Both forces as stored by the recorder.
 
     Raises ValueError if the recorder starts after the frames, so that there is no baseline.
     """
@@ -140,7 +140,7 @@ def _volts(
     times: FloatArray,
     subject: tuple[str, int],
 ) -> FloatArray:
-    """Volts of a channel before they are quantised, shape [n_times]."""
+    """Voltage of a channel before quantisation, shape [n_times]."""
     name, shot = subject
     step = float(truth.force_time[1] - truth.force_time[0])
     signal = channel.sensitivity * (1.0 if channel.compression == "positive" else -1.0) * force
@@ -158,20 +158,20 @@ def _volts(
 
 
 def side_displacement(truth: Truth) -> FloatArray:
-    """What is seen of the flyer's side: its centre's path and the pitch over its radius, Eq. (E.3) [m]."""
+    """Visible displacement of the flyer's side: path of the centre plus pitch times radius, Eq. (E.3) [m]."""
     surface = truth.surface
     return np.asarray(surface.displacement + surface.tilt * truth.flyer_radius)
 
 
 def measure_flyer(quantities: Specification, truth: Truth, *, shot: int) -> FloatArray:
-    """The flyer's displacement as a correlation program exports it [m], shape [n_frames]."""
+    """The flyer's displacement as exported by a correlation program [m], shape [n_frames]."""
     clean = side_displacement(truth)
     noise = stream(quantities.seed, shot, "noise", "flyer").standard_normal(len(clean))
     return np.asarray(clean + quantities.exports.flyer_sigma * noise)
 
 
 def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Outline:
-    """The outline as a correlation program exports it, between two shares of the height at the time."""
+    """The outline as exported by a correlation program, between two shares of the current height."""
     exports, wrong = quantities.exports, quantities.imperfections
     shares = np.linspace(exports.lowest, exports.highest, exports.points)
     frames, heights, radii = [], [], []
@@ -193,8 +193,8 @@ def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Ou
 def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, FloatArray]:
     """Height and radius of the free side surface in one frame [m], a fine curve, heights ascending.
 
-    Nodes that lie on a platen are left out but for the last on either side. Between nodes the curve is a
-    cubic spline in the node's number.
+    Nodes on a platen are left out, except for the last one on each side. Between nodes, the curve is a cubic
+    spline over the node index.
     """
     y, r = surface.y[frame], surface.r[frame]
     widest = int(np.argmax(np.diff(y)))
@@ -236,7 +236,7 @@ class ScopeFormat:
     columns: tuple[str, str]
     """Names of the incident and the transmitted channel."""
     force: dict[str, Any]
-    """Further keys of [force] in shot.toml: its time column, its layout."""
+    """Further keys of [force] in shot.toml: time column and layout."""
 
 
 def _text(path: Path, scope: Scope, delimiter: str, decimal: str) -> None:

@@ -1,4 +1,4 @@
-"""Shots of a specification: truths simulated together, complete folders written by several processes.
+"""Shots of a specification: truths are simulated together, folders are written by several processes.
 
 A folder holds every file that a laboratory would have, and the truth in a subfolder.
 """
@@ -22,10 +22,11 @@ from kolsky.virtual.specification import Series, ShotSpecification
 from kolsky.virtual.truth import Job, Truth, TruthError, try_truths
 
 TRUTH = "truth.json"
-"""The answer of a made shot; nothing but this room and studies of the package itself read it."""
+"""File with the answer of a synthetic shot; read only by the virtual laboratory and by studies of the
+package."""
 SURFACE = "truth_surface.npz"
 _ANSWER_LIMIT = 1_000_000
-"""Largest `TRUTH` that is read [bytes]."""
+"""Largest size of `TRUTH` when read [bytes]."""
 _TIME_DIGITS = "{:.10e}"
 
 
@@ -37,7 +38,7 @@ def write_shot(
     device: str = "cpu",
     threads: int | None = None,
 ) -> None:
-    """Write the folder of one shot, whole or not at all; the truth last."""
+    """Write the folder of one shot, completely or not at all; the truth last."""
     q, number = shot.quantities, shot.number
     tables = shot_tables(q, truth.surface)
     form = FORMATS[q.scope.format]
@@ -86,7 +87,7 @@ def write_shot(
 
 
 def _answer_tables(shot: ShotSpecification) -> dict[str, Any]:
-    """What truth.json holds: the answer, and the specification that was made."""
+    """Content of truth.json: the answer, and the specification."""
     material = shot.quantities.material
     return {
         "m": material.stiffness_factor,
@@ -101,21 +102,21 @@ def _answer_tables(shot: ShotSpecification) -> dict[str, Any]:
 
 
 def _relaxation(shot: ShotSpecification) -> dict[str, Any]:
-    """The true constants of [relaxation] by their parameters' names; nothing where there is none."""
+    """The true constants of [relaxation] by parameter name; empty if there is none."""
     declared = shot.quantities.relaxation
     return {} if declared is None else {"relaxation": dict(declared.declared().values)}
 
 
 def _hash(shot: ShotSpecification) -> str:
     content = shot.quantities.model_dump(mode="json")
-    if content["relaxation"] is None:  # folders made before there was such a table have none in their hash
+    if content["relaxation"] is None:  # older folders have no such table in their hash
         del content["relaxation"]
     text = json.dumps(content, sort_keys=True) + f" {shot.number}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
-    """Whether the folder holds this very shot."""
+    """True if the folder holds this shot; raises InputError if it holds something else."""
     if not folder.exists() or not any(folder.iterdir()):
         return False
     answer = folder / TRUTH
@@ -132,13 +133,13 @@ def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
 
 
 TRUTHS_PER_GPU = 128
-"""Truths that a GPU simulates at the same time: each takes a multiprocessor, of which large GPUs have more,
-and some MB."""
+"""Number of truths simulated in parallel on a GPU: each takes one multiprocessor (large GPUs have more) and
+some MB."""
 
 
 @dataclass(frozen=True)
 class Made:
-    """One shot that was made, or had been made before."""
+    """One shot, made now or earlier."""
 
     name: str
     folder: Path
@@ -174,11 +175,11 @@ def make(
     workers: int = 1,
     progress: Callable[[Made], None] | None = None,
 ) -> list[Made]:
-    """Make the shots of a specification, those on one mesh together; what is there already is kept.
+    """Make the shots of a specification, those on one mesh together; existing shots are kept.
 
     ``out``: folder of the shot, or of the population's folders. ``numbers``: which shots; all if left out.
-    Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
-    simulation ends early or whose pictures cannot be is told of after the others are made.
+    Raises InputError if a specification cannot be made, or a folder holds something else. If a simulation
+    ends early, or pictures cannot be made, this is reported after the other shots are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]
@@ -193,7 +194,7 @@ def make_places(
     workers: int = 1,
     progress: Callable[[Made], None] | None = None,
 ) -> list[Made]:
-    """Make shots of any specifications, each in a folder of its own.
+    """Make shots of any specifications, each in a separate folder.
 
     ``device``, ``threads``, ``workers``, ``progress``: as in `make`. Raises InputError as `make`.
     """
@@ -249,7 +250,7 @@ def _job(shot: ShotSpecification) -> Job:
 
 
 def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
-    """Shots whose truths a CPU simulates together: those of one model, at most a share of a worker."""
+    """Batches of shots simulated together on a CPU: those of one model, limited to a share of a worker."""
     groups: dict[Any, list[Place]] = {}
     for place, job in zip(todo, jobs, strict=True):
         groups.setdefault(job.group, []).append(place)
@@ -258,10 +259,10 @@ def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> l
 
 
 def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[list[Place]]:
-    """Shots whose truths a GPU simulates at the same time, of any models.
+    """Batches of shots simulated in parallel on a GPU, of any models.
 
-    Equally many batches for every GPU, and the shots dealt out by the time that they simulate: a GPU is
-    busy as long as the longest of its shots, however many stand beside it.
+    Every GPU gets the same number of batches. Shots are distributed by their simulated time, because the
+    longest shot of a batch determines its run time.
     """
     rounds = -(-len(todo) // (count * TRUTHS_PER_GPU))
     order = sorted(range(len(todo)), key=lambda k: -jobs[k].last)
@@ -272,7 +273,7 @@ def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[
 def _over_gpus(
     pool: Executor, batches: Sequence[Sequence[Place]], shared: Sequence[str], device: str, threads: int
 ) -> Iterator[Made | NotMade]:
-    """Simulate one batch a GPU at a time, and write the folders of each as soon as it is there."""
+    """Simulate one batch per GPU at a time, and write the folders of each as soon as it is finished."""
     waiting, idle = list(batches), list(shared)
     running: dict[Future[Any], tuple[str, Sequence[Place]]] = {}
     writing: set[Future[Any]] = set()
@@ -307,7 +308,7 @@ def _truths(batch: Sequence[Place], device: str, threads: int | None) -> list[Tr
 
 
 def _written(place: Place, truth: Truth | TruthError, device: str, threads: int | None) -> Made | NotMade:
-    """Write one folder, or say why there is none."""
+    """Write one folder, or return the reason why it cannot be made."""
     shot, folder = place
     if isinstance(truth, TruthError):
         return NotMade(shot, str(truth))

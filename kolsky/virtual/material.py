@@ -15,7 +15,7 @@ from kolsky.base.arrays import FloatArray
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
     """The quasi-static law: the constants as given, scaled to the shear modulus [Pa].
 
-    Raises ValueError if the law is unknown, or its constants are not those given or cannot be.
+    Raises ValueError if the law is unknown, or the given constants do not match it or are not allowed.
     """
     kind = law_class(name)
     names = [spec.name for spec in kind.PARAMETERS]
@@ -26,9 +26,9 @@ def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> 
 
 
 def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[PronySeries, ...]:
-    """What relaxes beside the law; empty if nothing does.
+    """The relaxation of the material; empty without relaxation.
 
-    Raises ValueError if strengths and times do not belong together.
+    Raises ValueError if the numbers of strengths and times differ.
     """
     series = PronySeries(tuple(strengths), tuple(times))
     return (series,) if len(series) else ()
@@ -37,10 +37,10 @@ def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[P
 def what_relaxes(
     declared: Relaxation | None, strengths: Sequence[float], times: Sequence[float]
 ) -> tuple[RateDependence, ...]:
-    """What relaxes in a specimen; empty if nothing does.
+    """The relaxation of a specimen; empty without relaxation.
 
-    ``declared``: by [relaxation] of its specification. ``strengths``, ``times``: by its [material], where
-    there is no [relaxation]. Raises ValueError if the constants cannot be.
+    ``declared``: from [relaxation] of its specification. ``strengths``, ``times``: from its [material], used
+    if there is no [relaxation]. Raises ValueError if the constants are not allowed.
     """
     if declared is None:
         return relaxation_of(strengths, times)

@@ -21,7 +21,7 @@ RADIUS = 7.5e-3
 YOUNG, STEEL = 190e9, 8048.0
 """Maraging steel [Pa], [kg/m^3]."""
 _BAR_LENGTH = 1.5
-"""Of the incident and of the transmission bar [m]."""
+"""Length of the incident and of the transmission bar [m]."""
 SHAPER = (5.5e-3, 2e-3, 40e6)
 """Diameter and height [m] and shear modulus [Pa] of the rubber disc, as in the verification of the impact."""
 JOINT = (100.0, 20e-6)
@@ -29,9 +29,9 @@ JOINT = (100.0, 20e-6)
 STEP = 1e-7
 """Time step of the bars [s]."""
 MOVES = 1e-9
-"""Displacement at which the flyer has started [m]."""
+"""Displacement that defines the start of the flyer [m]."""
 EVERY = 5
-"""Steps from one sample of the motion to the next."""
+"""Number of steps between two samples of the motion."""
 
 
 @lru_cache(maxsize=64)
@@ -68,7 +68,7 @@ def flyer_samples(
 
 
 def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatArray, FloatArray]:
-    """Compression [m] and force [N] of a bonded neo-Hookean cylinder, roughly: stiffer as it gets flat."""
+    """Approximate compression [m] and force [N] of a bonded neo-Hookean cylinder, stiffer when flat."""
     stretch = np.linspace(1.0, 0.04, 300)
     area = np.pi * diameter**2 / 4.0
     flat = 1.0 + 0.5 * (0.25 * diameter / length) ** 2 / stretch**3
@@ -92,7 +92,7 @@ def loading(compression: FloatArray, force: FloatArray, unloading: float | None 
 
 
 _BARS_DURATION = 1.6e-3
-"""Time of the whole test that is integrated from the flyer's start on, unless [motion] says another [s]."""
+"""Default integration time of the whole apparatus from the flyer's start on [s]."""
 LONGEST = 0.1
 """Longest record [s]."""
 
@@ -116,10 +116,10 @@ class Path1D(Protocol):
 
 @dataclass(frozen=True)
 class Ramp:
-    """A smooth ramp to a speed, of which a share is then lost as the square of time, Eq. (E.1)."""
+    """A smooth ramp to a speed, followed by a slowdown with the square of time, Eq. (E.1)."""
 
     start: float
-    """When it starts [s]."""
+    """Start time [s]."""
     speed: float
     """[m/s]"""
     rise: float
@@ -127,7 +127,7 @@ class Ramp:
     slowdown: float = 0.0
     """Share of the speed lost after `over` [-]."""
     over: float = 1.0
-    """Time after the ramp in which it is lost [s]."""
+    """Duration of the slowdown after the ramp [s]."""
 
     def displacement(self, time: FloatArray) -> FloatArray:
         """See `Path1D`."""
@@ -148,10 +148,11 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A motion through samples, cubic between them; at rest before, at its last speed past the end."""
+    """A motion through samples with cubic interpolation; at rest before, with constant speed after the
+    end."""
 
     start: float
-    """When it starts [s]."""
+    """Start time [s]."""
     spline: CubicSpline
     """Displacement [m] of the time since the start [s]."""
 
@@ -219,7 +220,7 @@ def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
 
 
 def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:
-    """The ramp of [motion] on a specimen of some length [m], and the time from start to end [s].
+    """The ramp of [motion] for a specimen of given length [m], and the time from start to end [s].
 
     The end is where the nominal compression is reached: with T after the ramp, Eq. (E.2),
     speed (rise / 2 + T (1 - slowdown / 3)) = compression x length.

@@ -1,4 +1,4 @@
-"""Pictures of a made shot and of its calibration: specimen, flyer and platen with their paint; a target."""
+"""Pictures of a synthetic shot and its calibration: painted specimen, flyer and platen; a target."""
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -41,14 +41,14 @@ _PRINCIPAL_POINT = 3.0
 
 @dataclass(frozen=True)
 class Rig:
-    """Both cameras, with where the pictures lie on their sensors."""
+    """Both cameras, with the position of the pictures on their sensors."""
 
     stereo: StereoRig
     """The cameras for the whole sensors."""
     crops: tuple[tuple[int, int], tuple[int, int]]
     """Top left pixel of the pictures (x, y) on the sensors [px]."""
     middle: FloatArray
-    """Point that they look at [m], shape [3]."""
+    """Point at which they look [m], shape [3]."""
 
     def camera(self, k: int) -> Camera:
         """Camera k for the cropped pictures."""
@@ -56,12 +56,11 @@ class Rig:
 
 
 def rig_of(q: Specification, *, shot: int) -> Rig:
-    """The cameras that a specification asks for.
+    """The cameras of a specification.
 
-    The view reaches from `flyer_share` of the picture's length beyond the specimen's face at rest
-    downward, so the
-    point looked at is ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills the
-    picture.
+    The upper end of the view is `flyer_share` of the picture's length beyond the specimen's face at rest. The
+    cameras therefore look at ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills
+    the picture.
 
     Raises ValueError if a picture does not fit on its sensor around the point that its camera looks at.
     """
@@ -102,7 +101,7 @@ def _crop(at: FloatArray, picture: tuple[int, int], sensor: tuple[int, int], cam
 
 
 def _looking(view: FloatArray) -> FloatArray:
-    """Rotation to a camera that looks along `view`, its y (down) as near as can be to -y of the specimen."""
+    """Rotation to a camera looking along `view`, with its y axis (down) as close as possible to -y."""
     right = np.cross(view, np.array([0.0, 1.0, 0.0]))
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(view, right), view])
@@ -126,13 +125,14 @@ def _small(vector: FloatArray) -> FloatArray:
 MARGIN = 6.0
 """Least distance of the board from the edge of a picture [px]."""
 TRIES = 2000
-"""Poses that are drawn at the most for one that both cameras see whole."""
+"""Maximum number of drawn poses to find one that is fully visible in both cameras."""
 
 Pose = tuple[FloatArray, FloatArray]
 
 
 def target_of(q: Specification) -> Any:
-    """The target of a specification, `share` as wide as what a sensor shows at the distance of the axis."""
+    """The target of a specification; its width is `share` of the sensor's field at the distance of the
+    axis."""
     c = q.calibration
     width = c.share * min(q.cameras.sensor) * q.cameras.pixel
     if c.target == "chessboard":
@@ -143,7 +143,7 @@ def target_of(q: Specification) -> Any:
         pitch = _rounded(width / (max(c.columns, c.rows) + 0.7))
         return Charuco(columns=c.columns, rows=c.rows, pitch=pitch, marker=_rounded(0.7 * pitch))
     pitch = _rounded(width / (max(c.columns, c.rows) + 0.6))
-    edge = 2 if min(c.columns, c.rows) >= 8 else 1  # of another length along rows than along columns
+    edge = 2 if min(c.columns, c.rows) >= 8 else 1  # different lengths along rows and columns
     far, high = c.columns - 1 - edge, c.rows - 1 - edge
     hollow = ((edge, edge), (far, edge), (edge, high))
     return FiducialDots(
@@ -152,7 +152,7 @@ def target_of(q: Specification) -> Any:
 
 
 def poses_of(q: Specification, rig: Rig, corners: FloatArray, *, shot: int) -> list[Pose]:
-    """Poses R, t of the board from its own frame to the specimen's that both cameras see whole.
+    """Poses R, t of the board, from its frame to the specimen's, fully visible in both cameras.
 
     ``q``, ``rig``: the specification and its cameras. ``corners``: of the board, in its frame [m], shape [4,
     2]. ``shot``: number of the shot. Raises ValueError if the board does not fit in both views.
@@ -193,7 +193,7 @@ def write_calibration(
     board = RevolvedBody(y=nodes, r=nodes, along=nodes[0], radius=1.0, texture=texture)
     c, o = q.calibration, q.optics
     columns, rows = q.cameras.sensor
-    # a shutter that stays open long: all noise is that of `noise`
+    # long exposure: all noise is that of `noise`
     sensor = Sensor(bits=c.bits, full_well=1e9, read_noise=1e9 * c.noise, black=o.black, white=o.white)
     folder.mkdir()
     for k, camera in enumerate(rig.stereo.cameras):
@@ -231,7 +231,7 @@ def calibration_tables(q: Specification) -> dict[str, dict[str, Any]]:
 
 
 def lens_model(q: Specification) -> str:
-    """The simplest lens model of the shot file that holds both true lenses."""
+    """The simplest lens model of the shot file that includes both true lenses."""
     lenses = np.abs(np.array([q.cameras.distortion_0, q.cameras.distortion_1])).max(axis=0) > 0.0
     k1, k2, p1, p2, k3 = (bool(used) for used in lenses)
     if p1 or p2:
@@ -244,7 +244,7 @@ def lens_model(q: Specification) -> str:
 
 
 def _rounded(metres: float) -> float:
-    """A length that a maker would print: whole hundredths of a millimetre, or of a tenth of that."""
+    """A length rounded as by a manufacturer: to 0.01 mm, or to 0.001 mm if small."""
     step = 1e-5 if metres > 2e-4 else 1e-6
     return float(np.round(metres / step)) * step
 
@@ -261,7 +261,7 @@ def _in_view(points: FloatArray, rig: Rig) -> bool:
 GRAIN = 0.012
 """Standard deviation of the reflectance of bare material, texel by texel [-]."""
 SHARP = 0.05
-"""Motion during an exposure that is not resolved [px]; its blur would widen the lens by 4e-4 of a pixel."""
+"""Smaller motion during an exposure is neglected [px]; its blur would widen the point spread by 4e-4 px."""
 
 
 def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
@@ -287,7 +287,7 @@ def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
 
 
 def instants_of(q: Specification, surface: SurfaceHistory) -> Instants:
-    """Instants of the exposures: one where less than `SHARP` moves, else two and more by the blur."""
+    """Instants of the exposures: one if the motion is below `SHARP`, otherwise two or more by the blur."""
     speed = np.abs(np.gradient(surface.displacement, surface.time))
     blur = speed * q.optics.exposure / q.cameras.pixel
     points = np.where(blur > SHARP, 1 + np.maximum(1, np.ceil(blur)), 1).astype(np.int64)
@@ -304,7 +304,7 @@ class _At(NamedTuple):
 
 
 def _at(surface: SurfaceHistory, time: FloatArray) -> _At:
-    """Between frames by monotone cubics, which do not ring at the start of the motion."""
+    """Interpolate between frames by monotone cubics, which do not overshoot at the start of the motion."""
     inside = np.clip(time, surface.time[0], None)
     y, r, d, tilt = (
         PchipInterpolator(surface.time, values, axis=0, extrapolate=True)(inside)
@@ -321,7 +321,7 @@ def _reach(q: Specification, surface: SurfaceHistory) -> float:
 
 
 def _around(radius: float, reach: float) -> tuple[float, float]:
-    """Material places around that can come into view of a cylinder [m]: 1.8 rad at the most."""
+    """Range of arc length of a cylinder that can become visible [m]: 1.8 rad at most."""
     angle = 1.8 if reach >= 0.95 * radius else float(np.arcsin(reach / radius)) + 0.3
     return -min(angle, 1.8) * radius, min(angle, 1.8) * radius
 
@@ -382,7 +382,7 @@ def _covered(
     name: str,
     shot: int,
 ) -> Texture:
-    """Paint or bare material of a rigid body's side; its faces are bare."""
+    """Paint or bare material on the side of a rigid body; its faces are bare."""
     rim = 2.0 * q.cameras.pixel
     area = Area(_around(radius, reach), (along[0] - rim, along[1] + rim))
     if not speckled:
@@ -396,7 +396,7 @@ def _covered(
 
 
 def _paint(q: Specification, area: Area, rng: np.random.Generator) -> Texture:
-    """Speckles of the specification; texels as far apart as rays."""
+    """Speckles of the specification; the texel pitch equals the distance of the rays."""
     s, pixel = q.speckle, q.cameras.pixel
     size = s.size * pixel
     if s.kind == "sprayed":
@@ -410,12 +410,12 @@ def _paint(q: Specification, area: Area, rng: np.random.Generator) -> Texture:
 
 
 STRIP = 0.6e-3
-"""Half the width of the strip of the outline that the shot file asks for [m]."""
+"""Half width of the outline strip in the shot file [m]."""
 
 
 @dataclass(frozen=True)
 class PictureFiles:
-    """What was written."""
+    """The written picture files, as tables."""
 
     tables: dict[str, dict[str, Any]]
     """Tables of shot.toml: [pictures], [calibration], [calibration.target] and [dic]."""
@@ -436,7 +436,7 @@ def write_pictures(
     """Write both picture series and the calibration series of a shot into its folder.
 
     ``surface``: specimen and flyer at the true times of the frames. ``shot``: its number in the population.
-    ``threads``: threads on a CPU; those the process may use if left out. Raises ValueError if a picture does
+    ``threads``: threads on a CPU; default: all available to the process. Raises ValueError if a picture does
     not fit on its sensor, or the target does not fit in both cameras' views.
     """
     rig = rig_of(q, shot=shot)
@@ -455,7 +455,7 @@ def write_pictures(
 def expose_series(
     q: Specification, scene: Scene, camera: Camera, k: int, shot: int, device: str, threads: int
 ) -> Iterable[NDArray[np.uint16]]:
-    """Grey values of the frames of one camera, in their order.
+    """Grey values of the frames of one camera, in order.
 
     Every frame of every camera has its own random stream, so that the pictures do not depend on how the
     work is

@@ -1,6 +1,6 @@
 """The tables of a specification: true quantities, cameras, and [imperfections] of the test that is made.
 
-All imperfections zero is a shot without errors of declaration.
+If all imperfections are zero, the declarations have no errors.
 """
 
 import math
@@ -30,7 +30,7 @@ Relative = Annotated[float, BeforeValidator(f.physical("1"))]
 Noise = Annotated[float, BeforeValidator(f.physical("V", ">= 0", "a standard deviation"))]
 """Standard deviation of a voltage [V]."""
 Width = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "a length"))]
-"""A length that may be zero: of something that is not there [m]."""
+"""A length that may be zero, for a feature that is absent [m]."""
 
 
 def _listed(words: str, example: str, read: Callable[[object], float]) -> BeforeValidator:
@@ -90,7 +90,7 @@ class CamerasTable(Section):
     """[cameras]: two cameras, their sensors, the crop and the view."""
 
     write: bool = False
-    """Whether pictures are made."""
+    """True to make pictures."""
     sensor: Size = (512, 512)
     """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
     picture: Size = (128, 128)
@@ -99,21 +99,21 @@ class CamerasTable(Section):
     """Length along the axis that a picture shows at the distance of the axis [m]."""
     distance_0: f.Length = 0.305
     distance_1: f.Length = 0.305
-    """Of the cameras from the point they look at [m]."""
+    """Distances of the cameras from the point at which they look [m]."""
     angle: Angle = math.radians(12.5)
-    """Between their views [rad]."""
+    """Angle between their viewing directions [rad]."""
     baseline: Literal["across", "along"] = "across"
-    """How the cameras stand to each other: on both sides of the axis, or one behind the other along it."""
+    """Arrangement of the cameras: on both sides of the axis, or one after the other along it."""
     elevation: Angle = 0.0
-    """Of both cameras above the plane across the axis, toward the flyer [rad]."""
+    """Elevation of both cameras above the plane across the axis, toward the flyer [rad]."""
     flyer_side: Literal["up", "down", "left", "right"] = "up"
-    """Where in the pictures the flyer comes from."""
+    """Side of the pictures from which the flyer comes."""
     flyer_share: Annotated[float, _part(-0.4, 0.6, "a share of the picture")] = 0.03
-    """Share of a picture's length that the flyer takes at rest; below 0 it is so far out of view [-]."""
+    """Share of a picture's length covered by the flyer at rest; negative: distance out of view [-]."""
     aside: f.Offset = 0.0
-    """Place across the axis that they look at [m]."""
+    """Lateral position at which they look, across the axis [m]."""
     misalignment: Angle = 3e-3
-    """Standard deviation of the roll and of the aim's error, each camera its own [rad]."""
+    """Standard deviation of roll and aiming error, independent for each camera [rad]."""
     distortion_0: Numbers = (-0.17, 0.0, 0.0, 0.0, 0.0)
     distortion_1: Numbers = (-0.16, 0.0, 0.0, 0.0, 0.0)
     """Brown's k1, k2, p1, p2, k3 [-]."""
@@ -144,7 +144,7 @@ class CamerasTable(Section):
 
     @property
     def pixel(self) -> float:
-        """Length that a pixel shows at the distance of the axis [m]."""
+        """Length of a pixel at the distance of the axis [m]."""
         return self.field / self.along
 
 
@@ -152,13 +152,13 @@ class OpticsTable(Section):
     """[optics]: light, lens, air and sensor."""
 
     exposure: f.PositiveTime = 2e-6
-    """How long the shutter is open [s]."""
+    """Exposure time [s]."""
     spread: Annotated[float, Field(ge=0.0, le=5.0)] = 0.6
     """Standard deviation of the point spread in focus [px]."""
     aperture: Width = 0.0
     """Diameter of the entrance pupil; 0: sharp at every distance [m]."""
     defocus: f.Offset = 0.0
-    """How far the plane of focus lies behind the axis [m]."""
+    """Distance of the plane of focus behind the axis [m]."""
     white: Share = 0.7
     """Grey value of white paint over the largest one [-]."""
     black: Share = 0.02
@@ -173,7 +173,7 @@ class OpticsTable(Section):
     fixed_pattern: Annotated[float, _part(0.0, 0.5, "a standard deviation")] = 0.003
     """Standard deviation of the pixels' gains [-]."""
     lamp_gradient: Annotated[float, _part(-0.9, 0.9, "a relative difference")] = 0.06
-    """Brightness at the right edge of the picture over that at its left, less 1 [-]."""
+    """Brightness at the right edge of the picture over that at its left edge, minus 1 [-]."""
     ambient: Share = 0.7
     """Share of the light that comes from all sides; the rest shades the surface [-]."""
     highlight: Share = 0.0
@@ -181,17 +181,17 @@ class OpticsTable(Section):
     gloss: Annotated[float, Field(ge=1.0, le=1e4)] = 80.0
     """Exponent of the highlight: the larger, the smaller [-]."""
     lamp_height: Angle = math.radians(11.0)
-    """Of the lamp above the plane across the axis, toward the flyer [rad]."""
+    """Elevation of the lamp above the plane across the axis, toward the flyer [rad]."""
     lamp_side: Angle = math.radians(6.0)
-    """Of the lamp out of the plane between the cameras [rad]."""
+    """Angle of the lamp out of the plane between the cameras [rad]."""
     haze: Pixels = 0.0
     """Standard deviation of the displacement of the picture by warm air [px]."""
     haze_length: Annotated[float, Field(ge=2.0, le=1000.0)] = 25.0
-    """Distance over which it is smooth [px]."""
+    """Correlation length of the haze displacement [px]."""
     haze_memory: f.PositiveTime = 100e-6
-    """Time after which 1/e of it is left [s]."""
+    """Time in which its correlation decays to 1/e [s]."""
     rays: Annotated[int, Field(ge=2, le=16)] = 4
-    """Rays of a pixel along each axis."""
+    """Number of rays per pixel along each axis."""
 
     @model_validator(mode="after")
     def _bright_enough(self) -> "OpticsTable":
@@ -204,7 +204,7 @@ class SpeckleTable(Section):
     """[speckle]: paint on specimen, flyer and transmission platen."""
 
     kind: Literal["sprayed", "printed"] = "sprayed"
-    """Drops of random places and sizes, or even dots close to a lattice."""
+    """Drops at random positions with random sizes, or equal dots close to a lattice."""
     size: Annotated[float, Field(ge=0.5, le=60.0)] = 6.0
     """Mean diameter of a drop [px]; below 3 too fine, above 10 too coarse for most subsets."""
     size_spread: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
@@ -212,7 +212,7 @@ class SpeckleTable(Section):
     coverage: Annotated[float, Field(gt=0.0, lt=0.95)] = 0.5
     """Share of the surface that is dark; below 0.2 sparse [-]."""
     jitter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.2
-    """How far a printed dot may lie from its place of the lattice, over the lattice's step [-]."""
+    """Largest distance of a printed dot from its lattice point, over the lattice step [-]."""
     dark: Share = 0.16
     bright: Share = 0.97
     """Reflectance of drops and ground [-]."""
@@ -220,9 +220,9 @@ class SpeckleTable(Section):
     """Width of a drop's rim over its diameter [-]."""
     flyer: bool = True
     platen: bool = False
-    """Whether flyer and transmission platen are painted."""
+    """True if flyer and transmission platen are painted."""
     bare: Share = 0.3
-    """Reflectance of what is not painted [-]."""
+    """Reflectance of unpainted surfaces [-]."""
     scratch: Width = 0.0
     """Width of a scratch down to the bare specimen; 0: none [m]."""
     flake: Width = 0.0
@@ -230,16 +230,16 @@ class SpeckleTable(Section):
     loose: Width = 0.0
     """Radius of a patch whose paint has come loose; 0: none [m]."""
     loose_slip: f.Offset = 0.0
-    """How far its middle has slid against the axis by the last frame [m]."""
+    """Axial slip of its middle at the last frame [m]."""
 
 
 class CalibrationTable(Section):
-    """[calibration]: a series of a target in many poses, seen by the whole sensors."""
+    """[calibration]: a series of pictures of a target in many poses, on the whole sensors."""
 
     target: Literal["fiducial_dots", "chessboard", "charuco"] = "fiducial_dots"
     columns: Annotated[int, Field(ge=5, le=60)] = 14
     rows: Annotated[int, Field(ge=5, le=60)] = 10
-    """Dots, inner corners or squares (charuco)."""
+    """Numbers of dots, inner corners or squares (charuco)."""
     share: Annotated[float, Field(ge=0.2, le=0.9)] = 0.58
     """Width of the target over that of the sensor's field [-]."""
     poses: Annotated[int, Field(ge=4, le=200)] = 20
@@ -262,35 +262,35 @@ class Imperfections(Section):
     """[imperfections]."""
 
     length: Relative = 0.0
-    """Declared length over the true one, less 1 [-]."""
+    """Declared length over the true one, minus 1 [-]."""
     diameter: Relative = 0.0
-    """Declared diameter over the true one, less 1 [-]."""
+    """Declared diameter over the true one, minus 1 [-]."""
     density: Relative = 0.0
-    """Declared density over the true one, less 1 [-]."""
+    """Declared density over the true one, minus 1 [-]."""
     sensitivity: Relative = 0.0
-    """Declared sensitivity of the transmitted force over the nominal one, less 1 [-]."""
+    """Declared sensitivity of the transmitted force over the nominal one, minus 1 [-]."""
     curve: Relative = 0.0
-    """Stresses in the quasi-static table over the true ones, less 1 [-]."""
+    """Stresses in the quasi-static table over the true ones, minus 1 [-]."""
     poisson: f.Number = 0.0
-    """Declared Poisson's ratio less the true one [-]."""
+    """Declared Poisson's ratio minus the true one [-]."""
     damping: f.Time = 0.0
-    """Declared beta less the true one [s]."""
+    """Declared beta minus the true one [s]."""
     trigger: f.Time = 0.0
-    """How late the cameras' times are on the shot's clock: frame times as given less the true ones [s]."""
+    """Delay of the cameras' times on the shot's clock: given frame times minus the true ones [s]."""
     y_offset: f.Offset = 0.0
-    """Heights of the outline as given less the true ones [m]."""
+    """Given heights of the outline minus the true ones [m]."""
     Z_offset: f.Offset = 0.0
-    """Radii of the outline as given less the true ones [m]."""
+    """Given radii of the outline minus the true ones [m]."""
     gain: Relative = 0.0
-    """Volts of the transmitted force over what its sensitivity gives, less 1 [-]."""
+    """Voltage of the transmitted force over the value by its sensitivity, minus 1 [-]."""
     baseline: f.SignedVoltage = 0.0
-    """Volts by which the transmitted signal is raised from the flyer's start on [V]."""
+    """Offset of the transmitted signal from the flyer's start on [V]."""
     slip_friction: f.Friction = 0.0
-    """Coulomb coefficient of faces that the shot file calls bonded; 0: they are [-]."""
+    """Coulomb coefficient of faces that the shot file declares as bonded; 0: they are bonded [-]."""
     tilt: Angle = 0.0
-    """Pitch of the flyer in the cameras' plane that grows with its path to this, camera side ahead [rad]."""
+    """Final pitch of the flyer in the cameras' plane, growing with its path, camera side ahead [rad]."""
     off_centre: f.Offset = 0.0
-    """How far the specimen stands from the flyer's axis, toward the cameras [m]."""
+    """Distance of the specimen from the flyer's axis, toward the cameras [m]."""
 
 
 class SpecimenTable(Section):
@@ -309,7 +309,7 @@ class MaterialTable(Section):
     parameters: dict[str, f.Number] = Field(
         default={"C10": 1.0, "C20": 0.1, "C30": 0.02}, validate_default=True
     )
-    """The law's constants; moduli as any multiple of each other, for `shear_modulus` scales them [-]."""
+    """The law's constants; moduli may have any common factor, because `shear_modulus` scales them [-]."""
     shear_modulus: f.Modulus = 24.7e3
     """mu_0 of the quasi-static curve [Pa]."""
     stiffness_factor: f.Number = 1.0
@@ -319,7 +319,7 @@ class MaterialTable(Section):
     """beta: deviatoric stress = 2 beta m mu_0 x deviatoric rate of deformation [s]."""
     mass_damping: f.Rate = 0.0
     prony_strengths: Numbers = ()
-    """Modulus of each branch over that of the long-term law [-]; empty: nothing relaxes."""
+    """Modulus of each branch over that of the long-term law [-]; empty: no relaxation."""
     prony_times: Times = ()
     """Relaxation time of each branch [s]."""
 
@@ -357,38 +357,38 @@ class QuasiStaticTable(Section):
 
 
 class InterfaceTable(Section):
-    """[interface]: how the specimen holds to the platens, truly and by the shot file."""
+    """[interface]: contact of the specimen with the platens, both true and declared."""
 
     faces: f.ContactLawName = HOLDING_LAW
     side: f.ContactLawName = HOLDING_LAW
     friction: f.Friction = 0.3
-    """Coulomb coefficient, where a law reads it [-]."""
+    """Coulomb coefficient, if a law reads it [-]."""
 
 
 class MotionTable(Section):
-    """[motion]: the flyer's motion: a smooth ramp, one that was sampled, or that of the whole test."""
+    """[motion]: the flyer's motion: a smooth ramp, a sampled motion, or that of the whole apparatus."""
 
     kind: Literal["ramp", "sampled", "bars"] = "ramp"
     speed: f.Velocity = 2.6
-    """Of the ramp; of the striker for "bars" [m/s]."""
+    """Speed of the ramp; of the striker for "bars" [m/s]."""
     rise: f.PositiveTime = 60e-6
     """Time of the ramp from rest to `speed` [s]."""
     start: f.Time = 37.5e-6
-    """When the flyer starts, on the shot's clock [s]."""
+    """Start time of the flyer on the shot's clock [s]."""
     compression: Relative = 0.5
     """Nominal compression of the specimen at the end of the record [-]."""
     slowdown: Relative = 0.0
-    """Share of the speed that is lost from the ramp's end to the record's end [-]; ramp only."""
+    """Share of the speed lost between the end of the ramp and the end of the record [-]; ramp only."""
     file: f.FileName | None = None
-    """Table of a sampled motion, beside the specification: time (s), displacement (m)."""
+    """Table of a sampled motion in the folder of the specification: time (s), displacement (m)."""
     flyer_mass: f.Mass = 0.026
-    """Platen and transducer together, which fly [kg]."""
+    """Mass of the flying platen and transducer together [kg]."""
     flyer_diameter: f.Length = 15e-3
     flyer_length: f.Length = 20e-3
     striker_length: f.Length = 0.25
-    """Of the striker, for "bars" [m]."""
+    """Length of the striker, for "bars" [m]."""
     duration: f.PositiveTime | None = None
-    """Longest time that is recorded from the start on, for motions that never reach `compression` [s]."""
+    """Longest recorded time from the start on, for motions that never reach `compression` [s]."""
 
     @model_validator(mode="after")
     def _ranges(self) -> "MotionTable":
@@ -415,7 +415,7 @@ class ScopeTable(Section):
     jitter: f.TimeDeviation = 0.0
     """Standard deviation of a sample's time [s]."""
     clock_offset: f.Time = 0.0
-    """Shot's clock = the recorder's + this; declared rightly [s]."""
+    """Shot's clock = the recorder's + this; declared correctly [s]."""
 
 
 class ChannelTable(Section):
@@ -424,37 +424,37 @@ class ChannelTable(Section):
     sensitivity: f.Sensitivity = 0.0112
     compression: Literal["positive", "negative"] = "positive"
     platen_mass: f.Mass = 0.0071
-    """Mass between the sensing plane and the specimen, whose inertia the transducer feels [kg]."""
+    """Mass between the sensing plane and the specimen, whose inertia the transducer measures [kg]."""
     time_constant: f.PositiveTime | None = None
-    """Of the droop; none: a constant force stays [s]."""
+    """Time constant of the droop; none: no droop [s]."""
     bandwidth: Frequency | None = None
-    """Where a first-order low-pass has -3 dB; none: unlimited [Hz]."""
+    """-3 dB frequency of a first-order low-pass; none: unlimited [Hz]."""
     delay: f.Time = 0.0
-    """How late the signal arrives [s]; not declared."""
+    """Delay of the signal [s]; not declared."""
     baseline: f.SignedVoltage = 0.003
-    """What the recorder shows at rest [V]."""
+    """Recorder signal at rest [V]."""
     drift: Drift = 0.0
     """Change of the baseline with time [V/s]."""
     noise: Noise = 0.0016
-    """Standard deviation of a sample before it is quantised [V]."""
+    """Standard deviation of a sample before quantisation [V]."""
 
 
 class IncidentTable(ChannelTable):
-    """[incident]: the transducer that flies, behind the flyer's platen."""
+    """[incident]: the flying transducer behind the flyer's platen."""
 
     sensitivity: f.Sensitivity = 0.00112
 
 
 class FramesTable(Section):
-    """[frames]: when the cameras look."""
+    """[frames]: frame times of the cameras."""
 
     rate: Frequency = 120e3
     static: Annotated[int, Field(ge=3, le=1000)] = 12
-    """Frames before the flyer starts."""
+    """Number of frames before the flyer starts."""
     phase: Relative = 0.0
-    """How far the start lies behind the frame nearest before it, in frames [-], from 0 to below 1."""
+    """Time from the last frame before the start to the start, in frames [-], from 0 to below 1."""
     clock_offset: f.Time = 0.0
-    """Shot's clock = the cameras' + this; declared rightly [s]."""
+    """Shot's clock = the cameras' + this; declared correctly [s]."""
 
     @model_validator(mode="after")
     def _phase_range(self) -> "FramesTable":
@@ -464,16 +464,16 @@ class FramesTable(Section):
 
 
 class ExportsTable(Section):
-    """[exports]: the outline and the flyer's displacement as a correlation program would give them."""
+    """[exports]: outline and flyer displacement, as exported by a correlation program."""
 
     write: bool = True
-    """Whether they are written; without them the shot needs pictures."""
+    """True to write them; without them the shot needs pictures."""
     flyer_sigma: f.Length = 1e-6
     outline_sigma: f.Length = 4e-6
     points: Annotated[int, Field(ge=4, le=1000)] = 14
-    """Points of the outline in a frame."""
+    """Number of outline points in a frame."""
     lowest: Relative = 0.08
-    """Height of the first point over the height of the specimen at the time [-]."""
+    """Height of the first point over the current height of the specimen [-]."""
     highest: Relative = 0.92
 
     @model_validator(mode="after")
@@ -484,12 +484,12 @@ class ExportsTable(Section):
 
 
 class TruthTable(Section):
-    """[truth]: the solver's run that the instruments look at, finer than any analysis."""
+    """[truth]: the solver run that the instruments measure, finer than any analysis."""
 
     mesh: Mesh = (96, 129)
     grading: f.Number = 2.0
     element: Literal["fbar", "one_point", "middle"] = "fbar"
-    """An element of the solver, or the middle of both, which is nearer to the limit of fine meshes."""
+    """An element of the solver, or the mean of both, which is closer to the limit of fine meshes."""
 
 
 class Specification(Section):
@@ -501,8 +501,8 @@ class Specification(Section):
     specimen: SpecimenTable = SpecimenTable()
     material: MaterialTable = MaterialTable()
     relaxation: RelaxationSection | None = None
-    """What truly relaxes beside the law, declared in the shot file with the same keys; none: nothing, or what
-    [material] says, of which the shot file says nothing."""
+    """True relaxation, declared in the shot file with the same keys. None: no relaxation, or the undeclared
+    one of [material]."""
     quasi_static: QuasiStaticTable = QuasiStaticTable()
     interface: InterfaceTable = InterfaceTable()
     transmission: TransmissionSection = TransmissionSection(support="rigid")
@@ -523,7 +523,7 @@ class Specification(Section):
 
     @property
     def relaxing(self) -> "tuple[RateDependence, ...]":
-        """What relaxes in the solver; empty if nothing does."""
+        """Relaxation laws of the solver; empty without relaxation."""
         from kolsky.virtual.material import what_relaxes
 
         declared = None if self.relaxation is None else self.relaxation.declared()

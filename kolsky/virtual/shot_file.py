@@ -1,6 +1,6 @@
-"""shot.toml of a made shot, from its specification; and a specification from the shot.toml of a real shot.
+"""shot.toml of a synthetic shot from its specification, and a specification from a real shot's shot.toml.
 
-The laboratory declares the truth, except for [imperfections].
+The declared values are the true ones, except for [imperfections].
 """
 
 import json
@@ -24,17 +24,17 @@ from kolsky.virtual.truth import SurfaceHistory
 
 HEAD = "# Made by kolsky virtual make; its answer is in truth.json, which no other command reads.\n"
 QUIET = 5e-6
-"""How long before the last static frame the baseline ends [s]."""
+"""Time from the end of the baseline to the last static frame [s]."""
 _NO_DROOP = 1e6
-"""A time constant beside which a test is nothing [s]."""
+"""A time constant much longer than any test [s]."""
 SMALLEST_BASELINE = 20
-"""Samples of the baseline that are needed to read its zero and noise."""
+"""Smallest number of baseline samples needed for its zero and noise."""
 
 Tables = Mapping[str, Mapping[str, Any]]
 
 
 def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str, dict[str, Any]]:
-    """The tables of shot.toml as values that TOML has; quantities are texts with their units."""
+    """The tables of shot.toml as TOML values; quantities are texts with units."""
     q, wrong = quantities, quantities.imperfections
     form = FORMATS[q.scope.format]
     incident, transmitted = form.columns
@@ -189,7 +189,7 @@ def _channel(channel: ChannelTable) -> dict[str, Any]:
 
 
 def _no_droop(q: Specification) -> dict[str, str]:
-    """A time constant that changes nothing, where [incident_force] would take over that of [force]."""
+    """A time constant without effect, if [incident_force] would otherwise inherit that of [force]."""
     taken_over = q.transmitted.time_constant is not None and q.incident.time_constant is None
     return {"time_constant": f"{_NO_DROOP:.9g} s"} if taken_over else {}
 
@@ -227,16 +227,17 @@ def _us(seconds: float) -> str:
 
 
 MOTION = "motion.csv"
-"""The flyer's path of the shot, beside the specification."""
+"""File with the flyer's path of the shot, in the folder of the specification."""
 KNOT = 2e-6
-"""Distance of its samples [s]."""
+"""Time step of its samples [s]."""
 
 
 def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -> Path:
     """Write the specification of a shot, and its flyer's path; returns the specification's file.
 
-    ``shot``: a loaded shot with a flyer, an outline and a force channel. ``folder``: where to. ``answer``:
-    parameters identified, by name; what it lacks is as the shot file has it, the stiffness factor 1.
+    ``shot``: a loaded shot with a flyer, an outline and a force channel. ``folder``: output folder.
+    ``answer``: identified parameters by name; missing ones have the shot file's values, and the stiffness
+    factor is 1.
     """
     flyer, force, line = shot.flyer, shot.force, shot.centre_line
     if not isinstance(flyer, FlyerMotion) or not isinstance(force, ForceChannel) or line is None:
@@ -333,7 +334,7 @@ def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
 def yeoh_of(curve: MaterialCurve) -> tuple[dict[str, float], float]:
     """Yeoh's law through a curve: constants over the shear modulus, and the shear modulus [Pa].
 
-    Non-negative least squares in the stress, weighed by its sigma; the law is linear in its constants.
+    Non-negative least squares in the stress, weighted by its sigma; the law is linear in its constants.
     """
     lam = curve.stretch
     x = lam**2 + 2.0 / lam - 3.0

@@ -24,10 +24,10 @@ from kolsky.virtual.schema import Specification
 
 
 def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
-    """The stream of one subject of one shot, whatever else is drawn and however many shots are made.
+    """The random stream of one subject of one shot, independent of all other draws and shots.
 
     ``seed``: the specification's. ``shot``: number of the shot in its population, from 1; 0 without one.
-    ``subject``: words that name what is drawn, e.g. "noise", "transmitted".
+    ``subject``: words that name the drawn quantity, e.g. "noise", "transmitted".
     """
     return np.random.default_rng([seed, shot, *(crc32(word.encode()) for word in subject)])
 
@@ -48,9 +48,9 @@ class Draw(Section):
     mean: Bound | None = None
     sigma: Bound | None = None
     spread: Literal["even", "log", "normal"] = "even"
-    """Even in the number, even in its logarithm, or normal about `mean` with the deviation `sigma`."""
+    """Uniform, uniform in the logarithm, or normal with mean `mean` and standard deviation `sigma`."""
     choose: list[Any] | None = None
-    """Values, or tables whose keys are set together, one of which is taken."""
+    """List of values, or of tables whose keys are set together; one entry is chosen."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Draw":
@@ -121,7 +121,7 @@ def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot
     """The specification of one shot as it would be written, without [population] and [budget].
 
     ``content``: the specification as written. ``population``: its [population]. Each key of each shot has a
-    stream of its own. Raises ValueError if a drawn key leads through something that is no table.
+    separate stream. Raises ValueError if a part of a drawn key's path is not a table.
     """
     made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
     for key, draw in population.draw.items():
@@ -144,7 +144,7 @@ NAME = "SPEC.toml"
 
 
 class SpecificationFile(Specification):
-    """A whole specification file: that of a shot, and how a series is drawn."""
+    """A complete specification file: the specification of a shot, and the draws of a series."""
 
     population: Population | None = None
     budget: dict[str, Any] | None = None
@@ -153,7 +153,7 @@ class SpecificationFile(Specification):
 
 @dataclass(frozen=True)
 class ShotSpecification:
-    """One shot to be made."""
+    """The specification of one synthetic shot."""
 
     number: int
     """Its number in the population, from 1; 0 if the specification is that of a single shot."""
@@ -164,7 +164,7 @@ class ShotSpecification:
     quantities: Specification
     """The same in SI."""
     folder: Path
-    """Where the specification lies: files that it names are beside it."""
+    """Folder of the specification and of the files that it names."""
 
 
 @dataclass(frozen=True)
@@ -173,18 +173,18 @@ class Series:
 
     file: TomlFile
     declared: SpecificationFile
-    """What it declares, in SI; a drawn quantity has the value written for it, or its default."""
+    """The declared values in SI; a drawn quantity has its written or default value."""
 
     @property
     def numbers(self) -> range:
-        """Numbers of the shots: 1 to n of a population, else 0 alone."""
+        """Numbers of the shots: 1 to n for a population, otherwise only 0."""
         population = self.declared.population
         return range(1) if population is None else range(1, population.shots + 1)
 
     def shot(self, number: int) -> ShotSpecification:
         """One shot's specification.
 
-        Raises InputError if there is no such shot, or what was drawn for it cannot be.
+        Raises InputError if there is no such shot, or if its drawn values are not allowed.
         """
         declared, population = self.declared, self.declared.population
         if number not in self.numbers:
@@ -218,8 +218,8 @@ class Series:
 def read_specification(path: str | Path) -> Series:
     """Read and check a specification, with the first shot that it draws.
 
-    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read, is no TOML,
-    or declares anything unknown or impossible.
+    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read, is not TOML,
+    or declares anything unknown or not allowed.
     """
     path = Path(path)
     if path.is_dir():

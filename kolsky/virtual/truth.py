@@ -1,4 +1,4 @@
-"""What a made shot truly did, before any instrument looks."""
+"""The true behaviour of a synthetic shot, without instruments."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ class SurfaceHistory:
     y: FloatArray
     """Their height above the transmission platen's initial plane [m], shape [n_frames, n_nodes]."""
     displacement: FloatArray
-    """Of the flyer's centre toward the specimen [m], shape [n_frames]."""
+    """Displacement of the flyer's centre toward the specimen [m], shape [n_frames]."""
     tilt: FloatArray
     """Pitch of the flyer in the cameras' plane, camera side ahead [rad], shape [n_frames]."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A made shot as it was."""
+    """The true behaviour of a synthetic shot."""
 
     surface: SurfaceHistory
     force_time: FloatArray
@@ -43,19 +43,19 @@ class Truth:
     incident: FloatArray
     """Force of the flyer's platen on the specimen [N], shape [n]."""
     flyer_acceleration: FloatArray
-    """Of the flyer toward the specimen [m/s^2], shape [n]."""
+    """Acceleration of the flyer toward the specimen [m/s^2], shape [n]."""
     support_acceleration: FloatArray
-    """Of the transmission platen away from the specimen [m/s^2], shape [n]."""
+    """Acceleration of the transmission platen away from the specimen [m/s^2], shape [n]."""
     flyer_radius: float
-    """Radius of the flyer's side that the cameras see [m]."""
+    """Radius of the flyer's side visible to the cameras [m]."""
 
 
 class TruthError(Exception):
-    """A simulation of a truth that did not reach its end; the message says why."""
+    """A simulation of a truth did not reach its end; the message gives the reason."""
 
 
 MARGIN = 15e-6
-"""Time that is simulated beyond the record, and of the record beyond the last frame [s]."""
+"""Simulated time after the end of the record, and recorded time after the last frame [s]."""
 
 
 @dataclass(frozen=True)
@@ -71,15 +71,15 @@ class Job:
 
     @property
     def last(self) -> float:
-        """Time from the start that is simulated [s]."""
+        """Simulated time from the start [s]."""
         late = abs(self.quantities.imperfections.trigger) + abs(self.quantities.transmitted.delay)
         return self.end + MARGIN + late
 
     @classmethod
     def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
-        """The simulation that a specification asks for; files that it names are in `folder`.
+        """The simulation of a specification; files that it names are in `folder`.
 
-        Raises ValueError if its motion cannot be.
+        Raises ValueError if its motion is not possible.
         """
         path, end = path_of(quantities, folder)
         frames = quantities.frames
@@ -96,7 +96,7 @@ class Job:
 
     @property
     def group(self) -> Hashable:
-        """Shots of one group share a model of the solver."""
+        """Key of the solver model; shots with the same key are simulated together."""
         q = self.quantities
         kind = "prony" if q.relaxation is None else q.relaxation.kind
         relaxing = kind, sum(len(one) for one in q.relaxing)
@@ -105,11 +105,11 @@ class Job:
 
 
 MIDDLE = ("fbar", "one_point")
-"""Elements whose mean `element = "middle"` asks for."""
+"""Elements averaged by `element = "middle"`."""
 
 
 def _elements_of(quantities: Specification) -> list[Specification]:
-    """A specification for each element that its truth is simulated with."""
+    """One specification for each element used to simulate its truth."""
     truth = quantities.truth
     if truth.element != "middle":
         return [quantities]
@@ -120,9 +120,9 @@ def _elements_of(quantities: Specification) -> list[Specification]:
 
 
 def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
-    """The mean of the truths of one shot; the first of those that did not reach their end, if any did not.
+    """The mean of the truths of one shot; if any simulation failed, the first failure.
 
-    ``truths``: one an element, at the same times.
+    ``truths``: one per element, at the same times.
     """
     found = []
     for truth in truths:
@@ -162,7 +162,7 @@ def simulate_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth]:
-    """Simulate what several shots truly did; all of them must reach their end.
+    """Simulate the truths of several shots; all of them must reach their end.
 
     ``specifications``, ``folder``, ``device``, ``threads``: as in `try_truths`. Raises TruthError if a
     simulation did not reach its end. Raises ValueError if a specification cannot be simulated.
@@ -182,10 +182,11 @@ def try_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth | TruthError]:
-    """Simulate what several shots truly did; a simulation that ends early leaves the others alone.
+    """Simulate the truths of several shots; a failed simulation does not affect the others.
 
-    Shots with one mesh and one kind of material are one launch. On a GPU the launches run side by side, so
-    that shots of forty geometries take little longer than one; each is the same bits as alone.
+    Shots with one mesh and one kind of material form one launch. On a GPU the launches run in parallel, so
+    that shots of forty geometries take little longer than one. Each result is bit-identical to a separate
+    run.
     """
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
@@ -207,7 +208,7 @@ def _try_each(
         [_tilt(job, response, row) for row, job in enumerate(batch)]
         for batch, response in zip(batches, responses, strict=True)
     ]
-    # Where a flyer tilts, the cameras see another run.
+    # If a flyer tilts, the cameras record another run.
     tilted = [i for i, group in enumerate(tilts) if any(np.any(tilt) for tilt in group)]
     shifts = [
         [
@@ -228,7 +229,7 @@ def _try_each(
 
 
 def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | None:
-    """Why a simulation is no truth; None if it reached its end."""
+    """The failure of a simulation; None if it reached its end."""
     if response.end_times[row] >= job.last * (1.0 - 1e-9):
         return None
     return TruthError(
@@ -240,7 +241,7 @@ def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | No
 def _run(
     batches: Sequence[tuple[Sequence[Job], Sequence[FloatArray]]], device: str, threads: int | None
 ) -> list[explicit.Response]:
-    """Simulate jobs of one model each, with what is added to the flyer's displacement of each job [m]."""
+    """Simulate batches of jobs, one model per batch, with an added flyer displacement for each job [m]."""
     problems = [_problem(jobs, shift) for jobs, shift in batches]
     return explicit.run_side_by_side(problems, device=device, threads=threads)
 
@@ -291,7 +292,7 @@ def _mesh(quantities: Specification) -> explicit.Mesh:
 
 
 def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMotion:
-    """The flyer's motion over the group's time; after its own end it stands."""
+    """The flyer's motion over the group's time; it is constant after the end of its job."""
     inside = times <= job.last
     held = np.minimum(times, job.last) + job.path.start
     position = job.path.displacement(held)
@@ -336,7 +337,7 @@ def _tilt(job: Job, response: explicit.Response, row: int) -> FloatArray:
 def _truth(
     job: Job, response: explicit.Response, seen: explicit.Response, row: int, tilt: FloatArray
 ) -> Truth:
-    """One shot's truth on its own clock."""
+    """The truth of one shot on the shot's clock."""
     q, start = job.quantities, job.path.start
     inside = response.force_times <= job.last * (1.0 + 1e-12)
     times = response.force_times[inside]

@@ -1,1 +1,1 @@
-"""The error budget of a test: what each source of error does to the answer, by repeating the whole test."""
+"""The error budget of a test: effect of each error source on the answer, by repeating the whole test."""

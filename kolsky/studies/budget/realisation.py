@@ -35,16 +35,16 @@ from kolsky.virtual.specification import ShotSpecification
 from kolsky.virtual.truth import Truth, TruthError, simulate_truths
 
 NOISE = "noise"
-"""The factor that no key holds: the streams of all instruments, drawn anew."""
+"""The factor without a key: new random streams of all instruments."""
 
 
 def _in_laboratory(key: str) -> Input | None:
-    """The input in which a virtual laboratory errs by a key of its specification."""
+    """The input whose error corresponds to a key of a virtual laboratory's specification."""
     return next((one for one in INPUTS.values() if one.laboratory and one.laboratory.key == key), None)
 
 
 def usual_sizes() -> dict[str, str | float]:
-    """Standard uncertainties of a careful laboratory, taken where a specification has no [budget]."""
+    """Standard uncertainties of a careful laboratory, used if a specification has no [budget]."""
     sources = [one.laboratory for one in INPUTS.values() if one.laboratory is not None]
     return {one.key: one.usual for one in sorted(sources, key=lambda one: one.order) if one.usual is not None}
 
@@ -60,7 +60,7 @@ class Factor:
 
     @property
     def words(self) -> str:
-        """What it is; an unknown key is its own."""
+        """Description; for an unknown key, the key itself."""
         if self.key == NOISE:
             return "noise of all instruments"
         one = _in_laboratory(self.key)
@@ -68,7 +68,7 @@ class Factor:
 
     @property
     def shared(self) -> bool:
-        """Whether one error is common to all shots of a campaign; else it is drawn anew for each."""
+        """True if one error is common to all shots of a campaign; otherwise each shot has a new draw."""
         one = _in_laboratory(self.key)
         return one is not None and one.shared != "" and not (one.laboratory and one.laboratory.anew)
 
@@ -76,7 +76,7 @@ class Factor:
 def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:
     """Factors from their keys and written-out standard uncertainties, the noise first.
 
-    ``sizes``: dotted key -> what the specification would have there: a text with a unit, or a plain number.
+    ``sizes``: dotted key -> value as in the specification: a text with a unit, or a plain number.
     """
     found = [Factor(NOISE, 1.0)]
     for key, written in sizes.items():
@@ -111,7 +111,7 @@ WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> FloatArray:
     """Changes of the re-fits by one standard uncertainty of each source, shape [k, c].
 
-    Zero for the noise, and where a node gave no answer.
+    Zero for the noise, and if a node gave no answer.
 
     ``factors``: sources of error, length k. ``alone``: runs of `design` from row 1 on. ``columns``: number c
     of the parameters in a record.
@@ -129,9 +129,9 @@ def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> Fl
 def design(factors: tuple[Factor, ...], *, draws: int, together: int, seed: int) -> FloatArray:
     """Errors of every realisation in standard uncertainties and whether it is searched whole, [n, k + 1].
 
-    Rows 0 and 1 have none, the first searched whole; then two nodes of each factor but the noise; then draws
-    of the noise alone, numbered from 1; then all together, a Latin hypercube of normal values with noises of
-    their own, searched whole.
+    Rows 0 and 1 have no errors; row 0 uses the complete search. Then follow two nodes of each factor except
+    the noise, and draws of the noise only, numbered from 1. The last rows have all errors together, a Latin
+    hypercube of normal values with separate noise draws, and use the complete search.
     """
     k = len(factors)
     noise = [i for i, factor in enumerate(factors) if factor.key == NOISE]
@@ -154,39 +154,39 @@ def design(factors: tuple[Factor, ...], *, draws: int, together: int, seed: int)
 
 
 SAME_VALLEY = 3.0
-"""A whole search that ends within so many of its standard deviations of the re-fit is in the same valley."""
+"""A complete search is in the same valley if it ends within this many standard deviations of the re-fit."""
 MOST_STEPS = 16
-"""Most steps of a re-fit."""
+"""Maximum number of steps of a re-fit."""
 AT_REST = 0.1
-"""Length of the next step, in standard deviations from the residuals, at which a re-fit is at rest: its
-differences are what a budget is made of."""
+"""A re-fit has converged if its next step is shorter than this, in standard deviations from the residuals.
+The budget is computed from differences of re-fits."""
 LONGEST = 0.02
 """Longest step of a coordinate, over the edge of its design: a step must not cross a ridge."""
 OUT_OF_STEP = 0.08
-"""Change of `phase` beyond which a re-fit has left its valley: 8 % of m / (1 - 2 nu) are 4 % of the ringing's
-period, and a third of an oscillation at the end of a test of ten."""
+"""A re-fit has left its valley if `phase` changes by more than this. 8 % of m / (1 - 2 nu) are 4 % of the
+ringing period: a third of an oscillation at the end of a test of ten."""
 FIRST_DIFFERENCE = 2e-3
-"""Half the distance of the first differences over the edge; later half a standard deviation."""
+"""Half step of the first differences over the edge of the design; later half a standard deviation."""
 
 
 class RealisationOutcome(StrEnum):
-    """How one realisation of a test with errors ended."""
+    """Outcome of one realisation of a test with errors."""
 
     REFITTED = "re-fitted"
-    """By the re-fit alone, which was all that was asked."""
+    """By the re-fit only, as requested."""
     SAME_VALLEY = "same valley"
-    """The whole search ends where the re-fit does."""
+    """The complete search ends in the same valley as the re-fit."""
     OTHER_VALLEY = "another valley"
-    """The whole search ends elsewhere: an unattended answer jumps."""
+    """The complete search ends in another valley: an automatic answer would jump."""
     SEARCHED = "searched"
-    """By the whole search alone: the test without errors, or a response too rough for a re-fit."""
+    """By the complete search only: the test without errors, or a response too rough for a re-fit."""
     SEARCH_REFUSED = "search refused"
-    """The re-fit has an answer, the whole search none."""
+    """The re-fit has an answer, the complete search has none."""
     LEFT_VALLEY = "left the valley"
-    """The re-fit went so far that the ringing is out of step by a third of an oscillation or more: there was
-    no valley left to follow."""
+    """The re-fit moved so far that the ringing is out of phase by a third of an oscillation or more, beyond
+    the valley."""
     NOT_AT_REST = "not at rest"
-    """The re-fit did not come to rest."""
+    """The re-fit did not converge."""
     AT_BOUND = "at a bound"
     """The re-fit ended at a bound of its parameters."""
     REFUSED = "refused"
@@ -194,7 +194,7 @@ class RealisationOutcome(StrEnum):
 
     @property
     def counted(self) -> bool:
-        """Whether the realisation's estimate enters a spread."""
+        """True if the realisation's estimate is counted in a standard deviation."""
         return self not in (self.LEFT_VALLEY, self.NOT_AT_REST, self.AT_BOUND, self.REFUSED)
 
 
@@ -207,11 +207,11 @@ class Estimate:
     sigma: Mapping[str, float]
     """Their standard deviations from the residuals."""
     outcome: RealisationOutcome
-    """How it ended."""
+    """Its outcome."""
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
-    """The optimum of `kolsky.identify`, without its uncertainty from other sources."""
+    """The optimum of `kolsky.identify`, with uncertainties from the residuals only."""
     found = search_shot(InverseProblem.of(shot, settings), Work())
     names = found.problem.box.names
     return Estimate(
@@ -225,8 +225,8 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
     """The optimum next to a start, on the refined mesh, with the weights of `whole_search`.
 
     The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0. ``settings``: as
-    those of the whole search; what is free is what the start names. ``start``: free parameters and where they
-    begin, SI. Raises ValueError if no run at the start completes.
+    for the complete search; the parameters in `start` are free. ``start``: free parameters and their initial
+    values, SI. Raises ValueError if no run at the start completes.
     """
     free = {name: (settings.free or {}).get(name) for name in start}
     problem = InverseProblem.of(shot, replace(settings, free=free))
@@ -248,7 +248,7 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
 
 
 def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step]:
-    """Gauss-Newton steps with slopes of their own on the refined mesh, no longer than `LONGEST`."""
+    """Gauss-Newton steps with slopes on the refined mesh, each no longer than `LONGEST`."""
     edge = np.array(box.upper) - np.array(box.lower)
     half, share, before = FIRST_DIFFERENCE * edge, 1.0, np.zeros(len(x))
     for _ in range(MOST_STEPS):
@@ -266,7 +266,7 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
             return x + step.change, step
         back = float(before / step.sigma @ (step.change / step.sigma))
         if back < 0.0:
-            share *= 0.5  # it steps to and fro
+            share *= 0.5  # the steps oscillate
         before = step.change
         x = x + np.clip(share * step.change, -LONGEST * edge, LONGEST * edge)
         half = np.clip(0.5 * step.sigma, 0.1 * FIRST_DIFFERENCE * edge, FIRST_DIFFERENCE * edge)
@@ -274,13 +274,13 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
 
 
 def phase(values: Mapping[str, float]) -> float:
-    """What sets the period of the ringing, m / (1 - 2 nu), as a logarithm; of what is free alone [-]."""
+    """Logarithm of m / (1 - 2 nu), which determines the ringing period; from the free parameters only [-]."""
     m, nu = values.get("stiffness_factor", 1.0), values.get("poisson", 0.0)
     return float(np.log(m) - np.log(1.0 - 2.0 * nu))
 
 
 def same_valley(near: Estimate, whole: Estimate) -> bool:
-    """Whether a whole search ends where the re-fit does, for every parameter that both have free."""
+    """True if the complete search agrees with the re-fit in every parameter that is free in both."""
     common = near.values.keys() & whole.values.keys()
     return all(
         abs(near.values[name] - whole.values[name]) <= SAME_VALLEY * whole.sigma[name] for name in common
@@ -288,41 +288,41 @@ def same_valley(near: Estimate, whole: Estimate) -> bool:
 
 
 TRUE_TABLES = ("specimen", "material", "relaxation", "interface", "transmission", "motion", "frames", "truth")
-"""Tables that change what the test truly did."""
+"""Tables that change the true test."""
 TRUE_KEYS = ("tilt", "off_centre", "slip_friction", "trigger")
-"""Imperfections that do."""
+"""Imperfections that change the true test."""
 
 
 KEPT = 4
-"""Truths that are kept in memory, the unchanged test among them."""
+"""Number of truths kept in memory, including the unchanged test."""
 
 
 @dataclass(frozen=True)
 class Realisations:
     """A test as a function of its errors, for `doe.ledger.run_chunks`; it can be pickled.
 
-    A point holds, for each factor, its error in standard uncertainties, of the noise the number of its draw;
-    and last whether the whole search is asked for beside the re-fit, 1 or 0.
+    A point holds the error of each factor in standard uncertainties; for the noise, the number of its draw.
+    The last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0.
     """
 
     quantities: Specification
     """The test without errors."""
     folder: Path
-    """Where files are that it names."""
+    """Folder of the files that it names."""
     factors: tuple[Factor, ...]
     """Sources of error, length k."""
     settings: Settings
-    """How each realisation is identified."""
+    """Settings for the identification of each realisation."""
     start: Mapping[str, float] | None = None
-    """The optimum of the test without errors, where re-fits begin; None: everything is searched whole. It
-    follows from the rest, and is no part of `model_hash`."""
+    """The optimum of the test without errors, the start of the re-fits; None: every realisation uses the
+    complete search. It follows from the other fields and is not part of `model_hash`."""
     slopes: FloatArray | None = None
-    """Changes of the parameters of `columns_of` by one standard uncertainty of each source, which move the
-    start of a realisation of several sources, shape [k, c]; None: not known yet."""
+    """Changes of the parameters of `columns_of` by one standard uncertainty of each source, shape [k, c].
+    They shift the start of a realisation with several sources. None: not known yet."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k + 1]; of every run the re-fit's estimates of `columns_of`, then the
-        whole search's, NaN where there is none."""
+        """Realise the points, shape [n, k + 1]. Every run holds the re-fit's estimates of `columns_of`, then
+        those of the complete search, NaN if there are none."""
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:
@@ -342,7 +342,7 @@ class Realisations:
             return _run(RealisationOutcome.REFUSED, self.settings, None, None, _first_line(error))
 
     def _start(self, sizes: FloatArray) -> Mapping[str, float] | None:
-        """Where the re-fit begins: the optimum without errors, moved by what each error moves it, [k]."""
+        """Start of the re-fit: the optimum without errors plus the linear shift by each error, [k]."""
         if self.start is None or self.slopes is None:
             return self.start
         noise = [factor.key == NOISE for factor in self.factors]
@@ -359,7 +359,7 @@ class Realisations:
         *,
         whole: bool,
     ) -> Run:
-        """The estimates of a made shot, through its files."""
+        """The estimates of a synthetic shot, from its files."""
         made = ShotSpecification(draw, quantities.name, {}, quantities, self.folder)
         with tempfile.TemporaryDirectory(prefix="kolsky-budget-") as place:
             write_shot(made, truth, Path(place) / "shot")
@@ -391,7 +391,7 @@ class Realisations:
         return None if name is None else hashlib.sha256(regular(self.folder / name).read_bytes()).hexdigest()
 
     def model_hash(self) -> bytes:
-        """SHA-256 of all that a realisation depends on but its errors."""
+        """SHA-256 of all inputs of a realisation except its errors."""
         numerics = replace(self.settings.numerics, threads=None)
         said = {
             "quantities": self.quantities.model_dump(mode="json"),
@@ -404,7 +404,7 @@ class Realisations:
 
 
 def _true_part(quantities: Specification) -> Specification:
-    """The specification without what only instruments and the shot file see: the same truth has the same."""
+    """The specification without instrument and declaration settings; equal for equal truths."""
     bare = Specification()
     tables = {name: getattr(quantities, name) for name in TRUE_TABLES}
     wrong = quantities.imperfections
@@ -414,7 +414,7 @@ def _true_part(quantities: Specification) -> Specification:
 
 
 def _truth(true: Specification, folder: Path, device: str, threads: int | None) -> Truth:
-    """The truth of a specification; the last few are kept, for most realisations share one."""
+    """The truth of a specification; the last few are cached, because most realisations share one."""
     key = f"{folder} {true.model_dump_json()}"
     if key not in _TRUTHS:
         while len(_TRUTHS) >= KEPT:
@@ -445,11 +445,11 @@ def _first_line(error: Exception) -> str:
 
 
 def columns_of(settings: Settings) -> tuple[str, ...]:
-    """Parameters that a realisation's record has room for: those of `names_of`, then what may be free too."""
+    """Parameters in a realisation's record: those of `names_of`, then others that may be free."""
     names = names_of(settings)
     return names + tuple(name for name in DEFAULT if name not in names and settings.free is None)
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Parameters that a budget is made for: those declared free, or the stiffness factor."""
+    """Parameters with a budget: those declared free, or the stiffness factor."""
     return ("stiffness_factor",) if settings.free is None else tuple(settings.free)

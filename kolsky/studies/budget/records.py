@@ -13,9 +13,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.studies.budget.realisation import Factor, RealisationOutcome
 
 RESAMPLES = 2000
-"""Bootstrap samples."""
+"""Number of bootstrap samples."""
 SPARE_DRAWS = 4
-"""Least draws beyond the constants of the line."""
+"""Smallest number of draws beyond the constants of the line."""
 PERCENT = (2.5, 97.5)
 """Ends of an interval."""
 
@@ -29,17 +29,17 @@ class JointShares:
     slopes: FloatArray
     """Change of the answer by one standard uncertainty of each source, shape [p]."""
     shares: FloatArray
-    """Of each source [-], shape [p]."""
+    """Share of each source [-], shape [p]."""
     intervals: FloatArray
     """95 % intervals of them, shape [p, 2]."""
     unexplained: float
-    """Share that no line explains [-]: noise, curvature, interactions."""
+    """Share that the line does not explain [-]: noise, curvature, interactions."""
     unexplained_interval: Interval
     """95 % interval of that."""
 
 
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
-    """Intervals of shares u_i^2 / sum u^2 of which one u is a standard deviation of a few values.
+    """Intervals of shares u_i^2 / sum u^2, where one u is a standard deviation of a few values.
 
     ``u``: standard uncertainties; NaN ones have no part, shape [k]. ``drawn``: which of them is the standard
     deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap. Returns: 95 %
@@ -62,7 +62,8 @@ def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointSh
     """Shares of sources in the variance of draws of all of them at once, Eq. (E.12).
 
     ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n]. ``seed``: of
-    the bootstrap. Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be told apart.
+    the bootstrap. Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be
+    distinguished.
     """
     n, p = z.shape
     left = n - p - 1
@@ -91,19 +92,19 @@ def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointSh
 
 
 FEWEST = 4
-"""Fewest realisations that a standard deviation is taken from."""
+"""Smallest number of realisations for a standard deviation."""
 NO_INTERVAL = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
 class Source:
-    """What one factor alone does to the answer."""
+    """Effect of a single factor on the answer."""
 
     factor: Factor
     bias: float
-    """Mean of the answer less that without the error, in the answer's unit; NaN for the noise."""
+    """Mean of the answer minus that without the error, in the answer's unit; NaN for the noise."""
     u: float
-    """Standard uncertainty that it gives the answer, in the answer's unit; NaN if realisations failed."""
+    """Standard uncertainty of the answer due to it, in the answer's unit; NaN if realisations failed."""
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
@@ -118,30 +119,30 @@ class Source:
 
 @dataclass(frozen=True)
 class Budget(ResultViews):
-    """What each source of error does to one parameter, alone and together with the others."""
+    """Effect of each source of error on one parameter, separately and together with the others."""
 
     name: str
     """Of the test."""
     parameter: str
     truth: float
-    """Its true value; NaN if it is none of a specification's."""
+    """Its true value; NaN if the specification does not define it."""
     reference: float
     """Its estimate without errors, with the instruments' noise of the first draw."""
     sources: tuple[Source, ...]
-    """Each factor alone."""
+    """Each factor separately."""
     together: FloatArray
     """Estimates with all errors at once, shape [n]; those that gave an answer, each in the valley of the
     reference."""
     refused: tuple[str, ...]
     """Why realisations with all errors at once gave no answer."""
     elsewhere: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """What the whole search says of draws that it takes to another valley, shape [n_jumps]."""
+    """Estimates by the complete search for draws that end in another valley, shape [n_jumps]."""
     searched: int = 0
-    """Draws of all errors at once that were searched whole, with an answer."""
+    """Number of draws of all errors with an answer by the complete search."""
     outcomes: tuple[RealisationOutcome, ...] = ()
-    """How every realisation ended, the first of them that without errors."""
+    """Outcome of every realisation; the first one is without errors."""
     closure: float = float("nan")
-    """Re-fit less whole search of the test without errors: how alike both find one optimum."""
+    """Re-fit minus complete search for the test without errors: the agreement of both methods."""
     joint: JointShares | None = None
     """The straight line through the draws of all errors at once; None if they are too few."""
 
@@ -166,19 +167,19 @@ class Budget(ResultViews):
 
     @property
     def adds_up(self) -> bool | None:
-        """Whether the sources, added in quadrature, explain what all together do; None if nobody knows."""
+        """True if the sources, added in quadrature, explain the effect of all together; None if not known."""
         low, high = self.u_together_interval
         return None if np.isnan(low) else bool(low <= self.u_sum <= high)
 
     @property
     def jumps(self) -> float:
-        """Share of the draws of all errors at once whose whole search ends in another valley [-]; NaN if none
-        was searched."""
+        """Share of the draws of all errors whose complete search ends in another valley [-]; NaN if none was
+        searched."""
         return len(self.elsewhere) / self.searched if self.searched else float("nan")
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many realisations ended how."""
+        """Number of realisations by outcome."""
         return dict(Counter(outcome.value for outcome in self.outcomes))
 
     def share(self, source: Source) -> float:
@@ -187,7 +188,7 @@ class Budget(ResultViews):
 
 
 FEWEST_SHOTS = 4
-"""Fewest shots of a slope, as `kolsky rate` asks for."""
+"""Smallest number of shots for a slope, as in `kolsky rate`."""
 MOST_SHOTS = 1000
 """Shots beyond which no campaign is planned."""
 
@@ -210,7 +211,8 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-]."""
+    """Standard deviation of one shot about the line: its independent sources and the specimens' scatter
+    [-]."""
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:
@@ -230,7 +232,7 @@ def slope_half_width(rates: FloatArray, sigma: float) -> float:
 
 
 def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) -> Campaign:
-    """The fewest shots, half at either of two rates, whose slope is known to a wanted expanded uncertainty.
+    """The smallest number of shots, half at each of two rates, for a wanted uncertainty of the slope.
 
     ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
     decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-].
@@ -251,7 +253,7 @@ def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) ->
 
 
 def columns(result: Budget) -> dict[str, list[Any]]:
-    """One row a source: standard uncertainty of the source, what it does to the answer, its share."""
+    """One row per source: standard uncertainty of the source, its effect on the answer, its share."""
     sources = result.sources
     return {
         "source": [source.factor.words for source in sources],
@@ -323,7 +325,7 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
 def made_with(
     analysis: tuple[int, int], refined: tuple[int, int], truth: tuple[int, int], draws: int, together: int
 ) -> dict[str, Any]:
-    """What the numbers rest on: meshes of the identification and of the truth, numbers of draws."""
+    """Settings of the budget: meshes of the identification and of the truth, numbers of draws."""
     return {
         "mesh": list(analysis),
         "refined_mesh": list(refined),

@@ -1,1 +1,1 @@
-"""Planning a test: what it would tell, where and when to look, how fast to strike."""
+"""Planning a test: expected uncertainties, where and when to measure, impact speed."""

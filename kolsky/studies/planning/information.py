@@ -1,5 +1,4 @@
-"""The information of a planned test: its instruments, and how much each datum would tell of each
-parameter."""
+"""The information of a planned test: its instruments, and the information of each datum on each parameter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ class Instruments:
     """The instruments of a planned test."""
 
     window: tuple[float, float]
-    """First and last time that is compared, of a test at the shot's own rate [s]."""
+    """First and last compared time, for a test at the rate of the shot [s]."""
     bin_width: float
     """Width of the bins over which the force is averaged [s]."""
     force_sigma: float
@@ -56,7 +55,7 @@ class Instruments:
 def instruments_of(prepared: PreparedShot) -> Instruments:
     """The instruments of the shot itself.
 
-    Without an outline there are no points; their density and sigma are then for the caller to say.
+    Without an outline there are no points; the caller must then supply their density and sigma.
     """
     observations, window = prepared.observations, prepared.forward.shot.window
     edges = observations.bins.edges
@@ -86,11 +85,11 @@ def instruments_of(prepared: PreparedShot) -> Instruments:
 
 
 FRAMES = 97
-"""Times of the map."""
+"""Number of times in the map."""
 HEIGHTS = 47
-"""Heights of the map."""
+"""Number of heights in the map."""
 FINER = 1.5
-"""Ratio of the meshes whose difference is taken for what the model cannot know."""
+"""Ratio of the two meshes whose difference is used as the model error."""
 
 
 @dataclass(frozen=True)
@@ -98,14 +97,14 @@ class Expected:
     """Expected standard deviations of the parameters from a set of data."""
 
     deviations: FloatArray
-    """Standard deviation of each parameter, all estimated together, in its unit, shape [d]; infinite where
-    some direction is not seen."""
+    """Standard deviation of each parameter, all estimated together, in its unit, shape [d]; infinite if some
+    direction is unconstrained."""
     alone: FloatArray
-    """Of each if the others were known, shape [d]; infinite where it is not seen."""
+    """Standard deviation of each if the others were known, shape [d]; infinite if it is unconstrained."""
     correlation: FloatArray | None
-    """Correlation of the estimates [-], shape [d, d]; None where some direction is not seen."""
+    """Correlation of the estimates [-], shape [d, d]; None if some direction is unconstrained."""
     unseen: str = ""
-    """What is not seen, in words."""
+    """The unconstrained direction, in words."""
 
     @classmethod
     def of(cls, data: LinearData) -> "Expected":
@@ -119,13 +118,13 @@ class Expected:
 
 @dataclass(frozen=True)
 class Information:
-    """The data of one planned test and where among them the information is."""
+    """The data of one planned test, and the distribution of the information among them."""
 
     sensitivity: LocalSensitivity
     data: LinearData
-    """Force bins, then the points of the map that are seen, each standing for the points around it."""
+    """Force bins, then the visible points of the map, each representing the points around it."""
     seen: NDArray[np.bool_]
-    """Which points of the map those are, shape [n_frames, n_heights]."""
+    """Mask of the visible points of the map, shape [n_frames, n_heights]."""
 
     @property
     def n_force(self) -> int:
@@ -145,16 +144,17 @@ class Information:
         return np.concatenate([grid.times, frames])
 
     def mapped(self, column: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A column over the data as forces, shape [n_bins], and as a map, NaN where nothing is seen."""
+        """A column over the data as forces, shape [n_bins], and as a map, NaN where nothing is visible."""
         field = np.full(self.seen.shape, np.nan)
         field[self.seen] = column[self.n_force :]
         return column[: self.n_force], field
 
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Shares in what is known of each parameter, per time [1/s], shape [d, n_bins], and per time and
-        height [1/(m s)], shape [d, n_frames, n_heights], NaN where nothing is seen.
+        """Shares in the information on each parameter, per time, and per time and height.
 
-        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
+        Per time [1/s], shape [d, n_bins]; per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN
+        where nothing is visible.
+        If some direction is unconstrained, the shares in the joint estimate are all NaN.
         """
         try:
             shares = self.data.conditional_shares if alone else self.data.shares
@@ -171,7 +171,7 @@ class Information:
         return self._grouped(np.nonzero(self.seen)[0], self.seen.shape[0])
 
     def by_height(self) -> FloatArray:
-        """Information of all that is seen at each height, shape [n_heights, d, d]."""
+        """Information of the outline at each height over all frames, shape [n_heights, d, d]."""
         return self._grouped(np.nonzero(self.seen)[1], self.seen.shape[1])
 
     @property
@@ -192,7 +192,7 @@ def spacing(places: FloatArray) -> float:
 
 
 def _at_rate(forward: Forward, factor: float) -> Forward:
-    """The same test with the flyer's path run through `factor` times as fast."""
+    """The same test with the flyer's path `factor` times as fast."""
     if factor == 1.0:
         return forward
     return replace(forward, paths=(forward.paths[0].faster(factor),))
@@ -211,11 +211,11 @@ def information(
 ) -> Information:
     """The information of a planned test about some parameters.
 
-    ``instruments``: what is measured, and how well. ``rate``: speed of the flyer over that of the shot, > 0;
-    the path is the same, and the window ends where it would have, so the specimen is compressed as far, only
-    sooner. ``discrepancy``: standard deviations of what the model leaves out of a force bin [N] and an
-    outline point [m], beside the noise. Raises ValueError if a value is outside its range or a run does not
-    complete.
+    ``instruments``: the measurements and their uncertainties. ``rate``: speed of the flyer over that of the
+    shot, > 0. The path is the same and the window ends at the same displacement, so the specimen reaches the
+    same compression earlier. ``discrepancy``: standard deviations of the model error in a force bin [N] and
+    an outline point [m], in addition to the noise. Raises ValueError if a value is outside its range or a run
+    does not complete.
     """
     grid = _observation_grid(forward, instruments, rate)
     moved = _at_rate(forward, rate)
@@ -227,7 +227,7 @@ def information(
         & (grid.heights <= gap[:, None] - instruments.clearance)
         & (instruments.points > 0.0)
     )
-    # A point of the map stands for the pictures and points around it.
+    # A point of the map represents the pictures and points around it.
     count = spacing(grid.frames) / instruments.frame_interval * spacing(grid.heights) * instruments.points
     sigma_force = np.hypot(instruments.force_sigma, discrepancy[0])
     sigma_point = np.hypot(instruments.outline_sigma, discrepancy[1]) / np.sqrt(count) if count > 0.0 else 1.0

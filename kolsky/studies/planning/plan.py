@@ -1,4 +1,4 @@
-"""`plan`: what a test like this shot would tell, before its data are looked at, and a laboratory's choices.
+"""`plan`: expected uncertainties of a test like this shot without its data, and choices of the laboratory.
 
 Window, frames, heights and rate are compared by the determinant or the trace of the expected covariance.
 """
@@ -42,12 +42,12 @@ from kolsky.studies.planning.information import (
 
 CRITERIA: tuple[Criterion, ...] = ("D", "A")
 SHARES = (0.25, 0.5, 0.75)
-"""Lengths of the cameras' recording over the window that are compared."""
+"""Compared recording lengths of the cameras over the window."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The best of its kind, and what it would tell."""
+    """The best choice by one criterion, and the expected uncertainties."""
 
     criterion: Criterion
     """ "D": smallest volume of the joint interval; "A": smallest mean variance of parameters over scale."""
@@ -62,15 +62,15 @@ class Rate:
     """The same test at another speed of the flyer."""
 
     factor: float
-    """Speed over the shot's own [-]."""
+    """Speed over that of the shot [-]."""
     peak_force: float
     """Largest mean force of a bin [N]."""
     mean_rate: float
     """Mean nominal strain rate over the window [1/s]."""
     discrepancy: tuple[float, float]
-    """What the model is taken to leave out [N], [m]."""
+    """Assumed discrepancy of the model [N], [m]."""
     expected: Expected
-    """What the data would tell."""
+    """Expected uncertainties."""
     cost: Mapping[str, float]
     """-ln det H ("D") and trace of H^-1 ("A"), parameters over their scale."""
 
@@ -83,8 +83,9 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
 
 
 def camera_windows(found: Information, share: float) -> list[Choice]:
-    """When the cameras should record if their memory holds only a share of the window; the force is recorded
-    throughout. One choice a criterion; none without cameras, or if no choice decides all parameters."""
+    """Best recording time of the cameras if their memory holds only a share of the window; the force is
+    recorded throughout. One choice per criterion; none without cameras, or if no choice constrains all
+    parameters."""
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
@@ -94,8 +95,9 @@ def camera_windows(found: Information, share: float) -> list[Choice]:
 
 
 def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The few heights at which an outline would tell most, together with the force; none without cameras, or
-    if no choice decides all parameters.
+    """The heights at which an outline gives most information, together with the force.
+
+    None without cameras, or if no choice constrains all parameters.
     """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
@@ -107,7 +109,7 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
 
 
 def best_rate(rates: Sequence[Rate], criterion: Criterion) -> Rate:
-    """The rate whose data leave least undecided."""
+    """The rate with the smallest cost by a criterion."""
     return min(rates, key=lambda rate: rate.cost[criterion])
 
 
@@ -121,7 +123,7 @@ def _chosen(
         try:
             chosen.append((criterion, choose(groups, count, base=found.of_force, criterion=criterion)))
         except UndecidedError:
-            continue  # what is not seen is said with the expected deviations
+            continue  # unconstrained parameters are reported with the expected deviations
     return chosen
 
 
@@ -130,11 +132,11 @@ def _deviations(information: FloatArray, found: Information) -> FloatArray:
 
 
 NAMES = ("stiffness_factor", "poisson", "damping")
-"""Parameters whose estimates are predicted unless others are asked for."""
+"""Default parameters."""
 RATES = (0.5, 1.0, 2.0)
-"""Speeds of the flyer over the shot's that are compared."""
+"""Compared flyer speeds over that of the shot."""
 ENDS = np.linspace(0.1, 1.0, 19)
-"""Ends of the window that are compared, as shares of it."""
+"""Compared ends of the window, as shares of it."""
 
 
 @dataclass(frozen=True)
@@ -143,24 +145,25 @@ class Plan(ResultViews):
 
     shot: str
     instruments: Instruments
-    """What is measured, and how well."""
+    """The measurements and their uncertainties."""
     discrepancy: tuple[float, float]
-    """What the model is taken to leave out of a force bin [N] and an outline point [m]."""
+    """Assumed discrepancy of the model in a force bin [N] and an outline point [m]."""
     information: Information
-    """Slopes and information at the shot's own rate."""
+    """Slopes and information at the rate of the shot."""
     expected: dict[str, Expected]
-    """What "all", "force" and "outline" would tell; no outline without cameras."""
+    """Expected uncertainties by "all", "force" and "outline"; no outline without cameras."""
     force_scale: FloatArray
-    """Shift of each estimate by one standard uncertainty of the force's scale, in no deviation above, in its
-    unit, shape [d]; 0 where the shot declares none, infinite where some direction is not seen."""
+    """Shift of each estimate by one standard uncertainty of the force's scale, in its unit, shape [d]; not
+    included in the deviations above. 0 if the shot declares none, infinite if some direction is
+    unconstrained."""
     end_times: FloatArray
     """Ends of the window [s], shape [n]."""
     by_end: tuple[Expected, ...]
-    """What the data up to there would tell, length n."""
+    """Expected uncertainties from the data up to each end, length n."""
     windows: dict[float, tuple[Choice, ...]]
-    """When the cameras should record, by the share of the window that their memory holds."""
+    """Best recording times of the cameras, by the share of the window that their memory holds."""
     heights: dict[int, tuple[Choice, ...]]
-    """Where outlines tell most, by the number of heights."""
+    """Best heights of the outline, by the number of heights."""
     rates: tuple[Rate, ...]
     """The test at other speeds of the flyer."""
     provenance: dict[str, Any]
@@ -201,22 +204,22 @@ def plan(
     names
         Parameters to be estimated together.
     held
-        Values of parameters, those of `names` too, that are not the shot's own.
+        Values of parameters (also those in `names`) that differ from the shot's.
     instruments
-        What the instruments can do; those of the shot itself if left out.
+        The instruments; default: those of the shot.
     rates
-        Speeds of the flyer over the shot's own; 1 is always among them.
+        Speeds of the flyer over that of the shot; 1 is always included.
     heights
         Numbers of heights to choose.
     reach
-        Range over which slopes are taken (`kolsky.studies.local_sensitivity`).
+        Range for the slopes (`kolsky.studies.local_sensitivity`).
     discrepancy
-        Standard deviations of what the model leaves out of a force bin [N] and an outline point [m]; its
-        change to a finer mesh, at each rate, if left out.
+        Standard deviations of the model error in a force bin [N] and an outline point [m]; default: its
+        change to a finer mesh, at each rate.
     numerics
         Mesh, precision, device.
     progress
-        Told of the rates done.
+        Called with stage, rates done, number of rates.
 
     Raises
     ------
@@ -291,7 +294,7 @@ def plan(
 
 
 def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
-    """A wrong scale bends all forces alike: no number of samples averages it."""
+    """Shift of the estimates by a wrong force scale, which no number of samples averages out."""
     if sigma_gain == 0.0:
         return np.zeros(len(found.data.names))
     try:
@@ -311,7 +314,7 @@ def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | 
 
 
 VERSION = 1
-"""Of the HDF5 file's layout."""
+"""Version of the HDF5 file's layout."""
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
@@ -401,7 +404,7 @@ def tables(plan: Plan) -> dict[str, dict[str, Any]]:
 
 
 def write_hdf5(path: Path, plan: Plan) -> Path:
-    """Write everything of a plan to one HDF5 file, atomically; arrays carry their `units`."""
+    """Write a complete plan to one HDF5 file, atomically; arrays have the attribute `units`."""
     found, slopes = plan.information, plan.information.sensitivity
     grid = slopes.grid
     force, outline = found.densities()
@@ -433,7 +436,7 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
-    """Lines for a terminal: a name and a value each, parameters in the units in which reports show them."""
+    """Lines for a terminal, a name and a value each; parameters are in the units of the reports."""
     names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
     shown: dict[str, Any] = {"shot": plan.shot}
     for j, name in enumerate(names):
@@ -481,7 +484,7 @@ def rows(plan: Plan) -> Mapping[str, Any]:
 
 
 def _unit(name: str) -> str:
-    """Unit in which a parameter is shown, after a space and in ASCII; nothing for a plain number."""
+    """Display unit of a parameter, after a space and in ASCII; empty for a plain number."""
     unit = PARAMETERS[name].shown_unit
     return "" if unit == "1" else f" {unit.replace('µ', 'u')}"
 

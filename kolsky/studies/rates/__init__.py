@@ -1,1 +1,1 @@
-"""Several identified shots: their mean stiffness, the scatter between them, and how it goes with the rate."""
+"""Several identified shots: mean stiffness, scatter between the shots, and dependence on the strain rate."""

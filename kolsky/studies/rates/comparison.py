@@ -28,18 +28,18 @@ from kolsky.studies.rates.scatter import FEWEST_POOLED, TREND_SHARE, Pooled, poo
 STEP = 1e-4
 """Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
 DRAWS = 100
-"""Curves drawn from the curve's own noise; a standard deviation of this many is known to 7 %."""
+"""Number of curves drawn from the curve's noise; their standard deviation is accurate to 7 %."""
 HEIGHTS = 41
-"""Relative heights at which outlines are compared."""
+"""Number of relative heights at which outlines are compared."""
 BASELINE = 61
-"""Points of the quasi-static line."""
+"""Number of points of the quasi-static line."""
 FEWEST_POINTS = 4
-"""Fewest points of an outline that is compared."""
+"""Smallest number of points of a compared outline."""
 Quantities = dict[str, tuple[float, float]]
 
 
 class Baselines:
-    """The laws of some quasi-static curves with their replicates, each made once."""
+    """The laws of quasi-static curves with their replicates, each computed once."""
 
     def __init__(self) -> None:
         self._laws: dict[str, list[MaterialLaw]] = {}
@@ -52,7 +52,7 @@ class Baselines:
         """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
 
         Returns: nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at
-        zero strain the tangent modulus alone. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
+        zero strain only the tangent modulus. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
         lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
         tangent is known less well than the stress.
         """
@@ -129,7 +129,7 @@ def equal_strain(
     """Force and outline of every shot at the strains that all of them reached; None if there is none.
 
     The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
-    nearest frame, and says at which strain it was taken.
+    nearest frame, with its strain.
 
     ``shots``: shots of one group, at least one. ``strains``: nominal compressive strains, each in (0, 1).
     ``baselines``: the laws of their quasi-static curves.
@@ -211,7 +211,7 @@ def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> Flo
 
 
 def _rms_scatter(rows: FloatArray) -> float:
-    """Rms over the columns that every row has of the standard deviation between rows, n - 1."""
+    """Standard deviation between rows (n - 1), rms over the columns that are finite in every row."""
     whole = np.isfinite(rows).all(axis=0)
     if not whole.any():
         return float("nan")
@@ -219,9 +219,9 @@ def _rms_scatter(rows: FloatArray) -> float:
 
 
 STRAINS = (0.1, 0.3, 0.5)
-"""Nominal compressive strains at which shots are compared unless others are asked for."""
+"""Default nominal compressive strains for the comparison of shots."""
 SAME_SIZE = 0.02
-"""Specimens whose sizes differ by less are one size [-]."""
+"""Specimens with a smaller relative size difference count as equal in size [-]."""
 
 
 def compare(
@@ -234,8 +234,8 @@ def compare(
     """Compare shots, at least one, within their groups.
 
     ``strains``: nominal compressive strains of the tables, each in (0, 1). ``shared``: relative standard
-    uncertainty of all stiffness factors together, e.g. of a transducer's calibration or the baseline's bias,
-    which no result contains [-]. ``grouped_by``: key of the shot files that gave the groups. Raises
+    uncertainty common to all stiffness factors, e.g. of a transducer's calibration or the baseline's bias,
+    which is not included in the results [-]. ``grouped_by``: key of the shot files used for grouping. Raises
     ValueError if there is no shot, a strain is outside (0, 1), or `shared` is negative.
     """
     if not shots:
@@ -286,10 +286,10 @@ def _group(
 
 
 def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
-    """Shared parts of the shots: (part, through what) -> by how much each m moves with it, shape [n].
+    """Shared error parts of the shots: (part, common cause) -> shift of each m by it, shape [n].
 
-    Parts that belong to one shot alone are here as well: they are independent, and counting them so keeps
-    them out of the weights, which the errors that all have must not decide.
+    Parts of a single shot are included as independent rows. This keeps them out of the weights, which must
+    not depend on errors common to all shots.
     """
     found: dict[tuple[str, str], FloatArray] = {}
     for i, shot in enumerate(shots):
@@ -301,7 +301,7 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
 
 
 def slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
-    """Shared parts as a slope sees them, [n_shared, n]: errors of the mesh are half common, half a trend."""
+    """Shared parts in their effect on a slope, [n_shared, n]: mesh errors are half common, half a trend."""
     rows = []
     for (part, _), row in common.items():
         if part != MESH_PART:
@@ -366,7 +366,7 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
         values[value].append(name)
     if len(values) < 2:
         return []
-    # A file is known by its hash; eight digits tell it from others.
+    # A file is given by its hash; eight digits identify it.
     parts = "; ".join(f"{v[:8] if len(v) == 64 else v} ({', '.join(n)})" for v, n in values.items())
     return [f"the shots were not identified alike, {what}: {parts}; their m may not compare"]
 

@@ -1,4 +1,4 @@
-"""A rate report as tables: CSV files, and one HDF5 file with the same columns under the same names."""
+"""A rate report as tables: CSV files, and one HDF5 file with the same column names."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -16,7 +16,7 @@ ROUTES = ("joint", "force only", "shape only", "paper")
 
 
 def tables(report: RateReport) -> dict[str, Columns]:
-    """The tables of a report: name -> columns. A number that there is none of is NaN."""
+    """The tables of a report: name -> columns. A missing number is NaN."""
     return {
         "rate_shots": columns_of(_shots(report)),
         "rate_groups": columns_of(map(_group_row, report.groups)),
@@ -282,9 +282,9 @@ _UNIT = re.compile(r" \(([^()]*)\)$")
 
 
 def write_hdf5(path: Path, report: RateReport) -> None:
-    """Write every table to one HDF5 file, atomically: a group a table, a dataset a column.
+    """Write every table to one HDF5 file, atomically: one group per table, one dataset per column.
 
-    Stress-strain and outline data of the shots stay in their own results.
+    Stress-strain and outline data of the shots are in the results of the shots.
 
     Raises OSError if the file cannot be written; an older one is then unchanged.
     """

@@ -1,4 +1,4 @@
-"""Several shots to a report on their rates: files, recordings and results collected, grouped and compared."""
+"""Rate report of several shots: files, recordings and results are collected, grouped and compared."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot, Rate
 
 RESULT_FILE = "identification.h5"
 GROUP_KEYS = ("group", "material")
-"""Keys of a shot file that shots are grouped by unless another is named, in this order."""
+"""Default keys of a shot file for grouping, in this order."""
 ALL = "all shots"
 LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
 
@@ -40,7 +40,7 @@ class RateCurveSection(Section):
 
 
 class RateShotFile(Section):
-    """The keys of a shot.toml that a comparison of rates reads beside its recordings."""
+    """The keys of a shot.toml that a comparison of rates reads in addition to the recordings."""
 
     model_config = LOOSE
     material: f.Name | None = None
@@ -51,7 +51,7 @@ class RateShotFile(Section):
 
     @property
     def quasi_static_rate(self) -> float | None:
-        """Rate of what m refers to [1/s]: of [law] where it is the baseline, else of [curve]."""
+        """Rate of the reference of m [1/s]: that of [law] if it is the baseline, otherwise of [curve]."""
         said = self.law if self.law is not None and self.law.baseline else self.curve
         return None if said is None else said.strain_rate
 
@@ -67,7 +67,7 @@ def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
 
 
 def group_key(files: list[TomlFile], wanted: str | None) -> str:
-    """The key that shots are grouped by; "" if none is named and none of the usual ones is given."""
+    """The key for grouping; "" if none is named and no default key is present."""
     if wanted:
         return wanted
     return next((key for key in GROUP_KEYS if any(key in file.content for file in files)), "")
@@ -114,7 +114,7 @@ def collected_shot(
     """One shot with its rate and its result.
 
     ``shot``: the shot's folder, its shot.toml, or that file parsed. ``group``: the group it belongs to.
-    ``identify``: makes a result where there is none; without it such a shot is refused. ``measure``: as in
+    ``identify``: makes a missing result; without it, such a shot is rejected. ``measure``: as in
     `kolsky.shot.load.load_shot`. Raises InputError if the shot cannot be loaded, has no result, or its result
     is of other files or has no stiffness factor.
     """
@@ -155,7 +155,7 @@ def collected_shot(
 
 
 def digest(curve: MaterialCurve) -> str:
-    """SHA-256 of a curve's numbers, hex: shots with the same one share its errors, whatever its file."""
+    """SHA-256 of a curve's numbers, hex: shots with the same hash share its errors, whatever its file."""
     modes = np.zeros(0) if curve.modes is None else curve.modes
     made = hashlib.sha256()
     for array in (curve.stretch, curve.stress, curve.sigma, modes):
@@ -164,7 +164,7 @@ def digest(curve: MaterialCurve) -> str:
 
 
 def conditions(found: Identification) -> dict[str, str]:
-    """Conditions of all simulations of a result that bear on its stiffness factor, in words."""
+    """Simulation conditions of a result that affect its stiffness factor, in words."""
     settings = found.provenance.get("settings")
     numerics = settings.get("numerics") if isinstance(settings, dict) else None
     numerics = numerics if isinstance(numerics, dict) else {}
@@ -184,7 +184,7 @@ def conditions(found: Identification) -> dict[str, str]:
 
 
 def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str) -> None:
-    """Refuse a result of other recordings; a shot file may have got a group or a rate since."""
+    """Reject a result of other recordings; a group or a rate may have been added to the shot file."""
     made_of = found.provenance.get("inputs")
     if not isinstance(made_of, dict):
         raise InputError(place, "does not name the files it was made of", cure="identify the shot again")
@@ -239,9 +239,9 @@ def rate(
         Called as ``identify(path, shot)`` for a shot that has no result yet; without it such a shot is
         refused.
     keep_unexplained
-        Count shots whose data the model does not explain, too; they are left out otherwise.
+        Also include shots whose data the model does not explain; by default they are left out.
     progress
-        Told of the shots done, and of the stages of image correlation.
+        Called with the shots done, and with the stages of image correlation.
 
     Raises
     ------
@@ -261,7 +261,7 @@ def rate(
             file,
             group=name,
             identify=None if identify is None else partial(identify, file.path),
-            # What pictures give is kept among the shot's own results.
+            # Results from pictures are stored with the shot's results.
             measure=partial(measured, folder=file.path.parent / "results", progress=progress),
         )
         one = replace(one, keep_unexplained=keep_unexplained)

@@ -19,7 +19,7 @@ ONSET = 0.01
 CENTRAL = 0.9
 """Share of the strain that the quoted range of the true rate covers."""
 TIMES = 2001
-"""Points of a strain history."""
+"""Number of points of a strain history."""
 
 
 @dataclass(frozen=True)
@@ -132,18 +132,18 @@ def _path(motion: FlyerMotion | FrontVelocity, start: float) -> tuple[FlyerPath,
 
 
 COUNTED = tuple(verdict for verdict in Verdict if verdict.identified)
-"""Verdicts with which a stiffness factor counts in a mean."""
+"""Verdicts of stiffness factors that count in a mean."""
 WITHHELD = (Verdict.UNEXPLAINED, Verdict.CONTRADICTED)
-"""Verdicts with which it counts only if that is asked for: the model does not explain the data."""
+"""Verdicts that count only on request: the model does not explain the data."""
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
-"""Parts of the noise that shots share, and what they share it through."""
+"""Shared parts of the noise, and their common cause."""
 MESH_PART = "mesh and step"
-"""The part by the mesh: shots on one mesh share it in their mean, and it may go with the rate in a slope."""
+"""The mesh error: common to shots on one mesh in a mean; in a slope it may depend on the rate."""
 
 
 def _shared(key: str) -> str:
-    """What shots share an input through; empty for a key that is none."""
+    """Common cause of an input's error in several shots; empty for a key that is not an input."""
     return INPUTS[key].shared if key in INPUTS else ""
 
 
@@ -152,11 +152,11 @@ class QuasiStatic:
     """The baseline that the stiffness factor multiplies."""
 
     curve: MaterialCurve
-    """The curve, from rest outward."""
+    """The curve, from zero strain outward."""
     source: str
     """SHA-256 of its numbers: shots with the same one share its errors."""
     rate: float | None
-    """Nominal strain rate it was measured at [1/s]; None if the shot file does not say."""
+    """Nominal strain rate of its measurement [1/s]; None if not declared."""
 
 
 @dataclass(frozen=True)
@@ -166,9 +166,9 @@ class RatedShot:
     name: str
     """Name of the shot."""
     group: str
-    """What it is compared within."""
+    """Group for the comparison."""
     rig: str
-    """Whose transducers and cameras saw it; shots of one rig share their scales."""
+    """Test rig; shots of one rig share the scales of its transducers and cameras."""
     history: StrainHistory
     """Its strain and strain rate."""
     quasi_static: QuasiStatic
@@ -178,9 +178,9 @@ class RatedShot:
     specimen: tuple[float, float]
     """Diameter and length [m]."""
     conditions: dict[str, str]
-    """What must not differ between shots that are compared: damping, mesh, interface, ... in words."""
+    """Conditions that must be equal in compared shots: damping, mesh, interface, ... in words."""
     keep_unexplained: bool = False
-    """Whether it counts although the model does not explain its data."""
+    """True if it counts although the model does not explain its data."""
 
     @property
     def m(self) -> float:
@@ -217,7 +217,7 @@ class RatedShot:
         return next((fit.excess for fit in self.found.fit if fit.channel == channel), float("nan"))
 
     def common_parts(self) -> dict[tuple[str, str], float]:
-        """Shared parts: (part, through what) -> by how much m moves with one standard uncertainty."""
+        """Shared parts: (part, common cause) -> shift of m by one standard uncertainty."""
         estimate = self.found.estimates[PARAMETER]
         through = {"curve": self.quasi_static.source, "rig": self.rig, "group": self.group}
         parts = {
@@ -248,7 +248,7 @@ class StiffnessAtStrain:
     """Stress and moduli at one nominal compressive strain, of every counted shot and of the baseline."""
 
     strain: float
-    """Nominal compressive strain [-]; 0 has the tangent modulus alone."""
+    """Nominal compressive strain [-]; at 0 only the tangent modulus is given."""
     shots: tuple[str, ...]
     """The shots that reached it, length n."""
     rates: FloatArray
@@ -256,7 +256,7 @@ class StiffnessAtStrain:
     quantities: dict[str, tuple[FloatArray, FloatArray]]
     """Name -> values and standard uncertainties of the shots [Pa], shape [n] each."""
     baseline: dict[str, tuple[float, float]]
-    """Name -> the quasi-static curve's own value and standard uncertainty [Pa]."""
+    """Name -> value and standard uncertainty of the quasi-static curve [Pa]."""
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ class ShapeAtStrain:
 
     shot: str
     strain: float
-    """The strain asked for [-]."""
+    """The requested strain [-]."""
     at: float
     """The strain of the frame [-]."""
     y: FloatArray
@@ -302,7 +302,7 @@ class EqualStrain:
     """Standard deviation between shots of the measured radius, rms over the height [m], shape [k]; NaN with
     fewer than two outlines."""
     residual_scatter: FloatArray
-    """The same of measured minus simulated radius: what the simulation does not explain [m], shape [k]."""
+    """The same for measured minus simulated radius [m], shape [k]."""
 
 
 @dataclass(frozen=True)
@@ -326,19 +326,19 @@ class GroupRates(ResultViews):
     shots: tuple[RatedShot, ...]
     """All of them, slowest first."""
     common: dict[tuple[str, str], FloatArray]
-    """(part, through what) -> by how much each counted shot moves with it [-], shape [n_counted]."""
+    """(part, common cause) -> shift of m of each counted shot [-], shape [n_counted]."""
     pooled: Pooled | None
     """Their mean; None with fewer than two counted shots."""
     slope: Slope | None
     """Stiffness against rate; None likewise."""
     long_lever: LongLever | None
-    """None if the quasi-static rate is not declared, or not one, or there is no mean."""
+    """Line from the quasi-static rate; None if that is not declared, not unique, or there is no mean."""
     stiffness: tuple[StiffnessAtStrain, ...]
-    """At each strain that was asked for and reached."""
+    """Stiffness at each requested strain that was reached."""
     equal_strain: EqualStrain | None
-    """None if no strain was reached by a shot."""
+    """Comparison at equal strain; None if no requested strain was reached by all shots."""
     remarks: tuple[str, ...]
-    """What a reader must know, one sentence each."""
+    """Remarks that a user must read, one sentence each."""
 
     @property
     def counted(self) -> tuple[RatedShot, ...]:
@@ -347,7 +347,7 @@ class GroupRates(ResultViews):
 
     @property
     def in_common(self) -> tuple[str, ...]:
-        """What several counted shots have in common, and its largest part of m: one phrase each."""
+        """Errors common to several counted shots, with the largest relative effect on m: one phrase each."""
         m = np.array([shot.m for shot in self.counted])
         found = []
         for (part, _), row in self.common.items():
@@ -359,7 +359,7 @@ class GroupRates(ResultViews):
 
     @property
     def own_range(self) -> tuple[float, float]:
-        """Least and largest relative standard uncertainty that a counted shot has by itself [-]."""
+        """Smallest and largest independent relative standard uncertainty of a counted shot [-]."""
         shares = [shot.sigma_own / shot.m for shot in self.counted]
         return min(shares), max(shares)
 
@@ -369,7 +369,7 @@ class RateReport(ResultViews):
     """The comparison of all groups."""
 
     grouped_by: str
-    """Key of the shot files that the groups are values of; "" if all shots are one group."""
+    """Key of the shot files used for grouping; "" if all shots are one group."""
     shared: float
     """Relative standard uncertainty that was declared common to all shots [-]."""
     groups: tuple[GroupRates, ...]

@@ -1,7 +1,8 @@
 """Mean and rate slope of several values with known uncertainties and an unknown scatter between them.
 
 y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (S.2).
-A slope needs a minimum of shots, of the span of their rates, and no single shot with a large leverage.
+A slope needs a minimum number of shots, a minimum span of their rates, and no single shot with a large
+leverage.
 """
 
 from dataclasses import dataclass
@@ -20,29 +21,29 @@ Between = Literal["paule-mandel", "dersimonian-laird", "reml"]
 METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
 """Estimators of the scatter between shots."""
 POWER = 0.9
-"""Probability with which a slope of the size `MixedFit.noticeable` is found."""
+"""Probability of detecting a slope of the size `MixedFit.noticeable`."""
 QUANTILES = 400
-"""Quantiles of an estimated uncertainty; a power by this many is right to a thousandth."""
+"""Number of quantiles of an estimated uncertainty; the power is then accurate to 0.001."""
 MOST_FREEDOM = 1e4
-"""Degrees of freedom from which on Student's t is normal, to four digits of its quantiles."""
+"""With more degrees of freedom, Student's t is normal to four digits of its quantiles."""
 
 
 @dataclass(frozen=True)
 class MixedFit:
-    """A weighted least-squares fit whose weights know the scatter between the values."""
+    """A weighted least-squares fit with weights that include the scatter between the values."""
 
     coefficients: FloatArray
     """b, unit of the values over that of the column, shape [p]."""
     gain: FloatArray
-    """How each value moves each coefficient, shape [p, n]."""
+    """Derivative of each coefficient by each value, shape [p, n]."""
     covariance: FloatArray
     """(X' W X)^-1 with W = 1 / (s^2 + tau^2), shape [p, p]."""
     common: FloatArray
-    """Covariance of the coefficients from what the values share, shape [p, p]."""
+    """Covariance of the coefficients from shared errors, shape [p, p]."""
     between: float
     """tau, the standard deviation between the values beyond their own uncertainties, in their unit."""
     q: float
-    """Cochran's Q: residual sum of squares in units of s alone [-]."""
+    """Cochran's Q: residual sum of squares in units of s only [-]."""
     freedom: int
     """Degrees of freedom n - p."""
     scale: float
@@ -52,15 +53,15 @@ class MixedFit:
 
     @property
     def i_squared(self) -> float:
-        """I^2 = (Q - f) / Q, not below zero: the share of the scatter that the uncertainties s leave [-]."""
+        """I^2 = (Q - f) / Q, not below zero: the share of the scatter not explained by s [-]."""
         return max(0.0, (self.q - self.freedom) / self.q) if self.q > 0.0 else 0.0
 
     def sigma(self, index: int) -> float:
-        """Standard uncertainty of a coefficient, what is shared included."""
+        """Standard uncertainty of a coefficient, shared errors included."""
         return float(np.sqrt(self._own(index) + self.common[index, index]))
 
     def effective_freedom(self, index: int) -> float:
-        """Degrees of freedom by Welch and Satterthwaite; what is shared counts as known exactly."""
+        """Degrees of freedom by Welch and Satterthwaite; the shared variance counts as exactly known."""
         own = self._own(index)
         return float(self.freedom * ((own + self.common[index, index]) / own) ** 2)
 
@@ -73,7 +74,7 @@ class MixedFit:
         """Size of a coefficient whose interval excludes zero with a probability of `power`, Eq. (S.10).
 
         The estimate over its standard uncertainty has a noncentral t distribution: the mean of two normal
-        probabilities over the estimated uncertainty, whose quantiles stand for its distribution.
+        probabilities over the estimated uncertainty, whose distribution is represented by quantiles.
         """
         freedom = min(self.effective_freedom(index), MOST_FREEDOM)
         limit = float(student.ppf(0.5 + 0.5 * probability, freedom))
@@ -86,7 +87,7 @@ class MixedFit:
         return float(brentq(excess, 0.0, 4.0 * (1.0 + limit))) * self.sigma(index)
 
     def _own(self, index: int) -> float:
-        # Below 1 the factor would narrow the interval because the values happen to agree.
+        # A factor below 1 would narrow the interval because of accidental agreement.
         return float(self.covariance[index, index] * max(1.0, self.scale))
 
 
@@ -180,9 +181,9 @@ class Pooled:
     scatter: float
     """Experimental standard deviation s of the shots, n - 1."""
     others: dict[str, tuple[float, float]]
-    """By method: the mean and tau that each estimator of the scatter gives."""
+    """Mean and tau by each estimator of the scatter."""
     leave_one_out: tuple[MixedFit | None, ...]
-    """The fit without each shot in turn; None where fewer than two would be left."""
+    """The fit without each shot in turn; None if fewer than two would remain."""
 
     @property
     def mean(self) -> float:
@@ -191,12 +192,12 @@ class Pooled:
 
     @property
     def sigma(self) -> float:
-        """Its standard uncertainty, what the shots share included."""
+        """Its standard uncertainty, shared errors included."""
         return self.fit.sigma(0)
 
     @property
     def sigma_common(self) -> float:
-        """The part that the shots share: more shots do not lessen it."""
+        """The part from shared errors, which more shots do not reduce."""
         return float(np.sqrt(self.fit.common[0, 0]))
 
     @property
@@ -206,7 +207,7 @@ class Pooled:
 
     @property
     def probability(self) -> float:
-        """Probability that shots which differ by nothing but their own uncertainties have this Q or more."""
+        """Probability of this Q or more if the shots differ only by their independent uncertainties."""
         return float(chi2.sf(self.fit.q, self.fit.freedom))
 
     @property
@@ -219,8 +220,8 @@ class Pooled:
 def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = None) -> Pooled:
     """Mean of n shots with their scatter, from estimates and their independent standard uncertainties, [n].
 
-    ``common``: what they share, see `mixed_fit`, shape [n_shared, n]. Raises ValueError if there are fewer
-    than two, or a number cannot be used.
+    ``common``: shared errors, see `mixed_fit`, shape [n_shared, n]. Raises ValueError if there are fewer than
+    two, or a number cannot be used.
     """
     y, s = np.asarray(values, dtype=float), np.asarray(sigma, dtype=float)
     if y.size < FEWEST_POOLED:
@@ -242,19 +243,19 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
 
 
 FEWEST_FOR_SLOPE = 4
-"""Fewest shots of a slope: two coefficients, and two degrees of freedom for the scatter."""
+"""Smallest number of shots for a slope: two coefficients and two degrees of freedom for the scatter."""
 LEAST_SPAN = 0.5
 """Least span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
 LEAST_RATIO = 4.0
 """Least span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest part."""
 LARGEST_LEVERAGE = 0.9
-"""Largest leverage of one shot: nine tenths of its error go into the line, one tenth shows beside it."""
+"""Largest leverage of one shot: nine tenths of its error enter the line, one tenth the residual."""
 LARGEST_HALF_WIDTH = 1.0
 """Largest half width of the slope's interval per decade, over the mean stiffness."""
 TREND_SHARE = 0.5
-"""Share of the variance of a shot's mesh error that goes with the logarithm of its rate. The error is a
-smooth function of the rate: a constant, which all shots have, and a trend. Simulations of one test do not
-separate the two, so that each has half."""
+"""Share of the variance of a shot's mesh error that is proportional to the logarithm of its rate. The error
+is a smooth function of the rate: a constant, which all shots have, and a trend. Simulations of one test do
+not separate the two, so that each has half."""
 
 
 class SlopeVerdict(StrEnum):
@@ -270,17 +271,17 @@ class Criterion:
     """One condition of a slope."""
 
     name: str
-    """What is asked."""
+    """Name of the condition."""
     value: float
-    """What the shots have; infinite where nothing limits it."""
+    """Value of the shots; infinite if there is no limit."""
     limit: float
-    """What is needed."""
+    """Required value."""
     unit: str
     """Unit of both, "1" if none."""
     at_least: bool
-    """Whether the value must reach the limit; else it must not exceed it."""
+    """True if the value must reach the limit; otherwise it must not exceed it."""
     why: str
-    """What goes wrong otherwise."""
+    """Consequence if it is not met."""
 
     @property
     def met(self) -> bool:
@@ -293,8 +294,8 @@ class Slope:
     """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
 
     fit: MixedFit | None
-    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if no line has a
-    scatter about it: fewer than three shots, or one rate."""
+    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if a scatter about the
+    line is not defined: fewer than three shots, or one rate."""
     reference: float
     """Geometric mean of the shots' rates [1/s]."""
     span: float
@@ -328,7 +329,7 @@ class Slope:
 
     @property
     def sentence(self) -> str:
-        """The verdict in words, with the slope or its bound, and what the shots would notice."""
+        """The verdict in words, with the slope or its bound, and the detectable slope."""
         if self.fit is None or self.verdict is SlopeVerdict.REFUSED:
             return f"{SlopeVerdict.REFUSED}: {'; '.join(self.reasons)}"
         low, high = self.fit.interval(1)
@@ -341,15 +342,15 @@ class Slope:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons why a slope is refused, one sentence each."""
+        """Reasons why a slope is rejected, one sentence each."""
         return tuple(c.why for c in self.criteria if not c.met)
 
 
 def rate_trend(part: FloatArray, rates: FloatArray) -> FloatArray:
-    """The part of an error that goes with the logarithm of the rate, shape [n].
+    """The part of an error proportional to the logarithm of the rate, shape [n].
 
-    ``part``: what each value is off by where all of the error is common, shape [n]. ``rates``: shape [n]
-    [1/s]. The trend has a root mean square of one over the shots.
+    ``part``: error of each value if all of the error is common, shape [n]. ``rates``: shape [n] [1/s]. The
+    trend has a root mean square of one over the shots.
     """
     x = np.log10(rates) - np.log10(rates).mean()
     size = float(np.sqrt(np.mean(x**2)))
@@ -367,9 +368,9 @@ def slope(
     """Meta-regression on log10 rate, with the conditions that a claim must meet.
 
     ``rates``: nominal strain rate of each shot [1/s], shape [n]. ``spreads``: standard uncertainty of log10
-    rate as the rate of a whole test: its spread inside the test, and the noise of its mean [decade], shape
-    [n]. ``values``, ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a
-    number cannot be used.
+    rate of a test: spread of the rate inside the test, and noise of its mean [decade], shape [n]. ``values``,
+    ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a number cannot be
+    used.
     """
     v, spread, y, s = (np.asarray(a, dtype=float) for a in (rates, spreads, values, sigma))
     if v.size == 0 or not ((v > 0.0) & np.isfinite(v)).all():
