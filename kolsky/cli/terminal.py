@@ -102,16 +102,22 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
         return
     started = time.monotonic()
     if not sys.stderr.isatty():
-        last = started
+        last, shown, begun, first = started, "", started, 0
 
         def print_stage(stage: str, done: int, total: int) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _EVERY:
-                last = time.monotonic()
-                said = (
-                    f"{STAGES.get(stage, stage)}: {done} of {total}, {_clock(last - started)} since the start"
+            nonlocal last, shown, begun, first
+            now = time.monotonic()
+            if stage != shown:
+                shown, begun, first = stage, now, done
+            if now - last >= _EVERY:
+                last = now
+                line = (
+                    f"{STAGES.get(stage, stage)}: {done} of {total}, {_clock(now - started)} since the start"
                 )
-                print(said, file=sys.stderr, flush=True)
+                if done > first:
+                    left = (now - begun) / (done - first) * (total - done)
+                    line += f", {_clock(left)} left of this stage"
+                print(line, file=sys.stderr, flush=True)
 
         yield print_stage
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import socket
 from pathlib import Path
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 pytest.importorskip("nicegui", reason="the extra `app` is not installed")
 
+import kolsky.app
 from kolsky.app.frame import NoShot, folder_at
 from kolsky.app.server import Door, Gate, free_port
 from kolsky.base.errors import InputError
@@ -145,3 +147,23 @@ def test_without_the_extra_the_cure_is_named(tmp_path: Path, monkeypatch: pytest
     done = CliRunner().invoke(app, ["open", str(tmp_path)])
     assert done.exit_code == 2
     assert "pip install 'kolsky[app]'" in done.stderr
+
+
+def test_the_pages_do_what_scripts_can_do() -> None:
+    """They import public names of the rooms below alone, and reach into no private name of another object."""
+    private = []
+    for path in sorted(Path(kolsky.app.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            names = []
+            if isinstance(node, ast.ImportFrom):
+                names = [*(node.module or "").split("."), *(alias.name for alias in node.names)]
+            elif isinstance(node, ast.Attribute) and not (
+                isinstance(node.value, ast.Name) and node.value.id in ("self", "cls", "os")
+            ):
+                names = [node.attr]
+            private += [
+                f"{path.name}:{node.lineno}: {one}"
+                for one in names
+                if one.startswith("_") and one != "__future__"
+            ]
+    assert private == []

@@ -71,10 +71,12 @@ def test_progress_is_the_last_line_and_no_part_of_the_text(tmp_path: Path) -> No
         "# kolsky identify --mesh 12x16, process 1, started 2026-01-02 03:04\n"
         "coarse search: 10 of 40, 0:00:01 since the start\n"
         "warning: odd\n"
-        "mesh error: 3 of 7, 0:00:09 since the start\n",
+        "mesh error: 3 of 7, 0:00:09 since the start, 0:00:12 left of this stage\n",
     )
     job = jobs.read_job(log)
-    assert job.stages[-1] == jobs.Stage("mesh error", 3, 7, "0:00:09 since the start")
+    assert job.stages[-1] == jobs.Stage(
+        "mesh error", 3, 7, "0:00:09 since the start, 0:00:12 left of this stage"
+    )
     assert [one.name for one in job.stages] == ["coarse search", "mesh error"]
     assert job.text == "warning: odd"
     assert job.started == "2026-01-02 03:04"
