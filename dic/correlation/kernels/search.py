@@ -1,11 +1,12 @@
 """The C++ of the search: lanes, shape functions, one subset, Gauss-Newton from a guess to an outcome.
 
-One source serves both kinds of device. On a CPU a `pack` is a SIMD register of pixels and one thread walks
-through a subset; on a GPU it is one number, and the 32 lanes of a warp walk through a subset side by side.
+The same source is used for both kinds of device. On a CPU a `pack` is a SIMD register of pixels and one
+thread processes a subset. On a GPU a `pack` is one number, and the 32 lanes of a GPU warp process a subset
+together.
 
-A warp's twelve numbers are those of `dic.correlation.subsets.NAMES`. It is composed as a jet: value, first
-and second derivatives at the centre of the subset. For affine warps this is exact; for quadratic ones it
-leaves out third and fourth order, as the shape function itself does.
+The twelve parameters of a subset's warp are those of `dic.correlation.subsets.NAMES`. Warps are composed by
+value, first and second derivatives at the centre of the subset. This is exact for affine warps; for quadratic
+ones it omits the third and fourth order, as the shape function does.
 """
 
 from dic.correlation.kernels.device import GRAIN, SPLINE
