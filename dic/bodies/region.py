@@ -72,11 +72,11 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
 def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[FloatArray, IntArray]:
     """Points of a square grid inside a mask.
 
-    ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of adjacent points [px], at least
-    1. ``margin``: smallest distance of a point from the nearest pixel outside the mask [px]; the area beyond
-    the picture's border is outside. Returns: positions (x, y) [px], shape [n, 2]: whole numbers, i.e. pixel
-    centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step below
-    1, a negative margin, or no remaining point.
+    ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of adjacent points [px] (1 or
+    more). ``margin``: smallest distance of a point from the nearest pixel outside the mask [px]; the area
+    beyond the picture's border is outside. Returns: positions (x, y) [px], shape [n, 2]: whole numbers, i.e.
+    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step
+    below 1, a negative margin, or no remaining point.
     """
     if step < 1 or margin < 0.0:
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")
