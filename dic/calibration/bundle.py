@@ -122,10 +122,11 @@ def project_points(
 def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `project_points` by the rig's parameters and by the target's pose.
 
-    Small changes of (CC.1) and (CC.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
+    Small changes of (CC.1) and (CC.2) with the pose are neglected: relative to the other terms they are
+    (r/z)² and s κ/z.
 
-    Returns: shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`. Returns: after a small
-    rotation applied after R, and t, shape [n, 2, 6].
+    Returns: derivatives by the parameters, shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
+    Returns: derivatives by a small rotation applied after R, and by t, shape [n, 2, 6].
     """
     n = len(view.points)
     turned = _turned(view.points, R)

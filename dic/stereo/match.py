@@ -83,7 +83,7 @@ def propagate(
 
 
 MOST_SEARCHED = 31
-"""Largest default side of the subset for the search of whole epipolar curves [px]."""
+"""Smallest default side of the subset for the search of whole epipolar curves [px]."""
 
 
 def guided_match(pair: Pair) -> Match:
