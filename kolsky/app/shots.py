@@ -39,7 +39,7 @@ class ListedShot:
     name: str
     """Its folder, from the root on."""
     state: str
-    """ "no shot.toml", "not filled in", "not identified", "running", "identified", "changed since",
+    """ "no shot.toml", "not filled in", "ready to run", "running", "finished", "changed since",
     `PICTURES_ONLY`, or which file cannot be read."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
@@ -100,7 +100,7 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
     if is_running(Path(place)):
         return ListedShot(name, "running", {}, written)
     if (done := _written(f"{place}/results/{SUMMARY}.csv")) == done:
-        state = "changed since" if written > done else "identified"
+        state = "changed since" if written > done else "finished"
         try:
             with open(f"{place}/results/{SUMMARY}.csv", encoding="utf-8", newline="") as text:
                 head, values = islice(csv.reader(text), 2)
@@ -108,12 +108,10 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
             return ListedShot(name, f"{SUMMARY}.csv cannot be read", {}, done)
         return ListedShot(name, state, dict(zip(head, values, strict=False)), done)
     if (done := _written(f"{place}/results/{RESULT_FILE}")) == done:
-        return ListedShot(
-            name, "identified", {}, done
-        )  # before there was a summary: `kolsky report` shows it
+        return ListedShot(name, "finished", {}, done)  # before there was a summary: `kolsky report` shows it
     try:
         with open(f"{place}/{file}", encoding="utf-8", errors="replace") as text:
-            state = "not filled in" if _BLANK.search(text.read()) else "not identified"
+            state = "not filled in" if _BLANK.search(text.read()) else "ready to run"
     except OSError:
         state = f"{SHOT_FILE} cannot be read"
     return ListedShot(name, state, {}, written)

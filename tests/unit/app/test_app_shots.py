@@ -47,11 +47,11 @@ def tree(root: Path, count: int = 3) -> Path:
 def test_every_state(tmp_path: Path) -> None:
     listed = {one.name: one for one in list_shots(tree(tmp_path))}
     assert {name: one.state for name, one in listed.items()} == {
-        "day 0/shot-0": "identified",
-        "day 0/shot-2": "identified",
-        "day 1/shot-1": "identified",
+        "day 0/shot-0": "finished",
+        "day 0/shot-2": "finished",
+        "day 1/shot-1": "finished",
         "plane": "pictures only",
-        "ready": "not identified",
+        "ready": "ready to run",
         "blank": "not filled in",
         "raw": "no shot.toml",
     }
@@ -71,7 +71,7 @@ def test_a_damaged_summary_is_a_row_and_no_end(content: bytes, tmp_path: Path) -
     (root / "day 0" / "shot-0" / "results" / "summary.csv").write_bytes(content)
     states = {one.name: one.state for one in list_shots(root)}
     assert states["day 0/shot-0"] == "summary.csv cannot be read"
-    assert states["day 1/shot-1"] == "identified"
+    assert states["day 1/shot-1"] == "finished"
 
 
 def test_of_each_shot_one_file_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,7 +94,7 @@ def test_of_each_shot_one_file_is_read(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_a_row_is_sorted_by_numbers_and_shows_the_digits_that_count(tmp_path: Path) -> None:
     rows = [table_row(one) for one in list_shots(tree(tmp_path, 1))]
-    done = next(row for row in rows if row["state"] == "identified")
+    done = next(row for row in rows if row["state"] == "finished")
     assert isinstance(done["m_number"], float)
     assert re.fullmatch(r"[\d.]+", done["m"])
     assert done["link"].startswith("/look?shot=day+0%2Fshot-0")

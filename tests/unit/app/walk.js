@@ -230,6 +230,7 @@ let second = null;
   found.states.undone = [await declared(page, "length"), await declared(page, "density")];
   await press(page, "Check");
   await see(page, "The check passed", 120);
+  await page.waitForFunction(() => !document.querySelector(".q-notification"), { timeout: 30000 }); // of the two tabs
   await page.evaluate(() => scrollTo(0, 0));
   await film(page, "Check reads every file");
   await looked(page, "setup");
