@@ -1,6 +1,6 @@
-"""Pictures to surfaces: stereo image correlation with a sigma and an outcome per point.
+"""Stereo image correlation: from pictures to surfaces, with a sigma and an outcome per point.
 
-The names below are loaded when they are first used.
+The names below are imported at their first use.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -61,14 +61,14 @@ _HOME = {
     "track": "dic.tracking",
     "write_rig": "dic.camera_files",
 }
-"""Module that defines each public name. The imports above tell a type checker the same; a test compares
+"""Module that defines each public name. The imports above repeat the list for type checkers; a test compares
 both."""
 
 __all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Import a public name at its first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'dic' has no attribute {name!r}; it offers {', '.join(_HOME)}")
     from importlib import import_module

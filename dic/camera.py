@@ -1,8 +1,8 @@
-"""A camera and a stereo rig: where a point of space is seen.
+"""A camera and a stereo rig: projection of points in space to pixels.
 
-Pixel coordinates are (x, y) = (column, row); whole numbers are pixel centres, (0, 0) the centre of the
-top left pixel. A camera sees a point X of the rig's frame at ``X_c = R X + t``, x to the right of the
-picture, y down, z along the view.
+Pixel coordinates are (x, y) = (column, row); whole numbers are pixel centres, and (0, 0) is the centre of the
+top left pixel. A point X of the rig's frame has the camera coordinates ``X_c = R X + t``: x to the right of
+the picture, y down, z along the optical axis.
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,7 +12,7 @@ import numpy as np
 from dic.basics import FloatArray
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "skew", "k1", "k2", "p1", "p2", "k3")
-"""Names of the numbers that a camera's own parameters are listed in."""
+"""Names of a camera's intrinsic parameters, in the order of the covariance."""
 POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
 """Names of a pose: a small rotation [rad] applied after `Camera.rotation`, and the translation [m]."""
 
@@ -38,9 +38,9 @@ class Camera:
     fy: float
     """Focal length over pixel pitch, along y [px]."""
     cx: float
-    """Principal point, x [px]."""
+    """Principal point, x coordinate [px]."""
     cy: float
-    """Principal point, y [px]."""
+    """Principal point, y coordinate [px]."""
     skew: float = 0.0
     """Shear of the pixel grid: x = fx x' + skew y' + cx [px]."""
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ class Camera:
     translation: FloatArray = field(default_factory=lambda: np.zeros(3))
     """t, of the rig's origin in the camera's frame [m], shape [3]."""
     sensor: tuple[int, int] | None = None
-    """Columns and rows of the picture these parameters belong to [px]."""
+    """Columns and rows of the pictures that the parameters refer to [px]."""
 
     def __post_init__(self) -> None:
         numbers = np.array([self.fx, self.fy, self.cx, self.cy, self.skew, *self.distortion])
@@ -79,11 +79,11 @@ class Camera:
         return replace(self, cx=self.cx - offset[0], cy=self.cy - offset[1])
 
     def in_camera(self, X: FloatArray) -> FloatArray:
-        """Points of the rig's frame in the camera's [m], shape [..., 3]."""
+        """Points of the rig's frame, transformed to the camera's frame [m], shape [..., 3]."""
         return np.asarray(X @ self.rotation.T + self.translation)
 
     def distort(self, ideal: FloatArray) -> FloatArray:
-        """Image point after the lens distortion, both on the plane z = 1 [-], shape [..., 2]."""
+        """Distorted image points of ideal ones, both on the plane z = 1 [-], shape [..., 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
@@ -111,7 +111,7 @@ class Camera:
         return self.to_pixels(self.distort(inside[..., :2] / depth))
 
     def to_pixels(self, plane: FloatArray) -> FloatArray:
-        """Points of the plane z = 1, distorted already, in pixels, shape [..., 2]."""
+        """Pixels of distorted points on the plane z = 1 [px], shape [..., 2]."""
         pixels = np.empty(plane.shape)
         sheared = self.fx * plane[..., 0]
         if self.skew:
@@ -121,7 +121,7 @@ class Camera:
         return pixels
 
     def undistort(self, pixels: FloatArray) -> FloatArray:
-        """Ideal points on the plane z = 1 of what is seen at `pixels` [-], shape [..., 2].
+        """Undistorted points on the plane z = 1 for `pixels` [-], shape [..., 2].
 
         Newton's method on `distort`, to 1e-12 of a focal length.
 
@@ -136,15 +136,15 @@ class Camera:
         if not any(self.distortion):
             return target
         ideal = target.copy()
-        missing = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what runs away is told below
+        missing = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and does not stop the iteration
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence is reported below
             for _ in range(30):
                 off = self.distort(ideal) - target
                 (a, b), (c, d) = np.moveaxis(self.distortion_slope(ideal), (-2, -1), (0, 1))
                 u, v = off[..., 0], off[..., 1]
                 area = a * d - b * c
                 ideal = ideal - np.stack([d * u - b * v, a * v - c * u], axis=-1) / area[..., None]
-                upright = (area > 0.0) & (a + d > 0.0)  # beyond a fold the lens shows things mirrored
+                upright = (area > 0.0) & (a + d > 0.0)  # beyond a fold the image is mirrored
                 converged = (np.all(np.abs(off) <= 1e-12, axis=-1) & upright) | missing
                 if np.all(converged):
                     return ideal
@@ -155,7 +155,7 @@ class Camera:
         )
 
     def distortion_slope(self, ideal: FloatArray) -> FloatArray:
-        """Derivative of `distort` by its argument [-], shape [..., 2, 2]."""
+        """Derivative of `distort` with respect to its argument [-], shape [..., 2, 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
@@ -176,12 +176,13 @@ class Camera:
 
 @dataclass(frozen=True)
 class StereoRig:
-    """Two calibrated cameras that look at one specimen, and how well they are known."""
+    """Two calibrated cameras that view one specimen, and the covariance of their parameters."""
 
     cameras: tuple[Camera, Camera]
     """Camera 0 and camera 1; their poses refer to one frame, usually that of camera 0."""
     covariance: FloatArray | None = None
-    """Of the parameters in `parameter_names` order, with m, rad and px; None if not known."""
+    """Covariance of the parameters, in the order of `parameter_names`, in m, rad and px; None if not
+    known."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

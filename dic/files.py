@@ -1,4 +1,4 @@
-"""Files that are complete or not there at all, and text that a spreadsheet shows and does not evaluate."""
+"""Files that are written completely or not at all, and text that a spreadsheet does not evaluate."""
 
 import errno
 import os
@@ -11,24 +11,24 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows: what a killed process leaves stays there
+except ImportError:  # Windows: files of a killed process are not removed
     fcntl = None  # type: ignore[assignment]
 
 
 HIDDEN = ".partial-"
-"""How the folders begin in which files are written before they take their places."""
+"""Prefix of the temporary folders in which files are written before they are renamed."""
 _looked: set[str] = set()
-"""Folders in which this process has removed what killed ones left."""
+"""Folders from which this process has removed the files of killed processes."""
 
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
-    """A new hidden folder in `folder`, gone with everything in it when the block ends.
+    """A new hidden folder in `folder`; it is removed with its contents when the block ends.
 
-    It is locked for as long as this process lives, so that the next one that writes here can tell what a
-    killed process left behind from what another one is writing: the former it removes first.
+    It is locked as long as this process runs. Another process can so distinguish it from the folder of a
+    killed process, which is not locked and is removed first.
 
-    ``folder``: where the results go; it must exist.
+    ``folder``: folder of the results; it must exist.
     """
     remove_abandoned(folder)
     while True:
@@ -36,7 +36,7 @@ def scratch(folder: Path) -> Iterator[Path]:
         try:
             lock = _locked(directory)
         except (BlockingIOError, FileNotFoundError):
-            continue  # another process took it for abandoned before it was locked
+            continue  # another process removed it as abandoned before it was locked
         if lock is None or directory.exists():
             break
         os.close(lock)
@@ -55,13 +55,13 @@ _scratch: set[Path] = set()
 
 
 def remove_scratch() -> None:
-    """Remove every folder of `scratch`: for a process that ends without leaving its blocks."""
+    """Remove every folder of `scratch`; for a process that ends without leaving the blocks."""
     for directory in tuple(_scratch):
         shutil.rmtree(directory, ignore_errors=True)
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove the hidden folders that killed processes left in a folder; once a process and folder."""
+    """Remove the hidden folders of killed processes from a folder; once per process and folder."""
     if fcntl is None or str(folder) in _looked:
         return
     _looked.add(str(folder))
@@ -78,7 +78,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def _locked(folder: Path) -> int | None:
-    """A handle of a folder that is locked with it; None where folders cannot be locked."""
+    """Handle that locks a folder; None where folders cannot be locked."""
     if fcntl is None:
         return None
     handle = os.open(folder, os.O_RDONLY)
@@ -94,10 +94,10 @@ def _locked(folder: Path) -> int | None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new empty file that takes the place of `path` when the block ends without an exception.
+    """A new empty file that replaces `path` when the block ends without an exception.
 
-    The data are on the disk before the name changes, so a reader finds the old file or the whole new one.
-    After an exception the old file is untouched and nothing else is left.
+    The data are on the disk before the file is renamed, so a reader finds the old file or the complete new
+    one. After an exception the old file is unchanged and the new one is removed.
     """
     path = Path(path)
     with scratch(path.parent) as folder:
@@ -117,7 +117,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Hold a folder while files take their places in it: a second process that wants to waits for the end."""
+    """Lock a folder while files are renamed into it; a second process waits until the block ends."""
     handle = None
     if fcntl is not None:
         handle = os.open(folder, os.O_RDONLY)
@@ -137,13 +137,14 @@ KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
-"""What may stand under a name beside regular files, in words."""
+"""Types of file other than regular ones, in words."""
 
 
 def regular(path: Path | str) -> Path:
-    """The path of a regular file; whatever else it names is refused before it is opened.
+    """The path of a regular file; any other type of file is rejected before it is opened.
 
-    A pipe that nobody writes to never answers, a device never ends, and links lead to both.
+    Reading from a pipe without a writer never returns, reading from a device never ends, and links may lead
+    to either.
 
     Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` says
     which.
@@ -167,13 +168,13 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 def text_cell(text: str) -> str:
     """Text that a spreadsheet shows and does not evaluate.
 
-    Names come from folders and files of anybody. One that begins as a formula gets a leading apostrophe, as
-    OWASP advises; a number written as text stays a number.
+    Names come from folders and files of unknown origin. A name that begins like a formula gets a leading
+    apostrophe, as OWASP advises; a number written as text stays a number.
 
     Parameters
     ----------
     text
-        The cell's text, not quoted yet.
+        The cell's text, without quotation marks.
 
     References
     ----------

@@ -1,6 +1,6 @@
 """A program that ends with the process that started it: `python following.py PARENT PROGRAM [WORDS]`.
 
-It imports nothing but the standard library, for it stands before every other import of that program.
+It imports the standard library only, because it runs before all other imports of that program.
 """
 
 import ctypes
@@ -14,12 +14,13 @@ _SET_SIGNAL = 1
 
 
 def end_with(parent: int) -> None:
-    """Have the system end this process when its parent does; on Linux, elsewhere nothing.
+    """Ask the operating system to end this process when its parent ends; has an effect on Linux only.
 
-    A thread that waits for the parent would be late while a library holds the interpreter's lock. For the
-    system, the parent is the thread that started this process: that thread must wait for it.
+    A thread that waits for the parent would react late while a library holds the interpreter's lock. The
+    system takes the thread that started this process as the parent: that thread must wait for it.
 
-    ``parent``: number of the process that started this one; if that has ended already this one ends at once.
+    ``parent``: number of the process that started this one; if it has ended already, this process ends at
+    once.
     """
     if sys.platform != "linux":
         return

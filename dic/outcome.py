@@ -1,4 +1,4 @@
-"""Outcomes of the measurement of a surface point and of a whole frame: a named cause with its cure."""
+"""Outcomes of the measurement of a surface point and of a whole frame: name, cause and cure."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,19 +14,19 @@ class Outcome(IntEnum):
     """Cure for a user, in one sentence."""
 
     def __new__(cls, number: int, cause: str = "", cure: str = "") -> "Outcome":
-        """Store the number as the value, and the texts beside it."""
+        """Store the number as the value, and the two texts as attributes."""
         member = int.__new__(cls, number)
         member._value_, member.cause, member.cure = number, cause, cure
         return member
 
     @property
     def ok(self) -> bool:
-        """True when what was measured may be used."""
+        """True if the measured values may be used."""
         return self.value == 0
 
 
 class PointOutcome(Outcome):
-    """The end of one point in one frame.
+    """Outcome of one point in one frame.
 
     The integer values are those stored in `SurfaceHistory.outcome` and in files.
     """
@@ -76,7 +76,7 @@ class PointOutcome(Outcome):
 
 
 class FrameOutcome(Outcome):
-    """The end of one frame of a picture pair; the values are those stored in files."""
+    """Outcome of one frame of a picture pair; the integer values are those stored in files."""
 
     VALID = 0, "points were found in both cameras", "nothing to do"
     UNREADABLE = (
@@ -108,7 +108,7 @@ class FrameOutcome(Outcome):
 
 @dataclass(frozen=True)
 class Remark:
-    """Remark on the test or its declarations, from the pictures."""
+    """Remark on the test or its declared values, derived from the pictures."""
 
     name: str
     """Kind, e.g. "swapped cameras"."""

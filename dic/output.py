@@ -25,7 +25,7 @@ from dic.surfaces.surface_history import SurfaceHistory
 
 NOT_STATED = "not stated"
 STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
-"""Facts that no file holds and a person may state in words."""
+"""Facts that no file contains; the user may state them in words."""
 
 
 @dataclass(frozen=True)
@@ -219,17 +219,18 @@ STRAINS = ("exx", "eyy", "exy")
 
 
 def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) -> list[Path]:
-    """Write the points of a body frame by frame.
+    """Write the points of a body, one file per frame.
 
     The columns are those of a VIC-3D export: reference position X, Y, Z and displacement U, V, W [mm] (X
-    across, Y along the axis toward the flyer, Z toward the cameras), the place x, y in the picture of camera
-    0 [px], Sigma, the larger of both cameras' standard deviations of a place [px], sigma_X, sigma_Y, sigma_Z
-    [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
-    more names the outcome; a point that was lost has its row, its numbers are empty.
+    across, Y along the axis toward the flyer, Z toward the cameras), the position x, y in the picture of
+    camera 0 [px], Sigma, the larger of both cameras' standard deviations of a position [px], sigma_X,
+    sigma_Y, sigma_Z [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it
+    is given. One more column names the outcome. A lost point keeps its row, with empty cells for its numbers.
 
-    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``strain``: strain of
-    every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises ValueError: a strain of
-    another shape. Raises OSError if a file cannot be written; an older one is then unchanged.
+    ``folder``: folder of the files; created if absent. The files are ``frame_0000.csv`` and so on.
+    ``strain``: strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises
+    ValueError: a strain of another shape. Raises OSError if a file cannot be written; an older one is then
+    unchanged.
     """
     surface = body.surface
     shape = (surface.n_frames, surface.n_points, 3)
@@ -262,7 +263,7 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
 
 
 def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns of equal length, named with their units, as one table; NaN is an empty cell."""
+    """Write columns of equal length, with units in their names, as one table; NaN becomes an empty cell."""
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns have different lengths: {lengths}")
@@ -282,12 +283,12 @@ def _cell(value: float | int | str) -> float | int | str:
 
 
 def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
-    """Write the points of every frame, ``frame_0000.csv`` and so on.
+    """Write the points of a full field, one file per frame: ``frame_0000.csv`` and so on.
 
-    A row a point, in this order: the place x0, y0 in the reference picture [px]; X, Y, Z, U, V, W with
-    sigma_U, sigma_V, sigma_W in the unit that the heads of the columns name; the Green-Lagrange strains exx,
-    eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the outcome. A
-    number that is not known is an empty cell.
+    One row per point. The columns are, in this order: the position x0, y0 in the reference picture [px]; X,
+    Y, Z, U, V, W with sigma_U, sigma_V, sigma_W in the unit named in the headings; the Green-Lagrange strains
+    exx, eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the
+    outcome. An unknown number is an empty cell.
     """
     folder.mkdir(parents=True, exist_ok=True)
     surface, unit, written = result.surface, result.unit, []
@@ -316,7 +317,7 @@ def write_full_field_history(path: Path, result: FullField) -> None:
 
 
 def full_field_columns(result: FullField) -> dict[str, NDArray[Any]]:
-    """One row a frame: points found, mean strains, and what extensometers and cylinder say."""
+    """Columns with one value per frame: points found, mean strains, extensometers and fitted cylinder."""
     unit, mean = result.unit, result.mean_strain
     columns = {
         "frame": np.arange(result.surface.n_frames),
@@ -347,7 +348,7 @@ COMPONENTS = ("x", "y", "Z")
 
 
 def pandas() -> Any:
-    """The package pandas; an ImportError says how to get it."""
+    """The package pandas; an ImportError explains how to install it."""
     try:
         import pandas as package
     except ImportError:
@@ -356,7 +357,7 @@ def pandas() -> Any:
 
 
 def xarray() -> Any:
-    """The package xarray; an ImportError says how to get it."""
+    """The package xarray; an ImportError explains how to install it."""
     try:
         import xarray as package
     except ImportError:
@@ -365,7 +366,7 @@ def xarray() -> Any:
 
 
 def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
-    """Names and values as an HTML table, every text escaped."""
+    """Names and values as an HTML table; all text is escaped."""
     from html import escape
 
     align = ' style="text-align:left"'
@@ -395,7 +396,7 @@ def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
 
 
 def to_dataframe(surface: SurfaceHistory) -> Any:
-    """A row a point of a frame: time [s], reference X [m], displacement u [m], sigma [m], outcome."""
+    """One row per point and frame: time [s], reference X [m], displacement u [m], sigma [m], outcome."""
     frame, point = np.indices(surface.outcome.shape)
     columns: dict[str, NDArray[Any]] = {
         "frame": frame.ravel(),
@@ -416,7 +417,7 @@ def to_dataframe(surface: SurfaceHistory) -> Any:
 
 
 def to_xarray(surface: SurfaceHistory) -> Any:
-    """Frames x points x components with coordinates; lost points are NaN, `outcome` says why."""
+    """Frames x points x components with coordinates; lost points are NaN, `outcome` gives the reason."""
     valid = surface.valid[..., None]
     dims = ("frame", "point", "component")
     return xarray().Dataset(
@@ -434,7 +435,7 @@ def to_xarray(surface: SurfaceHistory) -> Any:
 
 
 def full_field_dataset(result: FullField) -> Any:
-    """Displacements u, v and w, strains and what they are worth, over frames and points; lost ones are NaN.
+    """Displacements u, v and w and strains with their sigmas, over frames and points; lost points are NaN.
 
     Lengths are in the result's unit. ``u``, ``v`` and ``w`` are along x, y and Z; a plane has no w.
     """

@@ -1,8 +1,8 @@
-"""Parallel work in forks of this process, and a worker process that waits for its task.
+"""Parallel work in forks of this process, or in threads where forks are not safe.
 
 Threads that run only Python share one interpreter lock, so work is divided between forks. A lock that another
-thread holds at a fork stays locked in the copy; therefore the caller declares where forks are safe, and
-threads work elsewhere. Work that a fork does not deliver is repeated here, with the same result.
+thread holds at a fork stays locked in the copy. Therefore the caller declares where forks are safe; elsewhere
+threads are used. If a fork fails, its work is repeated in this process, with the same result.
 """
 
 import multiprocessing
@@ -25,7 +25,7 @@ _FORKS_ALLOWED: ContextVar[bool] = ContextVar("forking", default=False)
 
 @contextmanager
 def allow_forks() -> Iterator[None]:
-    """Let `background` and `run_parallel` fork this process: for the one thread that works in it."""
+    """Allow `background` and `run_parallel` to fork; only where this process runs a single thread."""
     before = _FORKS_ALLOWED.set(True)
     try:
         yield
@@ -39,33 +39,33 @@ def cores() -> int:
 
 
 def can_fork() -> bool:
-    """Return True where a fork is safe and of use: on Linux with at least two cores."""
+    """Return True where a fork is safe and useful: on Linux with at least two cores."""
     return sys.platform == "linux" and cores() > 1
 
 
 def may_fork() -> bool:
-    """Return True within `allow_forks`, where `can_fork`."""
+    """Return True within `allow_forks`, if `can_fork` is True."""
     return _FORKS_ALLOWED.get() and can_fork()
 
 
 MOST_PARTS = 4
-"""Most processes that one array is divided between: to fork one takes as long as some frames."""
+"""Largest number of processes that share one array: starting a process takes as long as a few frames."""
 
 
 def parts() -> int:
-    """Parts that small work is worth being divided into: as many as there are cores but one, which other work
-    has, at most `MOST_PARTS`; 1 where forks are not allowed."""
+    """Number of parts into which small work is divided: one less than the cores, as one core is left to other
+    work, at most `MOST_PARTS`; 1 where forks are not allowed."""
     return min(cores() - 1, MOST_PARTS) if may_fork() else 1
 
 
 class PendingResult(Generic[Result]):
-    """Result of work that is under way beside this."""
+    """Result of work that runs in the background."""
 
     def __init__(self, wait: Callable[[], Result]) -> None:
         self._wait, self._found = wait, list[Result]()
 
     def __call__(self) -> Result:
-        """Wait for the work and return its result; what it raised is raised here."""
+        """Wait for the work and return its result; an exception of the work is raised here."""
         if not self._found:
             self._found.append(self._wait())
         return self._found[0]
@@ -73,11 +73,11 @@ class PendingResult(Generic[Result]):
 
 @contextmanager
 def background(work: Callable[[], Result], *, fork: bool | None = None) -> Iterator[PendingResult[Result]]:
-    """Do work beside the block: in a fork, or else in a thread. It ends with the block, wanted or not.
+    """Do work during the block, in a fork or else in a thread; it is ended with the block.
 
-    ``work``: the work. In a fork it sees everything as it stands now, and changes nothing here; its result is
-    copied, so let it be small. ``fork``: whether in a fork; None: within `allow_forks`, where `can_fork`.
-    Yields: gives the result, or raises what the work raised.
+    ``work``: the work. A fork works on a copy of the present data and cannot change the data of this process.
+    Its result is copied back and should be small. ``fork``: whether in a fork; None: if `may_fork`. Yields: a
+    call returns the result, or raises the exception of the work.
     """
     if not ((_FORKS_ALLOWED.get() if fork is None else fork) and can_fork()):
         with ThreadPoolExecutor(1) as pool:
@@ -88,10 +88,10 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
     sender.close()
 
     def received() -> Result:
-        with suppress(Exception):  # it ended early, by an error or a signal, or sent what cannot be read
+        with suppress(Exception):  # it ended early, by an error or a signal, or its result cannot be read
             result: Result = receiver.recv()
             return result
-        return work()  # raises here what it raised there
+        return work()  # raises its exception here
 
     try:
         yield PendingResult(received)
@@ -99,7 +99,7 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
         receiver.close()
         with suppress(
             ProcessLookupError, ChildProcessError
-        ):  # a program may have its children's ends ignored
+        ):  # a program may ignore the signals of its children
             os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)
 
@@ -108,9 +108,9 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
 def background_pool(
     works: Sequence[Callable[[], Result]], *, processes: int | None = None
 ) -> Iterator[Callable[..., list[Result]]]:
-    """Begin several works in forks, if there are some, while this process does something else.
+    """Begin several tasks in forks, if these are allowed, while this process does other work.
 
-    Yields: joins in the work and gives what `run_parallel` gives; takes its `progress`.
+    Yields: a function that joins in the work and returns the results as `run_parallel`; it takes `progress`.
     """
     forked = can_fork() and (processes is not None or _FORKS_ALLOWED.get())
     workers = min(cores() if processes is None else processes, len(works)) if forked else 1
@@ -140,7 +140,7 @@ def background_pool(
 
 
 def _no_progress(count: int, total: int) -> None:
-    """Progress that nobody is told of."""
+    """Progress that is not reported."""
 
 
 def run_parallel(
@@ -149,11 +149,11 @@ def run_parallel(
     processes: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Result]:
-    """Do several works, each of which takes the next one that nobody has begun, and return their results in
-    order.
+    """Do several tasks in parallel and return their results in order; each process takes the next open task.
 
-    With None as many as there are cores within `allow_forks`, and else this one alone, with a thread a core.
-    ``progress``: told here of the works done, or begun where forks work, and their number.
+    With None there are as many processes as cores within `allow_forks`; otherwise one process with one thread
+    per core. ``progress``: called in this process with the number of tasks done (with forks: begun) and their
+    total.
     """
     with background_pool(works, processes=processes) as joined:
         return joined(progress)
@@ -162,7 +162,7 @@ def run_parallel(
 def _by_threads(
     works: Sequence[Callable[[], Result]], threads: int, report: Callable[[int, int], None]
 ) -> list[Result]:
-    """Do the works in threads of this process; one thread is the caller's own."""
+    """Do the tasks in threads of this process, the calling thread included."""
     results = []
     with ThreadPoolExecutor(threads) as pool:
         for result in (map if threads == 1 else pool.map)(lambda work: work(), works):
@@ -172,7 +172,7 @@ def _by_threads(
 
 
 def _claim_works(works: Sequence[Callable[[], Result]], counter: Any) -> Iterator[tuple[int, Result]]:
-    """Results of the works that nobody else has taken, each with its number."""
+    """Take open tasks one after another; yields the number and result of each."""
     while True:
         with counter.get_lock():
             number = int(counter.value)
@@ -187,16 +187,16 @@ def _run_claimed(works: Sequence[Callable[[], Result]], counter: Any) -> dict[in
 
 
 def _fork(work: Callable[[], Any], sender: Any) -> int:
-    """Fork this process, do the work there and send its result; the fork's number.
+    """Fork this process, do the work there and send its result; returns the fork's process number.
 
-    Not by `multiprocessing.Process`, which the workers of a pool may not start.
+    `multiprocessing.Process` is not used, because the workers of a pool may not start one.
     """
     parent = os.getpid()
     number = os.fork()
     if number:
         return number
     try:
-        end_with(parent)  # nobody wants the result then
+        end_with(parent)  # the result is then not needed
         # A failure is repeated and reported in the parent.
         sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
         _FORKS_ALLOWED.set(False)  # a fork makes no forks

@@ -1,4 +1,4 @@
-"""Results of a measurement: of a specimen by two cameras, and of a full field."""
+"""Results of a measurement: of a specimen by two cameras, or of a full field."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from dic.views import ResultViews
 
 
 class _Surfaced(ResultViews):
-    """Counts of the points of a result that has a surface."""
+    """Counts of points, for results with a surface."""
 
     surface: SurfaceHistory
 
@@ -35,21 +35,22 @@ class _Surfaced(ResultViews):
 
 @dataclass(frozen=True)
 class Body(_Surfaced):
-    """Points of one body: where they went, where the cameras saw them and how well."""
+    """Points of one body: their motion, their pixels in both cameras and the quality of the matches."""
 
     surface: SurfaceHistory
     """Motion in the test frame."""
     pixels: tuple[FloatArray, FloatArray]
-    """Pixels of the points in the two cameras [px], each of shape [n_frames, n_points, 2]; NaN where lost."""
+    """Positions of the points in the two cameras' pictures [px], each [n_frames, n_points, 2]; NaN where
+    lost."""
     match_sigma: tuple[FloatArray, FloatArray]
-    """Standard deviation of these places, root mean square of x and y [px], each [n_frames, n_points]."""
+    """Standard deviation of these positions, root mean square of x and y [px], each [n_frames, n_points]."""
     zncc: tuple[FloatArray, FloatArray]
     """Zero-normalised cross-correlation with the reference used, each of shape [n_frames, n_points]."""
     epipolar: FloatArray
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], [n_frames,
     n_points]."""
     points: FloatArray
-    """Places (x, y) in the material picture of camera 0 [px], shape [n_points, 2]."""
+    """Positions (x, y) in the material picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
     """Column and row of each point in the grid, shape [n_points, 2]."""
 
@@ -62,24 +63,25 @@ class Body(_Surfaced):
 
 @dataclass(frozen=True)
 class Placement:
-    """Test frame in the rig's frame, and the cylinder it was taken from."""
+    """Test frame in the rig's frame, and the cylinder that defines it."""
 
     frame: SpecimenFrame
     radius: float
-    """Radius of the cylinder that fits the specimen at rest best [m]."""
+    """Radius of the best-fit cylinder of the specimen at rest [m]."""
     radius_sigma: float
     """Its standard deviation from the noise of the matches [m]."""
     rms: float
     """Root mean square distance of the points from it [m]."""
     chi2_per_dof: float
-    """Sum of the squared distances in their sigmas over the degrees of freedom [-]."""
+    """Sum of the squared distances over their variances, per degree of freedom [-]."""
     n_points: int
-    """Points it rests on."""
+    """Number of points in the fit."""
 
 
 @dataclass(frozen=True)
 class SurfaceStrain:
-    """Green-Lagrange strains in the tangent plane at rest; NaN where the outcome is not VALID."""
+    """Green-Lagrange strains in the tangent plane of the undeformed surface; NaN where the outcome is not
+    VALID."""
 
     value: FloatArray
     """Components around the axis, along it, and shear [-], shape [n_frames, n_points, 3]."""
@@ -93,20 +95,20 @@ class SurfaceStrain:
 
 @dataclass(frozen=True)
 class StereoResult(ResultViews):
-    """Result of two series of pictures."""
+    """Result of a stereo measurement from two series of pictures."""
 
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     frames: tuple[IntArray, IntArray]
     """`FrameOutcome` of each camera's pictures, each of shape [n_frames]."""
     static: NDArray[np.bool_]
-    """Frames in which the specimen rests, shape [n_frames]."""
+    """Static frames: those in which the specimen is at rest, shape [n_frames]."""
     specimen: Body
     """Points of the specimen."""
     flyer: Body | None
-    """Points of the flyer, if a region was given."""
+    """Points of the flyer; None if no region was given."""
     axial_displacement: AxialDisplacement | None
-    """Its displacement, if it was found."""
+    """The flyer's axial displacement; None if it was not found."""
     centre: CentrePoints
     """The outline on the centre line."""
     placement: Placement
@@ -118,18 +120,18 @@ class StereoResult(ResultViews):
     remarks: tuple[Remark, ...]
     """Remarks on the test and its declarations; empty if there are none."""
     rig: StereoRig
-    """The cameras, for the pictures as cropped."""
+    """The cameras, for the cropped pictures."""
     facts: Mapping[str, Any]
-    """Settings and facts of the pictures, as JSON can hold them."""
+    """Settings and facts of the pictures, in JSON types."""
     seconds: Mapping[str, float] = field(default_factory=dict)
-    """Wall time of each stage."""
+    """Wall time of each stage [s]."""
     motion: BodyMotion | None = None
-    """The flyer's rigid motion, in the frames whose points tell it."""
+    """The flyer's rigid motion, in the frames with enough points to determine it."""
 
     @property
     def strain_noise(self) -> FloatArray:
-        """Standard deviation of strains through the static frames, root mean square over the points that have
-        one in all of them: around, along, shear [-], shape [3]; NaN if there are none."""
+        """Standard deviation of strains over the static frames, root mean square over the points with a
+        strain in all of them: around, along, shear [-], shape [3]; NaN if there are no such points."""
         values = self.strain.value[self.static & (self.outcome == FrameOutcome.VALID)]
         values = values[:, np.isfinite(values).all(axis=(0, 2))]
         if len(values) < SMALLEST_SERIES or values.shape[1] == 0:
@@ -152,7 +154,7 @@ KINDS = ("plane", "surface", "cylinder")
 
 @dataclass(frozen=True)
 class Extension:
-    """Length of a virtual extensometer through the frames; NaN where the outcome is not VALID."""
+    """Length of a virtual extensometer in every frame; NaN where the outcome is not VALID."""
 
     name: str
     ends: FloatArray
@@ -171,7 +173,7 @@ class Extension:
 
 @dataclass(frozen=True)
 class FittedCylinder:
-    """Cylinder fitted to the points of each frame; NaN where none fits."""
+    """Cylinder fitted to the points of each frame; NaN where no cylinder could be fitted."""
 
     radius: FloatArray
     """Radius [m], shape [n_frames]."""
@@ -180,9 +182,9 @@ class FittedCylinder:
     rms: FloatArray
     """Root mean square distance of the points from the cylinder [m], shape [n_frames]."""
     n_points: IntArray
-    """Points that the fit rests on, shape [n_frames]."""
+    """Number of points in the fit, shape [n_frames]."""
     correction: float
-    """Median size of the correction for the curvature inside the subsets, in camera 1 [px]."""
+    """Median size of the correction for the curvature within the subsets, in camera 1 [px]."""
     uncorrected: float
     """Radius in the reference frame without that correction [m]."""
 
@@ -191,8 +193,8 @@ class FittedCylinder:
 class FullField(_Surfaced):
     """Displacements and strains of a surface.
 
-    Coordinates: of a plane x to the right and y down, as in its picture; of a surface x to the right and y up
-    in the plane that fits the points at the reference best, Z toward the cameras; of a cylinder y along its
+    Coordinates of a plane: x to the right and y down, as in the picture. Of a surface: x to the right and y
+    up in the plane that fits the reference points best, Z toward the cameras. Of a cylinder: y along the
     axis, Z from the axis toward the cameras.
     """
 
@@ -201,19 +203,19 @@ class FullField(_Surfaced):
     unit: str
     """Unit of lengths: "m", or "px" for a plane whose scale was not given."""
     timed: bool
-    """True if the times are those of a clock; False if they count the frames."""
+    """True if `surface.t` holds clock times [s]; False if it holds frame numbers."""
     frame_outcome: IntArray
-    """`FrameOutcome` of each frame, the worse of two cameras, shape [n_frames]."""
+    """`FrameOutcome` of each frame, the worse one of two cameras, shape [n_frames]."""
     surface: SurfaceHistory
-    """Reference places, displacements and sigmas in `unit`, and an outcome for every point and frame."""
+    """Reference positions, displacements and sigmas in `unit`, and an outcome for every point and frame."""
     strain: SurfaceStrain
     """Green-Lagrange strains xx, yy, xy with their sigmas."""
     points: FloatArray
-    """Places in the reference picture of camera 0 (x, y) [px], shape [n_points, 2]."""
+    """Positions (x, y) in the reference picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
     """Column and row of each point in the grid, shape [n_points, 2]."""
     pixels: FloatArray
-    """Places in the pictures [px], NaN where lost, shape [n_cameras, n_frames, n_points, 2]."""
+    """Positions in the pictures [px], NaN where lost, shape [n_cameras, n_frames, n_points, 2]."""
     zncc: FloatArray
     """Zero-normalised cross-correlation of the matches [-], shape [n_cameras, n_frames, n_points]."""
     epipolar: FloatArray
@@ -223,21 +225,21 @@ class FullField(_Surfaced):
     """Standard deviation of the grey values of each camera [grey], shape [n_cameras]."""
     extensions: tuple[Extension, ...] = ()
     cylinder: FittedCylinder | None = None
-    """Cylinder of each frame, of the kind "cylinder"."""
+    """Cylinder of each frame; None for kinds other than "cylinder"."""
     remarks: tuple[Remark, ...] = ()
-    """Remarks on cameras and pictures."""
+    """Remarks on cameras and pictures; empty if there are none."""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    """Settings and facts, as JSON can hold them."""
+    """Settings and facts, in JSON types."""
 
     @property
     def mean_strain(self) -> FloatArray:
-        """Mean strain of the valid points, NaN in frames without any [-], shape [n_frames, 3]."""
+        """Mean strain of the valid points [-], shape [n_frames, 3]; NaN in frames without valid points."""
         valid = np.asarray(np.isfinite(self.strain.value).all(axis=2))
         count = valid.sum(axis=1)[:, None]
         total = np.where(valid[..., None], self.strain.value, 0.0).sum(axis=1)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     def bad_frames(self) -> dict[int, FrameOutcome]:
-        """Frames that gave no points, by number."""
+        """Frames without points: frame number and outcome."""
         bad = np.flatnonzero(self.frame_outcome != FrameOutcome.VALID)
         return {int(k): FrameOutcome(int(self.frame_outcome[k])) for k in bad}

@@ -1,7 +1,7 @@
 """Methods of every result: a figure, a table of pandas, a dataset of xarray, and a short text.
 
-Figures and tables are functions of `kolsky.report.notebook`, which no result may import: importing `kolsky`
-registers their maker here.
+Figures and tables are made by `kolsky.report.notebook`, which `dic` must not import. Importing `kolsky`
+registers that module here.
 """
 
 from collections.abc import Callable, Sized
@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any
 
 MAKERS: list[Callable[[], Any]] = []
-"""What returns the module of the functions `plot`, `to_dataframe` and `to_xarray`; the last one counts."""
+"""Functions that return the module with `plot`, `to_dataframe` and `to_xarray`; the last one is used."""
 LONGEST = 160
 """Most characters of a result's text."""
 
@@ -30,7 +30,7 @@ class ResultViews:
         Parameters
         ----------
         figure
-            Name of the figure, that of its file under ``--figures``; the first one if left out.
+            Name of the figure, as of its file under ``--figures``; the first figure if omitted.
 
         Returns
         -------
@@ -40,9 +40,9 @@ class ResultViews:
         Raises
         ------
         TypeError
-            If no figure shows such a result.
+            If there is no figure for this type of result.
         ValueError
-            If there is no figure of that name; the message has the names.
+            If there is no figure of that name; the message lists the names.
         """
         return _maker(self).plot(self, figure)
 
@@ -52,7 +52,7 @@ class ResultViews:
         Parameters
         ----------
         table
-            Name of a CSV file of the result without ".csv"; the main one if left out.
+            Name of a CSV file of the result without ".csv"; the main table if omitted.
 
         Returns
         -------
@@ -75,7 +75,7 @@ class ResultViews:
         return _maker(self).to_xarray(self, table)
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Keep the short text: a dataclass would write one of all its arrays."""
+        """Keep the short text: a dataclass would otherwise print all its arrays."""
         super().__init_subclass__(**options)
         cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
 
@@ -86,7 +86,7 @@ class ResultViews:
 
 
 def _part(name: str, value: object) -> str:
-    """A number or a name as it is, the size of anything that has one, nothing for other records."""
+    """A number or a name unchanged, the size of a container, and an empty text for other objects."""
     if shape := getattr(value, "shape", ()):
         return f"{name}: {' × '.join(map(str, shape))}"
     if isinstance(value, Enum | str | bool | int):

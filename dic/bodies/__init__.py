@@ -1,1 +1,2 @@
-"""Bodies in the pictures: where they are, their points followed by two cameras, the ends of the specimen."""
+"""Bodies in the pictures: their regions, tracking of their points by two cameras, the ends of the
+specimen."""

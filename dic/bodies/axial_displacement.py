@@ -1,6 +1,7 @@
-"""Axial displacement of the flyer: one translation a frame, by least squares over the pixels of both cameras.
+"""Axial displacement of the flyer: one translation per frame, by least squares over the pixels of both
+cameras.
 
-Every point counts that either camera sees. The rim of the flyer's face gives its position at rest.
+Every point that at least one camera sees is used. The rim of the flyer's face gives its position at rest.
 """
 
 from dataclasses import dataclass, replace
@@ -22,18 +23,18 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track
 
 FREE = 9.0
-"""Prior standard deviation of the lateral motion where both cameras see the body, which tell it, in lengths
-that a pixel shows [-]."""
+"""Prior standard deviation of the lateral motion, over the length of a pixel, where both cameras see the body
+and determine this motion [-]."""
 LATERAL_SIGMA = 0.9
-"""Standard deviation of it, at most, since the nearest frame that both cameras saw, where one alone does
-[-]."""
+"""Largest standard deviation of the lateral motion since the nearest frame seen by both cameras, where only
+one camera sees the body, over the length of a pixel [-]."""
 LEAST_LATERAL = 0.02
-"""And at least [-]; also the prior one where one camera alone sees the body: little, for it tells depth by
-the perspective of its points, and warm air looks like it."""
+"""Smallest value of the same [-]; also its prior if only one camera ever sees the body. It is small, because
+a single camera measures depth only by perspective, and warm air causes similar displacements."""
 NEAREST = 20
-"""Frames that both cameras saw whose mean tells where a body is across the axis."""
+"""Number of frames seen by both cameras whose mean gives the lateral position of a body."""
 FEWEST_FRAMES = 10
-"""Frames that both cameras saw, from which on they tell the lateral velocity."""
+"""Fewest frames seen by both cameras for an estimate of the lateral velocity."""
 GATE = 5.0
 """Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
@@ -46,7 +47,7 @@ class ObservedPoints:
     rows: IntArray
     """The points, shape [n]."""
     places: FloatArray
-    """Their places on the body [m], shape [n, 3]."""
+    """Their positions on the body [m], shape [n, 3]."""
     pixels: FloatArray
     """Observed pixels [px], shape [n, 2]."""
     covariance: FloatArray
@@ -67,7 +68,7 @@ class ObservedPoints:
         return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
 
     def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
-        """Residuals: observed pixels less those of a body moved by `move` [px], shape [n, 2]."""
+        """Residuals: observed pixels minus those of a body displaced by `move` [px], shape [n, 2]."""
         return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
 
     def inliers(self, off: FloatArray) -> BoolArray:
@@ -82,12 +83,13 @@ class ObservedPoints:
 def lateral_places(
     t: FloatArray, moves: FloatArray, counts: IntArray, pixel: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where a body is across the axis in the frames that one camera alone sees, by those that both saw.
+    """Lateral position of a body in frames that only one camera sees, from those that both see.
 
-    It is the mean over the `NEAREST` of these, each with the number of its points as weight: the nearest of
-    all shows the fewest. A body that flies keeps its lateral velocity: what these frames show of it, with
-    twice its standard deviation, times the time to them may have been added since. The scatter of the frames
-    about their line is what the place itself is off by at most, in all frames alike.
+    It is the mean over the `NEAREST` of these frames, weighted with the number of points, because the nearest
+    frame has the fewest points. The lateral velocity of the body is constant in flight. Its estimate plus
+    twice its standard deviation, times the time to these frames, bounds the additional displacement. The
+    scatter of the frames about their straight line bounds the error of the position, which is common to all
+    frames.
     """
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     across, weight = moves[twice][:, [0, 2]], counts[twice].astype(np.float64)
@@ -119,7 +121,8 @@ def _translation_in(
     overlap: csr_array,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    seen. `lateral` is the prior standard deviation of the translation across y, about that of `near` [m]."""
+    visible. ``lateral``: prior standard deviation of the translation across y, relative to that of `near`
+    [m]."""
     observed = [
         ObservedPoints.of(camera, track, k, places, finite)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
@@ -130,7 +133,7 @@ def _translation_in(
     off = [points.off(frame, move) for points in observed]
     across = lateral**-2
     counted_before: list[BoolArray] = [np.zeros(0, dtype=bool) for _ in observed]
-    shared: list[FloatArray] = [np.zeros(0) for _ in observed]  # covariances of the points that count
+    shared: list[FloatArray] = [np.zeros(0) for _ in observed]  # covariances of the points used
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)
@@ -138,7 +141,7 @@ def _translation_in(
             if not fine.any():
                 continue
             J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
-            if not np.array_equal(fine, counted_before[i]):  # mostly the same ones again
+            if not np.array_equal(fine, counted_before[i]):  # mostly the same points
                 rows = points.rows[fine]
                 together = np.bincount(rows, minlength=len(places)).astype(np.float64)
                 factor = (overlap @ together)[rows]
@@ -158,30 +161,31 @@ def _translation_in(
 
 
 OWN_SHARE = 0.5
-"""Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
+"""Share of the variance of a match due to the current frame; the rest is due to the reference and common to
+all frames."""
 ROUNDS = 4
-"""Alternating estimates of places on the body and translations."""
+"""Number of alternating estimates of positions on the body and translations."""
 
 
 @dataclass(frozen=True)
 class Translations:
-    """Translations of a body along the axis, frame by frame; a frame in which it was not found has no row."""
+    """Translations of a body along the axis, frame by frame; frames in which it was not found have no row."""
 
     frame: IntArray
     """Frames, shape [n]."""
     y: FloatArray
     """Translations [m], shape [n]."""
     sigma: list[float]
-    """Standard deviations from frame to frame [m]."""
+    """Standard deviations, independent from frame to frame [m]."""
     n_points: list[int]
-    """Points that each is from; 0: the edge strip."""
+    """Number of points for each; 0: from the edge strip."""
     common: float
-    """Standard deviation that the frames at rest have in common: what the place across the axis may be off
-    by there, seen along the axis [m]."""
+    """Standard deviation common to all frames at rest: effect of the error of the lateral position on the
+    axial one [m]."""
     pixel: float
-    """Length along the axis that a pixel shows [m]."""
+    """Length along the axis that one pixel shows [m]."""
     places: FloatArray
-    """Places of the points on the body, at translation zero [m], shape [n, 3]."""
+    """Positions of the points on the body, at translation zero [m], shape [n, 3]."""
 
 
 def rim_of(
@@ -191,15 +195,16 @@ def rim_of(
     pictures: tuple[Pictures, Pictures],
     geometry: RestGeometry,
 ) -> Rim | None:
-    """The rim of the body's face; ``geometry``: the specimen at rest, the rest as of `translations`."""
+    """The rim of the body's face. ``geometry``: the specimen at rest; other parameters as for
+    `translations`."""
     if not (body.reconstruction.outcome == PointOutcome.VALID).any():
         return None
     return find_rim(pictures, body, rig, frame, *stereo_translations(body, frame), geometry)
 
 
 def stereo_translations(body: TrackedBody, frame: SpecimenFrame) -> tuple[FloatArray, FloatArray]:
-    """Places of the points on the body [m], shape [n_points, 3], and translations of the frames [m], shape
-    [n_frames, 3], by what both cameras saw; NaN where unknown."""
+    """Positions of the points on the body [m], shape [n_points, 3], and translations of the frames [m], shape
+    [n_frames, 3], from points seen by both cameras; NaN where unknown."""
     valid = body.reconstruction.outcome == PointOutcome.VALID
     return _places(frame.positions(np.where(valid[..., None], body.reconstruction.position, np.nan)))
 
@@ -216,14 +221,14 @@ def translations(
 ) -> Translations | None:
     """Translations of a body along the axis, None if no point was ever seen by both cameras.
 
-    The places of the points on the body come from the frames in which both cameras see them. In every frame
-    the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
-    camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
+    The positions of the points on the body come from the frames in which both cameras see them. The
+    translation of every frame is then the weighted least-squares fit to all pixels of both cameras. If only
+    one camera sees the body, its lateral position is constrained to that of the nearest frames seen by both.
 
-    ``t``: frame times [s], and ``static``: frames in which the flyer rests, both of shape [n_frames].
-    ``subset``: side of the subsets [px]: those that overlap share their noise. ``pictures``: both series, to
-    look for the edge strip of the body (`dic.bodies.edge_registration`) in the frames before its first point
-    came into view, where that is after the static ones; None: do not.
+    ``t``: frame times [s], and ``static``: frames in which the flyer is at rest, both of shape [n_frames].
+    ``subset``: side of the subsets [px]: those that overlap share their noise. ``pictures``: both series. If
+    the first point comes into view only after the static frames, the edge strip of the body is registered in
+    the earlier frames (`dic.bodies.edge_registration`). None: no registration.
     """
     valid = body.reconstruction.outcome == PointOutcome.VALID
     if not valid.any():
@@ -255,7 +260,7 @@ def translations(
     fine = np.flatnonzero(consistent_frames(rows, fits, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, fits = [rows[i] for i in fine], [fits[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
-    if body.material in rows and len(rows) > 1:  # exact there, but not against all others
+    if body.material in rows and len(rows) > 1:  # exact there, but not relative to other frames
         at = rows.index(body.material)
         displaced = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
         sigma[at] = max(sigma[at], min(displaced))
@@ -268,7 +273,7 @@ def translations(
             fits.insert(0, edge.y)
             sigma.insert(0, edge.sigma if static[k] else of_moving(edge))
             counts.insert(0, 0)
-            common = edge.common  # the last is the first frame's, at rest
+            common = edge.common  # the last one belongs to the first frame, at rest
     return Translations(
         frame=np.array(rows, dtype=np.int64),
         y=np.array(fits),
@@ -281,17 +286,18 @@ def translations(
 
 
 def of_moving(edge: RegisteredEdge) -> float:
-    """Standard deviation of the registration of a frame that moves, with what frames at rest share [m].
+    """Standard deviation of the registration of a moving frame, including the error common to frames at rest
+    [m].
 
-    Static frames show the same rows, and what these are off by is in the place at rest. A body that moves
-    shows others in every frame, and the last of its own at another place between two rows of the picture:
-    there it is the frame's own, all of it, where of a match only `OWN_SHARE` of the variance is.
+    Static frames show the same rows, whose error is contained in the position at rest. A moving body shows
+    different rows in every frame, and its last row at another sub-pixel position. The error of the rows is
+    then independent in each frame, while for a match only `OWN_SHARE` of the variance is independent.
     """
     return float(np.hypot(edge.sigma, edge.common / OWN_SHARE**0.5))
 
 
 def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if
+    """Positions of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if
     unknown."""
     moves = np.full((len(position), 3), np.nan)
     start = int(np.argmax(np.isfinite(position[..., 0]).sum(axis=1)))
@@ -303,7 +309,7 @@ def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _mean(values: FloatArray, axis: int) -> FloatArray:
-    """Mean of what is finite, NaN where nothing is."""
+    """Mean of the finite values; NaN where there are none."""
     good = np.isfinite(values)
     count = good.sum(axis=axis)
     total = np.where(good, values, 0.0).sum(axis=axis)
@@ -311,39 +317,40 @@ def _mean(values: FloatArray, axis: int) -> FloatArray:
 
 
 MODEL = 0.008
-"""Standard deviation of the mean place at rest for what the static frames share: warm air, interpolation
-[px]."""
+"""Standard deviation of the mean position at rest due to errors common to the static frames: warm air,
+interpolation [px]."""
 FACE_SHARE, NARROW_FACE = 0.001, 1.0
-"""And this share of the flyer's face beside its rim, where a camera sees more than so much of it [px]: it
-moves with the flyer, but what it hides of the specimen does not."""
+"""Additional error: this share of the visible width of the flyer's face next to its rim, if a camera sees
+more than the second value [px]. The face moves with the flyer, but the hidden part of the specimen does
+not."""
 FEWEST_AT_REST = 3
-"""With fewer static frames that show the body, the others are given its place at rest too."""
+"""If fewer static frames show the body, the others are also assigned its position at rest."""
 MOST_APART = 4.0
-"""Largest disagreement of two places at rest that are joined, in standard deviations."""
+"""Largest disagreement of two positions at rest that are combined, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class AxialDisplacement:
-    """Displacement of the flyer toward the specimen; a frame in which it was not found has no row."""
+    """Displacement of the flyer toward the specimen; frames in which it was not found have no row."""
 
     t: FloatArray
     """Times [s], shape [n]."""
     frame: IntArray
     """Frames, shape [n]."""
     displacement: FloatArray
-    """Toward the specimen, from its mean place at rest [m], shape [n]."""
+    """Displacement toward the specimen from the mean position at rest [m], shape [n]."""
     sigma: FloatArray
-    """Standard deviation from frame to frame [m], shape [n]."""
+    """Standard deviation, independent from frame to frame [m], shape [n]."""
     n_points: IntArray
-    """Points it is from, shape [n]."""
+    """Number of points used, shape [n]."""
     rest_sigma: float
-    """Standard deviation of the mean place at rest, common to all displacements after it [m]."""
+    """Standard deviation of the mean position at rest, common to all later displacements [m]."""
     from_rim: bool = False
-    """True if no static frame shows the body: the place at rest is then that of the specimen's upper end,
-    where the rim of the body's face was, and the displacement in the static frames is the declared rest."""
+    """True if no static frame shows the body. The rim of the body's face at the specimen's upper end then
+    gives the position at rest, and the displacement in the static frames is zero as declared."""
     rim_disagreement: tuple[float, float] | None = None
-    """Height of the rim of the body's face above the specimen's upper end at rest by its length, and the
-    standard deviation of that [m]; None where the body is not seen at rest, or its rim is not."""
+    """Height at rest of the rim of the body's face above the specimen's upper end, which follows from the
+    length, and its standard deviation [m]; None if the body or its rim is not visible at rest."""
 
 
 def from_rest(
@@ -355,12 +362,11 @@ def from_rest(
     static: BoolArray,
     geometry: RestGeometry | None,
 ) -> AxialDisplacement | None:
-    """Displacement from the place at rest, of what `translations` and `rim_of` gave.
+    """Displacement from the position at rest, from the results of `translations` and `rim_of`.
 
-    ``geometry``: where the body is in view in no static frame, its rim gives the place at rest
-    (`dic.bodies.rest_from_rim`); None: it is not known. Returns None if no point was ever seen by both
-    cameras, or the place at rest, which displacements count from, is not known: the body is seen in no static
-    frame, and its rim in too few.
+    ``geometry``: the specimen at rest. If no static frame shows the body, its rim gives the position at rest
+    (`dic.bodies.rest_from_rim`). None: not known. Returns None if both cameras never saw a common point, or
+    the position at rest is not known: the body is visible in no static frame, and its rim in too few frames.
     """
     if motion is None:
         return None
@@ -388,7 +394,7 @@ def from_rest(
     else:
         if rim is None or geometry is None or not geometry.length_is_certain:
             return None
-        # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
+        # Until the flyer moves, its face is the specimen's upper end: no displacement in the static frames.
         rest_y = geometry.length - rim.y
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
         if not replace(geometry, length_sigma=rest_sigma).length_is_certain:
@@ -411,7 +417,7 @@ def from_rest(
 def include_static_frames(
     static: IntArray, rest_y: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
 ) -> tuple[IntArray, FloatArray, list[float], list[int]]:
-    """The displacements with the static frames that do not show the body: there it rests."""
+    """The displacements, completed with the static frames that do not show the body, where it is at rest."""
     still = np.setdiff1d(static, index)
     order = np.argsort(np.concatenate([still, index]), kind="stable")
     spread = np.concatenate([np.full(still.size, float(np.median(sigma))), sigma])[order]
@@ -425,8 +431,8 @@ def include_static_frames(
 
 
 def common_sigma(face: float) -> float:
-    """Standard deviation of the mean place at rest that no number of static frames lowers [px], where the
-    widest strip of the flyer's face that a camera sees is `face` [px]."""
+    """Standard deviation of the mean position at rest that more static frames do not reduce [px]. ``face``:
+    widest strip of the flyer's face that a camera sees [px]."""
     return float(np.hypot(MODEL, FACE_SHARE * max(face - NARROW_FACE, 0.0)))
 
 
@@ -440,12 +446,12 @@ def _widest_face(rig: StereoRig, frame: SpecimenFrame, places: FloatArray, geome
 
 
 def combine_rest(by_frames: tuple[float, float], by_end: tuple[float, float]) -> tuple[float, float]:
-    """Place at rest and its standard deviation, from what was seen of the body and from the specimen's end.
+    """Position at rest and its standard deviation, from the visible body and from the specimen's end.
 
-    By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
-    what was seen counts.
+    Both are combined by least squares. If they disagree by more than `MOST_APART` standard deviations, only
+    the position of the visible body is used.
 
-    ``by_frames``, ``by_end``: place and standard deviation [m].
+    ``by_frames``, ``by_end``: position and standard deviation [m].
     """
     apart = by_frames[0] - by_end[0]
     if abs(apart) > MOST_APART * float(np.hypot(by_frames[1], by_end[1])):
@@ -455,5 +461,5 @@ def combine_rest(by_frames: tuple[float, float], by_end: tuple[float, float]) ->
 
 
 def _of_mean(sigma: FloatArray) -> float:
-    """Sigma of the mean of static frames, in which the reference's part does not average out."""
+    """Sigma of the mean of static frames; the part of the reference does not average out."""
     return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN_SHARE + OWN_SHARE / sigma.size)))

@@ -1,8 +1,8 @@
-"""Motion of a rigid body whose points come into view and leave it: poses and points by least squares.
+"""Motion of a rigid body whose points enter and leave the view: poses and points by least squares.
 
-The poses of all frames and the places of all points on the body are found together from every valid
-observation: ``x_ik = R_k X_i + p_k``. The places X_i are eliminated by Schur's complement. Six unknowns a
-frame remain; six combinations of them are free until a frame of the body is chosen.
+The poses of all frames and the positions of all points on the body are estimated together from all valid
+observations: ``x_ik = R_k X_i + p_k``. The positions X_i are eliminated by Schur's complement. Six unknowns
+per frame remain; six combinations of them are undetermined until the body's frame is chosen.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ FEWEST_POINTS = 3
 
 
 def _kabsch(X: FloatArray, x: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rotation and translation of least weighted squares from X to x, both [n, 3] about any origin."""
+    """Weighted least-squares rotation and translation from X to x, both [n, 3] with any origin."""
     w = weight / weight.sum()
     mean_X, mean_x = w @ X, w @ x
     U, _, Vt = np.linalg.svd((x - mean_x).T @ ((X - mean_X) * w[:, None]))
@@ -35,7 +35,8 @@ def _kabsch(X: FloatArray, x: FloatArray, weight: FloatArray) -> tuple[FloatArra
 
 
 def lever(r: FloatArray) -> FloatArray:
-    """Change of turned points r by a small rotation and a shift, shape [..., 3, 6]: ω × r + d."""
+    """Derivative of rotated points r with respect to a small rotation and a shift, shape [..., 3, 6]: ω × r +
+    d."""
     J = np.zeros((*r.shape[:-1], 3, 6))
     J[..., 0, 1], J[..., 0, 2] = r[..., 2], -r[..., 1]
     J[..., 1, 0], J[..., 1, 2] = -r[..., 2], r[..., 0]
@@ -47,39 +48,39 @@ def lever(r: FloatArray) -> FloatArray:
 MOST_ROUNDS = 12
 MOST_STEPS = 50
 ROUGH, FINE = 1e-2, 1e-4
-"""Largest change at which poses have converged, in sigmas: to find outliers, and in the end."""
+"""Largest change of converged poses, in sigmas: for the rejection of outliers, and for the final result."""
 FLATTEST = 1e-10
-"""Least eigenvalue of a frame's normal matrix, its diagonal 1, that counts as a known pose."""
+"""Smallest eigenvalue of a frame's normal matrix, scaled to a diagonal of 1, for a determined pose."""
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Observed places of the points, frame by frame."""
+    """Observed positions of the points, frame by frame."""
 
     x: FloatArray
-    """Places [m], shape [n_frames, n_points, 3]; zero where not valid."""
+    """Positions [m], shape [n_frames, n_points, 3]; zero where not valid."""
     W: FloatArray
     """Inverse covariances [1/m²], shape [n_frames, n_points, 3, 3]; zero where not valid."""
     valid: BoolArray
     """Observations that are used, shape [n_frames, n_points]."""
     single: BoolArray
-    """Those of a single camera: W knows nothing along its ray, shape [n_frames, n_points]."""
+    """Observations by a single camera: W is zero along its ray, shape [n_frames, n_points]."""
     factor: FloatArray
     """Variance factors for overlap [-], shape [n_frames, n_points]."""
 
     @property
     def weights(self) -> FloatArray:
-        """Inverse covariances for the sums over points, zero where not used [1/m²]."""
+        """Inverse covariances in the sums over points, zero where not used [1/m²]."""
         return self.W * (self.valid / self.factor)[..., None, None]
 
     def part(self, frames: IntArray, points: IntArray) -> "Observations":
-        """Some frames and points."""
+        """Observations of some frames and points."""
         at = np.ix_(frames, points)
         return Observations(self.x[at], self.W[at], self.valid[at], self.single[at], self.factor[at])
 
     @property
     def components(self) -> IntArray:
-        """Numbers that each observation measures: 3, 2 of a single camera, 0 if not used."""
+        """Number of measured components per observation: 3, or 2 for a single camera, 0 if not used."""
         return np.where(self.valid, np.where(self.single, 2, 3), 0)
 
 
@@ -88,41 +89,41 @@ class MotionPrior:
     """Prior of the motion of a body from one frame to the next."""
 
     rotation_change: float | None
-    """Standard deviation of its change of attitude, about each axis [rad]; None: any."""
+    """Standard deviation of its change of attitude, about each axis [rad]; None: no prior."""
     lateral_change: float | None
-    """Standard deviation of its displacement across y, along x and Z [m]; None: any."""
+    """Standard deviation of its displacement across y, along x and Z [m]; None: no prior."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of the frames that hang together by common points."""
+    """Poses of the frames that are connected by common points."""
 
     frames: IntArray
-    """Their numbers, shape [n]."""
+    """Frame numbers, shape [n]."""
     R: FloatArray
     """Rotations, shape [n, 3, 3]."""
     p: FloatArray
-    """Places of the body's origin [m], shape [n, 3]."""
+    """Positions of the body's origin [m], shape [n, 3]."""
     covariance: FloatArray
-    """Of small rotations after R [rad] and shifts of p [m], up to motions common to all frames, in the
-    declared sigmas; shape [n, 6, n, 6]."""
+    """Covariance of small rotations after R [rad] and shifts of p [m], up to motions common to all frames,
+    for the declared sigmas; shape [n, 6, n, 6]."""
     count: IntArray
-    """Observations used in each of the frames, shape [n]."""
+    """Number of observations used in each frame, shape [n]."""
     chi2_per_dof: float
-    """Sum of squared residuals in the declared sigmas over the degrees of freedom [-]."""
+    """Sum of squared residuals over the declared variances, per degree of freedom [-]."""
 
 
 def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Poses:
-    """Poses of all frames that are connected with the one that sees most points.
+    """Poses of all frames that are connected with the frame with the most points.
 
-    ``habits``: what is known of the motion. ``reject``: observations farther off than this many (robust)
-    sigmas are left out. Raises ValueError if no frame sees enough points, or the iteration does not settle.
+    ``prior``: prior of the motion. ``reject``: observations with residuals of more than this many (robust)
+    sigmas are left out. Raises ValueError if no frame has enough points, or the iteration does not converge.
     """
     frames, points, R, p, X = _chain(observations)
     tolerance = ROUGH
     for _ in range(MOST_ROUNDS):
         now = observations.part(frames, points)
-        # Lengths in the body's size and in typical sigmas keep the normal matrix well conditioned.
+        # Scaling lengths with the body's size and typical sigmas keeps the normal matrix well conditioned.
         size = float(np.sqrt(np.mean(X**2)))
         sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
         for _ in range(MOST_STEPS):
@@ -152,7 +153,7 @@ def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Pos
 
 
 def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Frames and points that hang together, rough poses, places on the body about their centroid."""
+    """Connected frames and points, rough poses, and positions on the body relative to their centroid."""
     n_frames, n_points = observations.valid.shape
     weights = observations.weights
     weight = np.trace(weights, axis1=2, axis2=3)
@@ -177,14 +178,14 @@ def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, 
         X[new] = (observations.x[k, new] - p[k]) @ R[k]
         solved[k], located = True, located | new
         if new.any():
-            barred[:] = False  # more points may determine what was open
+            barred[:] = False  # more points may determine further poses
     if not solved.any():
         raise ValueError(
             f"no frame sees {FEWEST_POINTS} points of the body, not on one line, that another frame sees "
             "too; choose more points, or look at their outcomes"
         )
     with_both = np.flatnonzero(solved)
-    for k in np.flatnonzero(~solved).tolist():  # what one camera sees: from the nearest pose
+    for k in np.flatnonzero(~solved).tolist():  # seen by one camera: start from the nearest pose
         visible = observations.valid[k] & located
         if visible.sum() >= FEWEST_POINTS:
             near = with_both[np.argmin(np.abs(with_both - k))]
@@ -197,7 +198,7 @@ def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, 
 
 
 def _determined(x: FloatArray, W: FloatArray) -> bool:
-    """True if points fix a pose."""
+    """True if the points determine a pose."""
     J = lever(x - x.mean(axis=0))
     A = J.reshape(-1, 6).T @ (W @ J).reshape(-1, 6)
     unit = np.sqrt(np.diag(A))
@@ -214,8 +215,8 @@ def _step(
     size: float,
     sigma: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, Callable[[], FloatArray]]:
-    """One Gauss-Newton step: poses, points, largest change in sigmas, and what gives the poses' covariance,
-    which takes as long as several steps."""
+    """One Gauss-Newton step: poses, points, largest change in sigmas, and a function that computes the poses'
+    covariance, which takes as long as several steps."""
     n, m = len(R), len(X)
     unit = sigma * np.repeat([1.0 / size, 1.0], 3)  # rad and m
     W = observations.weights * sigma**2
@@ -239,7 +240,7 @@ def _step(
         if spread is not None:
             scaled = spread / unit[0 if coordinate == "rotation" else 3]
             _add_prior(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, coordinate, scaled, unit)
-    # The body's own frame is open: its six motions get a value of their own.
+    # The body's frame is undetermined: its six motions get an arbitrary value.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
     N = common.reshape(6 * n, 6) * np.sqrt(float(np.trace(S))) / (6 * n)
@@ -271,7 +272,7 @@ def _add_prior(
     scaled: float,
     unit: FloatArray,
 ) -> None:
-    """Add the prior of small changes between neighbouring frames; `scaled` in `unit`s."""
+    """Add the prior of small changes between successive frames; `scaled` is in `unit`s."""
     at = slice(0, 3) if coordinate == "rotation" else slice(3, 6)
     across = np.eye(3) if coordinate == "rotation" else np.diag([1.0, 0.0, 1.0])
     if len(R) < 2:
@@ -291,15 +292,15 @@ def _add_prior(
 
 
 STEP = 1e-6
-"""Of the difference quotients of the projection [m]."""
+"""Step of the difference quotients of the projection [m]."""
 
 
 def _ray_observations(
     camera: Camera, frame: SpecimenFrame, pixels: FloatArray, covariance: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Points on a camera's rays and their inverse covariances, which are of rank 2."""
+    """Points on a camera's rays, and their inverse covariances of rank 2."""
     x = np.array(near)
-    for _ in range(3):  # the projection is nearly linear: each step leaves the square of the last
+    for _ in range(3):  # the projection is nearly linear: quadratic convergence
         J = _slope(camera, frame, x)
         off = pixels - camera.project(frame.in_rig(x))
         x = x + np.einsum("nij,nj->ni", np.linalg.pinv(J), off)
@@ -308,7 +309,7 @@ def _ray_observations(
 
 
 def _slope(camera: Camera, frame: SpecimenFrame, x: FloatArray) -> FloatArray:
-    """Derivative of the pixel by the place [px/m], shape [n, 2, 3]."""
+    """Derivative of the pixel with respect to the position [px/m], shape [n, 2, 3]."""
     columns = [
         camera.project(frame.in_rig(x + STEP * axis)) - camera.project(frame.in_rig(x - STEP * axis))
         for axis in np.eye(3)
@@ -318,25 +319,25 @@ def _slope(camera: Camera, frame: SpecimenFrame, x: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Displacement of one point of a rigid body, and its rotation, from rest; NaN in a LOST frame."""
+    """Displacement of one point of a rigid body, and the body's rotation, from rest; NaN in a LOST frame."""
 
     at: FloatArray
     """The body's point at rest, in the test frame [m], shape [3]."""
     displacement: FloatArray
-    """Of that point, mean over the rest frames zero [m], shape [n_frames, 3]."""
+    """Displacement of that point; its mean over the rest frames is zero [m], shape [n_frames, 3]."""
     rotation: FloatArray
     """Rotation vectors from the mean attitude at rest [rad], shape [n_frames, 3]."""
     covariance: FloatArray
-    """Of rotation [rad] and displacement [m] of the frames that have a pose, `frames`, shape [n, 6, n, 6]. If
-    given for all frames, as results of before have it, the others are left out."""
+    """Covariance of rotation [rad] and displacement [m] in the frames with a pose, `frames`, shape [n, 6, n,
+    6]. If it is given for all frames, as in old result files, the others are left out."""
     n_points: IntArray
     """Points used in each frame, shape [n_frames]."""
     outcome: IntArray
-    """`dic.FrameOutcome`: LOST with too few points seen elsewhere too, shape [n_frames]."""
+    """`dic.FrameOutcome`: LOST with too few points that are also seen in other frames, shape [n_frames]."""
     chi2_per_dof: float
-    """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
+    """Sum of squared residuals over their declared variances, per degree of freedom [-]."""
     noise_scale: float
-    """Noise used over noise declared, at least 1 [-]."""
+    """Used noise over declared noise, at least 1 [-]."""
 
     def __post_init__(self) -> None:
         posed = self.frames
@@ -346,14 +347,14 @@ class BodyMotion:
 
     @property
     def frames(self) -> IntArray:
-        """Frames that have a pose, shape [n]."""
+        """Frames with a pose, shape [n]."""
         return np.flatnonzero(self.outcome == FrameOutcome.VALID)
 
     def covariance_of(self, component: int, frames: IntArray) -> FloatArray:
         """Covariance between frames of one component of rotation (0 to 2) or displacement (3 to 5).
 
-        ``component``: 0 to 5. ``frames``: frames that have a pose, shape [k]. Returns: [rad²] or [m²], shape
-        [k, k]. Raises ValueError if a frame has none.
+        ``component``: 0 to 5. ``frames``: frames with a pose, shape [k]. Returns: [rad²] or [m²], shape [k,
+        k]. Raises ValueError if a frame has no pose.
         """
         posed = self.frames
         at = np.searchsorted(posed, frames)
@@ -406,24 +407,24 @@ def body_motion(
     lateral_change: float | None = None,
     reject: float = 5.0,
 ) -> BodyMotion:
-    """Find the motion of a rigid body from points on it.
+    """Estimate the motion of a rigid body from points on it.
 
-    ``reconstructions``: points of the body, all in the same frames; one for each material picture that points
-    were chosen in, if there are several. ``frame``: the test frame. ``at``: the body's point whose
-    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest_frames``: frames in which the
-    body rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
-    variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
-    [n_frames, n_points]. ``shared``: share of a point's variance that is the same in all frames, being the
-    noise of its material picture: it moves the point on the body, not the body [-]. ``rig``, ``tracks``: the
-    cameras, and for each reconstruction the tracks it was made from: then a frame in which only one camera
-    sees a point counts too, with what that camera knows. Such frames need `rotation_change` and
-    `lateral_change`, or they know little along the view. ``rotation_change``: standard deviation of the
-    change of attitude from one frame to the next, about each axis [rad], by which narrow views of the body
-    borrow their attitude from wide ones; None: every frame has its own. ``lateral_change``: standard
-    deviation of the displacement across y from one frame to the next, along x and Z [m]; None: any.
-    ``reject``: observations farther off than this many sigmas, or this many robust standard deviations if the
-    scatter is larger than the sigmas say, are left out [-]. Raises ValueError: no frame at rest that is
-    connected with the others, shapes that do not fit, options out of range.
+    ``reconstructions``: points of the body, all in the same frames; one for each material picture in which
+    points were chosen, if there are several. ``frame``: the test frame. ``at``: position at rest of the
+    body's point whose displacement is given, in the test frame [m], shape [3]. ``rest_frames``: frames in
+    which the body is at rest; their mean is the zero of displacement and rotation. ``overlaps``: for each
+    reconstruction the variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
+    [n_frames, n_points]. ``shared``: share of a point's variance that is common to all frames, i.e. due to
+    the noise of its material picture; it affects the position of the point on the body, not the motion of the
+    body [-]. ``rig``, ``tracks``: the cameras, and for each reconstruction its tracks: points seen by one
+    camera only are then used too. Such frames need `rotation_change` and `lateral_change`, because one camera
+    measures little along the view. ``rotation_change``: standard deviation of the change of attitude from one
+    frame to the next, about each axis [rad]; with it, frames with a narrow view of the body are constrained
+    by frames with a wide view. None: no constraint. ``lateral_change``: standard deviation of the
+    displacement across y from one frame to the next, along x and Z [m]; None: no constraint. ``reject``:
+    observations with residuals of more than this many sigmas are left out [-]; if the scatter exceeds the
+    sigmas, robust standard deviations are used. Raises ValueError: no frame at rest that is connected with
+    the others, shapes that do not match, options out of range.
     """
     point = np.asarray(at, dtype=np.float64)
     _check(reconstructions, point, rest_frames, shared, (rotation_change, lateral_change), reject, overlaps)
@@ -450,7 +451,7 @@ def body_motion(
                 ],
                 axis=1,
             )
-            mono &= valid.any(axis=0) & ~single  # its depth must be known from some frame
+            mono &= valid.any(axis=0) & ~single  # its depth must be known from another frame
             pixels = np.concatenate([apply(pair[k].points, pair[k].warp) for pair in tracks], axis=1)
             spread = np.concatenate([pair[k].covariance for pair in tracks], axis=1)
             at_ray, ray_weight = _ray_observations(
@@ -458,7 +459,7 @@ def body_motion(
             )
             place[mono], information[mono], single = at_ray, ray_weight, single | mono
     visible = valid | single
-    visible &= visible.sum(axis=0) >= 2  # a point seen once says nothing about motion
+    visible &= visible.sum(axis=0) >= 2  # a point seen once gives no motion
     poses = adjust(
         Observations(place, information, visible, single, factor),
         MotionPrior(rotation_change, lateral_change),
@@ -496,7 +497,7 @@ def _check(
 
 
 def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
-    """Place of each point in the valid frame nearest in time, shape of `place`."""
+    """Position of each point in the valid frame nearest in time, shape of `place`."""
     n = len(valid)
     frame = np.arange(n)[:, None]
     before = np.maximum.accumulate(np.where(valid, frame, -2 * n), axis=0)
@@ -506,7 +507,7 @@ def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
 
 
 def _from_rest(poses: Poses, at: FloatArray, rest_frames: Sequence[int], n_frames: int) -> BodyMotion:
-    """Poses as motions of `at` from rest; what is common to all frames is fixed by the mean at rest."""
+    """Poses as motions of `at` from rest; the motion common to all frames is fixed by the mean at rest."""
     k, R = poses.frames, poses.R
     still = np.isin(k, list(rest_frames))
     if not still.any():
@@ -524,7 +525,7 @@ def _from_rest(poses: Poses, at: FloatArray, rest_frames: Sequence[int], n_frame
     N[:, :3, :3] = N[:, 3:, 3:] = R
     inverse = np.linalg.inv(N[still].mean(axis=0))
 
-    def from_rest(V: FloatArray) -> FloatArray:  # motions of all frames less those that make the rest zero
+    def from_rest(V: FloatArray) -> FloatArray:  # motions of all frames minus the mean at rest
         return np.asarray(V - np.einsum("kab,bc,cx->kax", N, inverse, V[still].mean(axis=0), optimize=True))
 
     V = np.einsum("kab,kblc->kalc", T, poses.covariance, optimize=True)

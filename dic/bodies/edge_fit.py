@@ -1,8 +1,8 @@
-"""Edge between two bodies in strips of pictures, by maximum likelihood of the rows' covariance.
+"""Edge between two bodies in strips of pictures, by a maximum-likelihood fit of the rows' covariance.
 
-Rows of a strip lie across the edge, its columns along it. Each column is a draw of a Gaussian process: the
-paint of each body has its own covariance, which ends at the edge, and the optics blur the result. The mean
-and the shading of each row are removed, so that the brightness of the bodies does not matter.
+The rows of a strip are parallel to the edge; each column crosses it. Each column is a sample of a Gaussian
+process: the paint of each body has a covariance that ends at the edge, and the optics blur the result. The
+mean and the shading of each row are removed, so that the brightness of the bodies does not matter.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,11 +19,11 @@ from dic.camera import Camera
 from dic.surfaces.cylinder import SpecimenFrame
 
 CELL = 0.5
-"""Distance of the places of paint that a pixel is summed over [px]."""
+"""Size of the cells of paint that are summed for a pixel [px]."""
 
 
 BEYOND = 5.0
-"""Paint beyond the strip that the blur brings into it [px]."""
+"""Width of paint beyond the strip that contributes by blur [px]."""
 
 
 def paint(lag: FloatArray, length: float, shape: float) -> FloatArray:
@@ -45,30 +45,30 @@ class _Side:
     """The paint of one body as the pixels see it."""
 
     response: FloatArray
-    """What each place of paint gives each pixel, shape [n_u, n_v]."""
+    """Contribution of each cell of paint to each pixel, shape [n_u, n_v]."""
     by_blur: FloatArray
-    """Its slope over the logarithm of the blur, shape [n_u, n_v]."""
+    """Its derivative by the logarithm of the blur, shape [n_u, n_v]."""
     end: tuple[int, FloatArray] | None
-    """The place of paint that the body ends in, and the slope of what it gives over that end [1/px], shape
-    [n_u]; None if the body ends beyond the strip."""
+    """The cell of paint in which the body ends, and the derivative of its contribution by the position of the
+    end [1/px], shape [n_u]; None if the body ends beyond the strip."""
 
 
 @dataclass(frozen=True)
 class _Paint:
-    """Covariance of the paint of one body and its slopes, wherever the body ends."""
+    """Covariance of the paint of one body and its derivatives, independent of the body's end."""
 
     size: float
     """Its standard deviation."""
     covariance: FloatArray
-    """Of the places of paint, shape [n_v, n_v]."""
+    """Covariance of the cells of paint, shape [n_v, n_v]."""
     by_length: FloatArray
-    """Slope over the logarithm of the length, for a standard deviation of 1, shape [n_v, n_v]."""
+    """Derivative by the logarithm of the length, for a standard deviation of 1, shape [n_v, n_v]."""
     by_shape: FloatArray
-    """The same over that of the shape."""
+    """Derivative by the logarithm of the shape, likewise."""
 
     @classmethod
     def of(cls, n: int, size: float, length: float, shape: float) -> "_Paint":
-        """The paint at `n` places in a row."""
+        """The paint of `n` cells in a row."""
         lag, apart = CELL * np.arange(n, dtype=np.float64), _step_distance(n)
         lengths, shapes = _paint_slopes(lag, length, shape)
         return cls(size, size**2 * paint(lag, length, shape)[apart], lengths[apart], shapes[apart])
@@ -87,7 +87,7 @@ class _Share:
 
     @classmethod
     def of(cls, side: _Side, of: _Paint) -> "_Share":
-        """What a body's paint gives the pixels."""
+        """Contribution of a body's paint to the pixels."""
         near, sized = side.response @ of.covariance, of.size**2 * side.response
         return cls(
             covariance=near @ side.response.T,
@@ -106,10 +106,10 @@ def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> F
 def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
     """Covariance of the rows of a strip, and its slope over each parameter.
 
-    ``p``: place of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond
+    ``p``: position of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond
     [px], of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter. ``u``:
-    places of the rows [px], shape [n_rows]. ``width``: band for parameter 0, and what parameter 1 adds [px].
-    Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
+    positions of the rows [px], shape [n_rows]. ``width``: width of the band for parameter 0, and its increase
+    for parameter 1 [px]. Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
     """
     return next(of_bands(p, u, [width], free))
 
@@ -117,8 +117,8 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
 def of_bands(
     p: FloatArray, u: FloatArray, widths: Iterable[FloatArray], free: bool
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """`with_slopes` of several bands in turn: what is alike for all of them, above all the body before the
-    edge, is worked out once."""
+    """`with_slopes` for several bands in turn; common parts, mainly the body before the edge, are computed
+    once."""
     edge, (blur, first, second_grey, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
     paint_beyond = _Paint.of(v.size, second, second_grey, shape)
@@ -178,8 +178,8 @@ def sandwich(
     counts: FloatArray,
     bound: list[tuple[float, float]],
 ) -> float:
-    """Standard deviation of the place from the scatter of the blocks' scores: ``H^-1 Σ g gᵀ H^-1 n/(n-1)``
-    with the information H; parameters at a bound are held."""
+    """Standard deviation of the edge's position from the scatter of the blocks' scores: ``H^-1 Σ g gᵀ H^-1
+    n/(n-1)`` with the information H; parameters at a bound are fixed."""
     used = [
         k
         for k, (low, high) in enumerate(bound)
@@ -214,56 +214,57 @@ LENGTH = (0.4, 10.0)
 SHAPE = (0.3, 20.0)
 """Least and largest shape of the paint's covariance [-]."""
 NOISE = (0.03, 0.5)
-"""Least and largest standard deviation of what is no paint, over the contrast [-]."""
+"""Smallest and largest standard deviation of the noise, over the contrast [-]."""
 CONTRAST = (0.01, 3.0)
 """Least and largest standard deviation of a body's paint, over that of the strip [-]."""
 GRID = 0.5
-"""Distance of the places that are tried [px]."""
+"""Distance of the start positions that are tried [px]."""
 AT_END = 0.05
-"""An edge so near to the end of the search was not found [px]."""
+"""An edge closer than this to the end of the search range counts as not found [px]."""
 ROOM = 1.0
-"""Rows between an edge that is looked for and the end of a strip [px]."""
+"""Smallest distance between an edge and the end of a strip [px]."""
 CLEAR_OF_EDGE = 3.0
-"""Rows so far before an edge have the contrast of the body [px]."""
+"""Distance before an edge from which rows have the body's full contrast [px]."""
 BLOCK = 8.0
-"""Width of the blocks of columns that count as independent [px]: more than a speckle."""
+"""Width of the blocks of columns that are taken as independent [px]: more than a speckle."""
 BANDS = 6
-"""Groups of frames with like bands that are distinguished."""
+"""Largest number of groups of frames with similar bands."""
 ALIKE = 0.05
-"""Bands that differ by less are alike [px]."""
+"""Bands that differ by less are treated as equal [px]."""
 
 
 @dataclass(frozen=True)
 class EdgeFit:
-    """An edge that was found."""
+    """Result of an edge fit."""
 
     place: float
-    """Place, outward from where it was looked for [px]."""
+    """Position, outward from the centre of the search [px]."""
     sigma: float
-    """Its standard deviation, from how the blocks of columns scatter [px]."""
+    """Its standard deviation, from the scatter of the blocks of columns [px]."""
     band: float
     """Parameter of the band's width, from 0 to 1 [-]."""
     contrast: float
-    """Standard deviation of the body's paint over that of what is no paint [-]."""
+    """Standard deviation of the body's paint over that of the noise [-]."""
     gap: float
-    """Distance from where the rows' contrast falls to half that of the body to the place [px]: about none
-    where the paint reaches to the edge, as wide as the gap where it does not."""
+    """Distance of the edge from the row where the contrast falls to half that of the body [px]: near zero if
+    the paint reaches the edge, otherwise the width of the gap in the paint."""
 
 
 def strip_places(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
-    """Places on the cameras' side of a cylinder about the axis [m], shape [n_y, n_x, 3]."""
+    """Positions on the cameras' side of a cylinder about the axis [m], shape [n_y, n_x, 3]."""
     Y, X = np.meshgrid(y, x, indexing="ij")
     return np.stack([X, Y, np.sqrt(np.maximum(radius**2 - X**2, 0.0))], axis=-1)
 
 
 def in_view(camera: Camera, shape: tuple[int, ...], frame: SpecimenFrame, places: FloatArray) -> BoolArray:
-    """Places of the test frame that lie in the picture, a pixel clear of its border, shape [n_y, n_x]."""
+    """True for positions in the test frame that lie in the picture, at least a pixel from its border, shape
+    [n_y, n_x]."""
     at = camera.project(frame.in_rig(places.reshape(-1, 3))).reshape(*places.shape[:2], 2)
     return np.asarray(np.all((at >= 1.0) & (at <= np.array(shape[::-1]) - 2.0), axis=2))
 
 
 def sampled(camera: Camera, picture: FloatArray, frame: SpecimenFrame, places: FloatArray) -> FloatArray:
-    """Grey values of a picture at places of the test frame that lie in it, shape [n_y, n_x]."""
+    """Grey values of a picture at positions in the test frame, all within the picture, shape [n_y, n_x]."""
     at = camera.project(frame.in_rig(places.reshape(-1, 3))).T[::-1]
     return np.asarray(ndimage.map_coordinates(picture, at, order=3).reshape(places.shape[:2]))
 
@@ -278,12 +279,13 @@ def fit_edge(
 ) -> EdgeFit | None:
     """Find an edge in strips.
 
-    ``strips``: grey values, shape [n_frames, n_rows, n_columns]. ``u``: places of the rows, outward from the
-    body, from where the edge is looked for [px], shape [n_rows]. ``bands``: width of the band in every frame
-    for a parameter p from 0 to 1, as ``first + p second`` [px], shape [2, n_frames]. ``reach``: largest
-    distance of the edge from there [px]. ``sure``: True if other evidence says that there is an edge within
-    `reach`: no other place is tried then. Where frames repeat the body's paint, its own chance may look like
-    an edge. Returns: None if the most likely edge of the strip is not within `reach`, or at an end of it.
+    ``strips``: grey values, shape [n_frames, n_rows, n_columns]. ``u``: positions of the rows, outward from
+    the body, relative to the centre of the search [px], shape [n_rows]. ``bands``: width of the band in every
+    frame for a parameter p from 0 to 1, as ``first + p second`` [px], shape [2, n_frames]. ``reach``: largest
+    distance of the edge from the centre [px]. ``sure``: True if other evidence shows that there is an edge
+    within `reach`; no other position is then tried. If the frames show the same paint, its random pattern may
+    resemble an edge. Returns: None if the most likely edge of the strip is not within `reach`, or at an end
+    of it.
     """
     flat = without_shading(strips)
     size = float(np.sqrt(np.mean(flat**2)))
@@ -297,7 +299,7 @@ def fit_edge(
     n = int(group.max()) + 1
     width = np.stack([widths[:, group == k].mean(axis=1) for k in range(n)])
     n_blocks = int(columns.max()) + 1
-    moments = np.zeros((n, n_blocks, u.size, u.size))  # sums of squares, not yet over their number
+    moments = np.zeros((n, n_blocks, u.size, u.size))  # sums of squares, not yet divided by their number
     for k in range(n):
         for b in range(n_blocks):
             part = flat[group == k][:, :, columns == b]
@@ -369,7 +371,7 @@ def without_shading(strips: FloatArray) -> FloatArray:
 
 
 def _groups(widths: FloatArray) -> IntArray:
-    """Group of every frame, by the width of its band; shape [n_frames]."""
+    """Group number of every frame, by the width of its band; shape [n_frames]."""
     typical = widths[0] + 0.5 * widths[1]
     low, high = float(typical.min()), float(typical.max())
     if high - low < ALIKE:
@@ -379,6 +381,6 @@ def _groups(widths: FloatArray) -> IntArray:
 
 
 def _blocks(n_columns: int) -> IntArray:
-    """Block of every column, shape [n_columns]."""
+    """Block number of every column, shape [n_columns]."""
     n = max(int(n_columns / BLOCK), 2)
     return np.minimum((np.arange(n_columns) * n) // n_columns, n - 1)

@@ -1,8 +1,9 @@
-"""Position of a body of which the pictures at rest show only an edge strip.
+"""Position of a body of which only an edge strip is visible at rest.
 
-The strip has too few rows for a subset, but it moves as one. The static pictures of both cameras are compared
-pixel by pixel with the material picture; the one unknown is the translation along the axis. The last rows of
-a picture show a place a fraction of a pixel further in; `EdgeRegistration.fit_row_offsets` measures this.
+The strip has too few rows for a subset, but it moves as a rigid body. The static pictures of both cameras are
+compared pixel by pixel with the material picture; the only unknown is the translation along the axis. The
+outermost rows of a picture are shifted inward by a fraction of a pixel; `EdgeRegistration.fit_row_offsets`
+measures this.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,17 +20,17 @@ from dic.stereo.geometry import pixels_per_length
 from dic.surfaces.cylinder import SpecimenFrame
 
 EDGE_ROWS = 12
-"""Rows of pixels that are compared, from the border that the body comes in by."""
+"""Number of rows that are compared, from the border at which the body enters the picture."""
 
 
 FEWEST = 40
-"""Pixels of both cameras that must show the body."""
+"""Fewest pixels of both cameras that must show the body."""
 LEAST_ZNCC = 0.9
-"""Least ZNCC of a strip that is taken for the body, whatever it has in other frames."""
+"""Smallest ZNCC of a strip that is accepted as the body, independent of other frames."""
 UNLIKE, TIMES = 0.03, 6.0
-"""Least 1 - ZNCC at which it is not, and in medians of those of frames whose translation is known [-]. A
-strip of speckles of some four pixels that is half a pixel off leaves 0.03; what noise leaves, it leaves in
-all frames."""
+"""Smallest 1 - ZNCC at which a strip is rejected, absolute and relative to the median of frames with known
+translation [-]. For speckles of about four pixels, an error of half a pixel gives 0.03; noise gives the same
+value in all frames."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,13 @@ class EdgeView:
     x: IntArray
     """Pixels of the edge strip (x, y), shape [n, 2]."""
     X: FloatArray
-    """Intersections of their rays with the body's cylinder, in the test frame, shape [n, 3]; those that miss
-    it are left out."""
+    """Intersections of their rays with the body's cylinder, in the test frame [m], shape [n, 3]; rays that
+    miss it are left out."""
     row: IntArray
-    """Their rows, counted from the border that the body comes in by, shape [n]."""
+    """Their rows, counted from the border at which the body enters, shape [n]."""
 
     def grey(self, places: FloatArray) -> FloatArray:
-        """Grey values of the picture in which the points were chosen [grey], at places (x, y) [px]."""
+        """Grey values of the picture in which the points were chosen [grey], at positions (x, y) [px]."""
         at = places[:, ::-1].T
         grey = ndimage.map_coordinates(self.coefficients, at, order=5, mode="mirror", prefilter=False)
         return np.asarray(grey)
@@ -56,15 +57,16 @@ class EdgeView:
 
 @dataclass(frozen=True)
 class VisiblePixels:
-    """The pixels of a camera that show the body, beside the same places of the material picture."""
+    """The pixels of a camera that show the body, and the corresponding values of the material picture."""
 
     view: EdgeView
     X: FloatArray
-    """Their places on the body at the time of the material picture, in the test frame [m], shape [n, 3]."""
+    """Their positions on the body at the time of the material picture, in the test frame [m], shape [n,
+    3]."""
     grey: FloatArray
     """Grey values of the pixels, shape [n]."""
     reference: FloatArray
-    """Grey values of the same places in the material picture, shape [n]."""
+    """Grey values of the same positions in the material picture, shape [n]."""
     row: IntArray
     """The pixels' rows from the border, shape [n]."""
 
@@ -85,7 +87,7 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
 
 
 def least_zncc(values: Sequence[float]) -> float:
-    """Least ZNCC at which a strip is accepted as the body's.
+    """Smallest ZNCC at which a strip is accepted as the body's.
 
     ``values``: ZNCC in the frames in which the body's translation is known.
     """
@@ -115,11 +117,11 @@ def rays_on_body(
     radius: float,
     across: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
-    """Where the rays of pixels meet a cylinder about the axis, in the test frame [m], shape [n, 3]; NaN for
-    those that miss it.
+    """Intersections of the rays of pixels with a cylinder about the axis, in the test frame [m], shape [n,
+    3]; NaN for rays that miss it.
 
     ``camera``, ``frame``: the camera and the test frame. ``pixels``: pixels (x, y) [px], shape [n, 2].
-    ``radius``: of the cylinder [m]. ``across``: a point of its axis in the test frame [m], shape [3].
+    ``radius``: radius of the cylinder [m]. ``across``: a point of its axis in the test frame [m], shape [3].
     """
     ideal = camera.undistort(pixels)
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
@@ -136,7 +138,7 @@ def rays_on_body(
 def _edge_view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
 ) -> EdgeView:
-    """The edge strip in one camera; the body comes in by the border that `outward` (x, y) points to."""
+    """The edge strip in one camera; the body enters at the border in the direction `outward` (x, y)."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
     axis = int(np.argmax(np.abs(outward)))
@@ -159,7 +161,7 @@ def _visible_pixels(
     motion: FloatArray,
     offset: FloatArray,
 ) -> VisiblePixels:
-    """The pixels that show the body, moved by `motion` to its place in the material picture."""
+    """The pixels that show the body, mapped by `motion` to the material picture."""
     X = view.X + motion
     X[:, 1] -= offset[view.row]
     chosen = first.project(frame.in_rig(X))
@@ -175,39 +177,39 @@ def _visible_pixels(
 
 
 LARGEST_EDGE = 0.1
-"""Largest error of the row at the region's end, in frames whose translation is known, with which it may be
-used where no other is in view [px]: beyond it the blur of the body's own edge is in it."""
+"""Largest error of the row at the region's end, in frames with known translation, for which this row is used
+if no other row is in view [px]. A larger error is due to the blur of the body's edge."""
 FEWEST_ROW = 20
-"""Pixels of a row that must show the body before the row's own place is found."""
+"""Fewest pixels of a row that must show the body for an estimate of the row's offset."""
 FEWEST_FRAMES = 3
-"""Frames in which a row must have shown it."""
+"""Fewest frames in which a row must show the body."""
 SEARCH_STEP = 0.18
-"""Distance of the translations that are tried [px]: a fraction of a speckle."""
+"""Step of the translations that are tried [px]: a fraction of a speckle."""
 MOST_STEPS, CONVERGED = 10, 2e-4
-"""Gauss-Newton steps at most, and the step at which they end [px]."""
+"""Largest number of Gauss-Newton steps, and the step size at which they end [px]."""
 LARGEST_CORRECTION = 0.54
-"""Largest distance of the result from the best of the translations tried [px]."""
+"""Largest distance of the result from the best one of the tried translations [px]."""
 SLOPE_STEP = 0.02
 """Step of the difference quotient of grey values [px]."""
 
 
 @dataclass(frozen=True)
 class RegisteredEdge:
-    """A translation of the body."""
+    """A translation of the body by registration of its edge strip."""
 
     y: float
     """Translation along the axis [m]."""
     sigma: float
     """Its standard deviation, from the residual of the comparison [m]."""
     common: float
-    """Standard deviation common to frames that show the same rows, beside `sigma`, from the uncertainty of
-    the rows' offsets, and of the row at the region's end where it is used [m]."""
+    """Further standard deviation, common to frames that show the same rows, due to the uncertainty of the
+    rows' offsets and of the row at the region's end if that is used [m]."""
     clear: bool
-    """False where rows clear of the region's end are too few, and the row at its end counts too."""
+    """False if there are too few rows clear of the region's end, so that the row at its end is used too."""
     zncc: float
     """ZNCC of the edge strip."""
     n_pixels: int
-    """Pixels that showed it."""
+    """Number of pixels that show the strip."""
 
 
 class EdgeRegistration:
@@ -215,9 +217,9 @@ class EdgeRegistration:
 
     ``material``: pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
     [rows, columns] each. ``mask``: pixels of the body in camera 0's picture of that time, shape [rows,
-    columns]. ``rig``, ``frame``: the cameras and the test frame, about whose y the body is one of revolution.
-    ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3]. ``move``:
-    translation at the time of `material` [m], shape [3].
+    columns]. ``rig``, ``frame``: the cameras and the test frame, the body is a body of revolution about its y
+    axis. ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3].
+    ``move``: translation at the time of `material` [m], shape [3].
     """
 
     def __init__(
@@ -246,13 +248,13 @@ class EdgeRegistration:
     def fit_row_offsets(
         self, matched_frames: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
-        """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
-        no strip that looks much less like the body than these frames.
+        """Estimate the offset of each row at the border. `register` subtracts it, and rejects strips with a
+        much lower correlation than in these frames.
 
-        ``matched_frames``: pairs of pictures, shape [rows, columns] each, with the body's translation in
-        them [m], shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape
-        [2, `EDGE_ROWS`]; 0 where unknown. Returns: its standard deviation, from the scatter of the frames
-        [m], same shape.
+        ``matched_frames``: pairs of pictures, shape [rows, columns] each, with the body's translation in them
+        [m], shape [3]. Returns: offsets along y of each camera's rows from the border inward [m], shape [2,
+        `EDGE_ROWS`]; 0 where unknown. Returns: its standard deviation, from the scatter of the frames [m],
+        same shape.
         """
         frames = [self._row_offsets(pictures, move) for pictures, move in matched_frames]
         self._least = least_zncc([zncc for _, zncc in frames if zncc > 0.0])
@@ -272,9 +274,9 @@ class EdgeRegistration:
         """Translation of the body in a pair of pictures.
 
         ``pictures``: of camera 0 and camera 1, shape [rows, columns] each. ``near``: a translation across the
-        axis (x and Z count) [m], shape [3]. ``tried``: translations along the axis to begin with, increasing
-        or decreasing [m], shape [n]. Returns: None if too few pixels show the body, or no place tried looks
-        like it.
+        axis (x and Z count) [m], shape [3]. ``tried``: start values of the translation along the axis,
+        increasing or decreasing [m], shape [n]. Returns: None if too few pixels show the body, or no start
+        value gives a sufficient correlation.
         """
         whole, clear = self._masks
         score = np.array([_zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
@@ -300,7 +302,8 @@ class EdgeRegistration:
     def end_error(
         self, matched_frames: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> float | None:
-        """Error with which the row at the region's end shows the body where its translation is known [m].
+        """Error of the body's position from the row at the region's end, in frames with known translation
+        [m].
 
         ``matched_frames``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is
         in view there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames
@@ -322,7 +325,7 @@ class EdgeRegistration:
     def _converged(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, tuple[float, float, float, float, int]]:
-        """Gauss-Newton from y to the translation that fits best [m], and `_compare` there."""
+        """Best-fit translation by Gauss-Newton from y [m], and the result of `_compare` there."""
         for _ in range(MOST_STEPS):
             fit = self._compare(pictures, near, y, mask)
             longest = SEARCH_STEP * self.pixel
@@ -335,8 +338,8 @@ class EdgeRegistration:
     def _row_offsets(
         self, pictures: tuple[FloatArray, FloatArray], move: FloatArray
     ) -> tuple[FloatArray, float]:
-        """Offset along y from `move` at which each row shows the body [m], shape [2, `EDGE_ROWS`]; NaN: not
-        known. And the strip's ZNCC, -1 for too few pixels."""
+        """Offset of each row along y from `move` [m], shape [2, `EDGE_ROWS`]; NaN: not known. And the strip's
+        ZNCC, -1 for too few pixels."""
         off, parts = np.full((2, EDGE_ROWS), np.nan), []
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
             visible = _visible_pixels(
@@ -370,8 +373,8 @@ class EdgeRegistration:
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
-        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
-        offsets add to its sigma [m], and the pixels."""
+        """Correlation at a translation y, the Gauss-Newton step of y [m], its variance, the contribution of
+        the rows' offsets to its sigma [m], and the number of pixels."""
         parts = self._visible(pictures, near, y, mask)
         zncc, n = _zncc_of(parts), sum(len(part.grey) for part in parts)
         if zncc <= -1.0:
@@ -393,11 +396,11 @@ SEARCH_RANGE = 0.9
 
 
 MOST_OFFSET_FRAMES = 40
-"""Frames at most from which the offsets of the rows at the border of the picture are found."""
+"""Largest number of frames from which the offsets of the rows at the picture's border are estimated."""
 
 
 MOST_RECENT = 12
-"""Frames from which the error of the row at the region's end is found."""
+"""Number of frames from which the error of the row at the region's end is estimated."""
 
 
 def registered_edges(
@@ -432,7 +435,7 @@ def registered_edges(
         try:
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:
-            continue  # its frame has an outcome that says so (`dic.images.frame_health`)
+            continue  # the frame's outcome reports this (`dic.images.frame_health`)
         (last, latest), (before, earlier) = past
         speed = 0.0 if static[k] else (latest - earlier) / (last - before)
         expected = latest + speed * (k - last)
@@ -447,7 +450,7 @@ def registered_edges(
         else:
             end_error = registration.end_error(recent) if end_error is None else end_error
             if end_error is None:
-                break  # what is left of the body is too near its own edge
+                break  # the visible part of the body is too near its edge
             edge = replace(edge, common=float(np.hypot(edge.common, end_error)))
         result.append((k, edge))
         past = [(k, edge.y), past[0]]
@@ -457,12 +460,12 @@ def registered_edges(
 def consistent_frames(
     rows: list[int], positions: list[float], counts: list[int], static: BoolArray, distance: float
 ) -> list[bool]:
-    """Frames that agree with the path of those after them.
+    """True for frames that agree with the path of the later ones.
 
-    As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
-    back to rest, a frame farther than `distance` [m], or half a step, from the line through the next is left
-    out. The body came to speed after it rested: a static frame is left out where it is farther than
-    `distance` beyond the line, or on the other side of the frame next to it.
+    While a body enters the picture, a few of its points may agree on a wrong position. From the frame with
+    the most points back to rest, a frame is left out if it is farther than `distance` [m], or half a step,
+    from the line through the next frames. Because the body accelerates from rest, a static frame is left out
+    if it lies farther than `distance` beyond that line, or on the other side of the next frame.
     """
     fine = [True] * len(rows)
     if not rows:
@@ -485,7 +488,7 @@ def consistent_frames(
 
 
 def at_rest_before(change: float, most: float, distance: float) -> bool:
-    """Whether a body can have rested where a static frame shows it."""
+    """Whether the position in a static frame is a possible position at rest."""
     low, high = min(most, 0.0), max(most, 0.0)
     return low - distance <= change <= high + distance
 
@@ -493,7 +496,7 @@ def at_rest_before(change: float, most: float, distance: float) -> bool:
 def _in_view(
     pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], positions: list[float]
 ) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
-    """Pictures of frames whose points give the translation, with it; about `MOST_OFFSET_FRAMES` of them."""
+    """Pictures and translations of about `MOST_OFFSET_FRAMES` frames whose points give the translation."""
     finite = [(k, y) for k, y in zip(rows, positions, strict=True) if np.isfinite(moves[k]).all()]
     for k, y in finite[:: max(len(finite) // MOST_OFFSET_FRAMES, 1)]:
         try:

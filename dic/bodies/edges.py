@@ -1,8 +1,8 @@
-"""Edges between bodies in a picture: by rigid motion, by correlation of rows; the arc of a rim.
+"""Edges between bodies in a picture, by rigid motion or by correlation of rows; the arc of a rim.
 
-Pictures that are shifted with the flyer agree row by row where they show the flyer, and disagree where they
-show the specimen. At rest, two rows of pixels on either side of an end do not correlate, as rows of one body
-do. A camera outside the plane of an end sees its circle as an arc, to which a robust parabola is fitted.
+Pictures shifted with the flyer agree in the rows of the flyer and disagree in those of the specimen. At rest,
+adjacent rows of one body correlate, but two rows on either side of an end do not. A camera outside the plane
+of an end sees its circle as an arc, which is fitted by a robust parabola.
 """
 
 from collections.abc import Sequence
@@ -16,37 +16,37 @@ from dic.basics import FloatArray, IntArray, zncc
 from dic.images import PictureError, Pictures
 
 STRIP = 8
-"""Rows at the border that are followed first [px]."""
+"""Rows at the border that are tracked first [px]."""
 FEWEST_ROWS = 4
-"""Rows of the flyer that must be in view for its place to be known [px]."""
+"""Fewest rows of the flyer in view for an estimate of its position [px]."""
 FEWEST_FRAMES = 5
-"""Frames that must show a row before its standard deviation counts."""
+"""Fewest frames that must show a row for its standard deviation to be used."""
 LEAST_TRAVEL = 3.0
-"""Least travel of what is taken for the flyer [px]."""
+"""Smallest travel of a body that is taken as the flyer [px]."""
 LARGEST_SPAN = 0.3
-"""Travel over which pictures are compared, as a share of their rows."""
+"""Largest travel over which pictures are compared, as a share of their rows."""
 LEAST_ZNCC = 0.85
 """Least correlation of the flyer's rows from frame to frame."""
 RIGID = 1.4
-"""Rows of the flyer, held still, vary by less than this many standard deviations of the noise,"""
+"""After the shift with the flyer, its rows vary by less than this many standard deviations of the noise,"""
 PLACED = 0.1
-"""beside what they vary by for being held still to so much only: warm air, interpolation, the shift's own
-error [px]. The flanks of sharp speckles turn a twentieth of a pixel into more than the noise."""
+"""in addition to the variation due to the remaining shift: warm air, interpolation, error of the shift [px].
+At the edges of sharp speckles a twentieth of a pixel causes more variation than the noise."""
 DEPARTS = 2.0
-"""The first row that varies this many times what the flyer's rows do is at its edge."""
+"""The first row that varies by this many times as much as the flyer's rows is at the edge."""
 EDGE_SHARE = 0.3
-"""Share of what the rows beyond it vary by at which the edge is put: on the flyer's side, as the specimen's
-rows next to it move nearly as one with it."""
+"""The edge is placed where the variation reaches this share of that in the rows beyond. It is below one half,
+because the specimen's adjacent rows move almost with the flyer."""
 WIDTH = 3
-"""Rows beyond it within which the pictures differ as the specimen's speckles do at the edge."""
+"""Number of rows beyond the edge whose variation represents that of the specimen."""
 CLEAR = 3.0
-"""Rows just beyond the flyer's edge vary by this many times what its own rows vary by."""
+"""Smallest ratio of the variation just beyond the flyer's edge to that of the flyer's rows."""
 SPANS = 16
-"""Travels that are tried, from the longest to the least."""
+"""Number of travels that are tried, from the longest to the shortest."""
 MOST_ROWS = 40
-"""Rows of the flyer that are followed at most."""
+"""Largest number of rows of the flyer that are tracked."""
 FINE_STEPS = 4
-"""Gauss-Newton steps of a shift."""
+"""Number of Gauss-Newton steps for a shift."""
 
 
 @dataclass(frozen=True)
@@ -54,18 +54,19 @@ class FollowedEdge:
     """The edge of the flyer in the frames that show enough of it."""
 
     frames: IntArray
-    """Places in the list of frames that was given, the last first, shape [n]."""
+    """Indices in the given list of frames, the last first, shape [n]."""
     row: FloatArray
-    """Rows of the edge, counted as pixel centres from the border the flyer comes in by [px], shape [n]."""
+    """Row of the edge in each frame, in pixel centres from the border at which the flyer enters [px], shape
+    [n]."""
     contrast: float
     """Standard deviation over the frames beyond the edge over that within the flyer [-]."""
 
 
 def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
-    """Follow the edge of a flyer that comes in by the first row.
+    """Track the edge of a flyer that enters at the first row.
 
-    ``pictures``: grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames,
-    rows, columns]. ``noise``: standard deviation of their noise.
+    ``pictures``: grey values of successive frames, corrected for uneven light, with the flyer at the top,
+    shape [n_frames, rows, columns]. ``noise``: standard deviation of their noise.
     """
     n, rows, _ = pictures.shape
     travel, first = _coarse_travel(pictures)
@@ -76,7 +77,7 @@ def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
             f"the picture, at least {LEAST_TRAVEL:g} px are needed"
         )
     last, contrast = _consistent_edge(pictures[first:], travel[first:], noise, LARGEST_SPAN * rows)
-    certain = travel <= last - STRIP - 1.0  # further back the strip holds specimen too
+    certain = travel <= last - STRIP - 1.0  # in earlier frames the strip also contains the specimen
     certain[:first] = False
     frames, edges = [n - 1], [last]
     shift, speed = 0.0, 0.0
@@ -95,8 +96,8 @@ def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
 
 
 def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
-    """Travel from each frame to the last by the rows at the border [px], and the first frame it is known
-    in."""
+    """Travel from each frame to the last one by the rows at the border [px], and the first frame in which it
+    is known."""
     n, rows, _ = pictures.shape
     farthest = max(6, rows // 16)
     travel = np.zeros(n)
@@ -115,7 +116,7 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
         if 0 < best < score.size - 1:
             a, b, c = score[best - 1 : best + 2]
             part = 0.5 * (a - c) / (a - 2.0 * b + c)
-        # against the last frame: what each pair of frames is off by does not add up
+        # relative to the last frame, so that errors do not accumulate
         rough = travel[k + 1] + best - 1 + part
         fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
         travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
@@ -123,7 +124,7 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: int) -> float | None:
-    """Shift that carries the first rows of a picture to the last one [px]; None where it does not settle."""
+    """Shift from the first rows of a picture to the last picture [px]; None if it does not converge."""
     f = picture[:in_view].ravel()
     f = f - f.mean()
     at = np.arange(in_view, dtype=np.float64)
@@ -142,7 +143,7 @@ def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: in
 
 
 def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
-    """Rows between those of a picture, cubic (Catmull-Rom), shape [n, columns]."""
+    """Interpolated rows of a picture, cubic (Catmull-Rom), shape [n, columns]."""
     rows = len(picture)
     base = np.floor(at).astype(np.int64)
     t = (at - base)[:, None]
@@ -161,7 +162,8 @@ def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
-    """Standard deviation over the frames of every row of the last picture, the flyer held still."""
+    """Standard deviation over the frames for every row of the last picture, after the shift with the
+    flyer."""
     rows = pictures.shape[1]
     total = np.zeros(pictures.shape[1:])
     square, count = np.zeros_like(total), np.zeros(rows)
@@ -181,7 +183,8 @@ def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
 def _consistent_edge(
     pictures: FloatArray, travel: FloatArray, noise: float, largest: float
 ) -> tuple[float, float]:
-    """Row of the edge in the last picture, from the longest travel in which the strip is all flyer."""
+    """Row of the edge in the last picture, from the longest travel over which the strip shows only the
+    flyer."""
     problem, before = "", 0
     for span in np.linspace(largest, LEAST_TRAVEL, SPANS):
         used = travel <= span
@@ -202,14 +205,14 @@ def _consistent_edge(
 
 
 def rigid_limit(rows: FloatArray, noise: float) -> float:
-    """Largest standard deviation over the frames of rows that are held still."""
+    """Largest standard deviation over the frames for rows of the flyer, after the shift with the flyer."""
     slope = 0.5 * (rows[2:] - rows[:-2])
     true = max(float(np.mean(slope**2)) - 0.5 * noise**2, 0.0)
     return float(np.sqrt((RIGID * noise) ** 2 + PLACED**2 * true))
 
 
 def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[float, float]:
-    """Row of the edge in the last picture, and how clear it is."""
+    """Row of the edge in the last picture, and the ratio of variations across it."""
     spread = _row_variation(pictures, travel)
     finite = np.flatnonzero(np.isfinite(spread))
     if finite.size < 2 * FEWEST_ROWS:
@@ -236,20 +239,19 @@ def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[
 
 
 TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
-"""Quarter turns that bring the flyer to the top."""
+"""Number of quarter turns that rotate the flyer to the top."""
 EVEN = 20.0
-"""Standard deviation of the Gaussian that evens out the light along a row [px]."""
+"""Standard deviation of the Gaussian that estimates the uneven light along a row [px]."""
 CLEAR_CORRELATION = 0.5
-"""An edge's correlation is less than this share of the median in the bodies."""
+"""The correlation across an edge is less than this share of the median within the bodies."""
 APART = 0.15
-"""And by so much less than anywhere else on the same half of the specimen."""
+"""It is also smaller by this amount than anywhere else on the same half of the specimen."""
 FASTEST = 6
-"""Rows that the flyer's edge may go from frame to frame [px]."""
+"""Largest motion of the flyer's edge from frame to frame [px]."""
 
 
 def row_correlation(picture: FloatArray) -> FloatArray:
-    """Correlation of the rows above and below each row, shape [rows]; 1 in the first and last, which have
-    none."""
+    """Correlation of the rows above and below each row, shape [rows]; 1 for the first and last row."""
     f = picture - gaussian_filter1d(picture, EVEN, axis=1)
     above, below = f[:-2], f[2:]
     scale = np.sqrt(np.sum(above**2, axis=1) * np.sum(below**2, axis=1))
@@ -258,7 +260,7 @@ def row_correlation(picture: FloatArray) -> FloatArray:
 
 
 def rotate_rows(picture: FloatArray, toward: str) -> FloatArray:
-    """The picture with the flyer at the top."""
+    """The picture, rotated so that the flyer is at the top."""
     return np.rot90(picture, TURNS[toward])
 
 
@@ -279,8 +281,8 @@ def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
 def follow_by_correlation(
     pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
 ) -> tuple[int, FloatArray, int]:
-    """Track the flyer's edge by the path of least correlation from row `start` of the first frame; it never
-    comes to row `farthest`. Returns the last frame, its picture, and the row before the edge."""
+    """Track the flyer's edge along the path of least correlation from row `start` of the first frame; it
+    cannot reach row `farthest`. Returns the last frame, its picture, and the row before the edge."""
     cost, back, usable = None, [], []
     picture = np.empty(0)
     for k in frames:
@@ -311,7 +313,7 @@ def follow_by_correlation(
 
 
 def _shifted(cost: FloatArray, step: int) -> FloatArray:
-    """The cost of having been `step` rows further up."""
+    """The cost, shifted by `step` rows."""
     result = np.full(cost.size, np.inf)
     if step >= 0:
         result[step:] = cost[: cost.size - step]
@@ -321,17 +323,18 @@ def _shifted(cost: FloatArray, step: int) -> FloatArray:
 
 
 BLOCKS = 8
-"""Blocks of columns."""
+"""Number of blocks of columns."""
 NARROWEST = 8
-"""Columns of a block, at least [px]."""
+"""Fewest columns of a block [px]."""
 RIM_CLEARANCE = 4
-"""Rows between the edge that is known roughly and those that are surely the platen's [px]."""
+"""Rows between the approximate edge and the rows that certainly show the platen [px]."""
 FEWEST = 3
-"""Rows of the platen that give its grey level."""
+"""Fewest rows of the platen for an estimate of its grey level."""
 SHARE = 0.5
-"""Share of what the specimen's rows depart from the platen's grey level by at which the edge is put."""
+"""The edge is placed where the difference from the platen's grey level is this share of that of the
+specimen's rows."""
 SPREAD = 0.4
-"""Departure of a block's edge from the arc from which on it counts less [px]."""
+"""Distance of a block's edge from the arc beyond which its weight decreases [px]."""
 
 
 def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:

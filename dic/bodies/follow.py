@@ -1,7 +1,7 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-The two cameras are tracked side by side: in two processes on a CPU, in two threads on a GPU, which a fork
-cannot use. The tracks have the same bits.
+The two cameras are tracked in parallel: in two processes on a CPU, in two threads on a GPU, which a fork
+cannot use. The results are bitwise equal.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,15 +27,15 @@ from dic.tracking.matcher import in_material, shares
 from dic.tracking.rigid import track_rigid
 
 EXACT = 1e-8
-"""Variance of a point in the picture it was chosen in [px²]: none but that of its rounding."""
+"""Variance of a point in the picture in which it was chosen [px²]: only rounding."""
 
 STRIP = 0.75
-"""Share of what a strip holds of a subset that both pictures must show."""
+"""Share of a subset's part inside a strip that both pictures must show."""
 
 
 @dataclass(frozen=True)
 class MatchedBody:
-    """Points of a body in the material pictures of both cameras, and how they are to be followed."""
+    """Points of a body in the material pictures of both cameras, and the settings of their tracking."""
 
     pictures: tuple[Pictures, Pictures]
     """The series of camera 0 and camera 1."""
@@ -50,21 +50,21 @@ class MatchedBody:
     match: StereoMatch
     """The match between the cameras in that frame."""
     tracking: Tracking
-    """How points are followed in time."""
+    """Settings of the tracking in time."""
     noise: tuple[Noise, Noise]
-    """Of the grey values of the cameras."""
+    """Noise of the grey values of both cameras."""
     health: tuple[IntArray, IntArray]
     """`FrameOutcome` of the pictures of the cameras, each of shape [n_frames]."""
     rigid: bool
     """True for a body that only translates."""
     device: str
-    """Where pictures are correlated."""
+    """Device on which pictures are correlated."""
     name: str
-    """What the stages are called to who asks for progress."""
+    """Name of the stages in progress reports."""
 
     @property
     def size(self) -> int:
-        """Points times frames: what a track of it holds."""
+        """Points times frames, the size of a track."""
         return len(self.points) * len(self.health[0])
 
 
@@ -86,13 +86,13 @@ def match_body(
 ) -> MatchedBody:
     """Choose the points of a region and match them between the cameras.
 
-    ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
-    usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
-    ``margin``: least distance from a point to the region's rim [px]. ``health``: `FrameOutcome` of the
-    pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture,
-    shape [rows, columns]; None: those within its corners. ``rigid``: True for a body that only translates.
-    ``name``: what the stages are called to `follow_bodies`. Raises ValueError: a region outside the picture,
-    or no frame that both cameras saw.
+    ``pictures``: the series of camera 0 and camera 1. ``region``: region of the body. If a camera has no
+    usable picture at its frame, the nearest frame with usable pictures is used. ``step``: distance of the
+    points [px]. ``margin``: smallest distance of a point from the region's boundary [px]. ``health``:
+    `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in
+    the region's picture, shape [rows, columns]; None: those within its corners. ``rigid``: True for a body
+    that only translates. ``name``: name of the stages in progress reports of `follow_bodies`. Raises
+    ValueError: a region outside the picture, or no frame that both cameras saw.
     """
     material = material_frame(health, region.frame)
     if mask is None:
@@ -108,11 +108,11 @@ def match_body(
 
 
 def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -> float:
-    """Share of a subset that pictures must show of a body of which a strip is in view.
+    """Share of a subset that pictures must show if only a strip of the body is in view.
 
-    A subset that is wider than the strip hangs over it on both sides, and the strip holds little more of it
-    than `Correlation.least_pixels` of its area, if that: nothing would be left for what the other camera does
-    not see.
+    A subset that is wider than the strip extends past it on both sides. The strip then contains hardly more
+    than `Correlation.least_pixels` of its area, and no margin would remain for pixels that the other camera
+    does not see.
     """
     share = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
     x, y = np.round(points).astype(int).T
@@ -120,7 +120,7 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
 
 
 def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:
-    """Follow a body's points in one camera; in camera 1 those that were matched."""
+    """Track a body's points in one camera; in camera 1 only the matched ones."""
     first, points, match = camera == 0, body.points, body.match
     matched = np.ones(len(points), dtype=bool) if first else match.valid
     if not matched.any():
@@ -143,12 +143,12 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
     if first:
         return result
     fields = dict(vars(result))
-    del result  # so that each array can go as soon as it was spread out
+    del result  # so that each array can be freed after it is expanded
     return _all_points(fields, points, match)
 
 
 def material_frame(health: tuple[IntArray, IntArray], preferred: int) -> int:
-    """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
+    """Frame nearest to the preferred one with a usable picture of both cameras; the earlier of two.
 
     ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``preferred``: the
     frame in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
@@ -173,7 +173,7 @@ def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Tr
 
 
 def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
-    """A track of the matched points with rows for the others, which keep the outcome of their match."""
+    """A track of the matched points, with rows for the others, which keep the outcome of their match."""
     valid, n_frames, n = match.valid, len(fields["warp"]), len(points)
     for name in ("warp", "covariance", "zncc", "excess", "reference"):
         if fields[name] is None or valid.all():
@@ -193,8 +193,8 @@ Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
 MOST_SENT = 400_000
-"""Points times frames, of all bodies, whose tracks a fork sends back: some 70 MB. The tracks of more points
-are worked out in threads, which wait for one another less the more points a match has."""
+"""Largest number of points times frames, of all bodies, whose tracks are computed in a fork: about 70 MB are
+sent back. Larger tracks are computed in threads, which block each other less the more points a match has."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class TrackedBody:
     """Both cameras' tracks of all points; a point without a stereo match has that match's outcome in
     camera 1."""
     reconstruction: Reconstruction
-    """Places in the rig's frame."""
+    """Positions in the rig's frame."""
     common: FloatArray | None
     """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
 
@@ -227,9 +227,9 @@ def follow_bodies(
     *,
     progress: Progress | None = None,
 ) -> list[TrackedBody]:
-    """Follow bodies that were matched, the two cameras side by side.
+    """Track matched bodies, with the two cameras in parallel.
 
-    ``progress``: notified of the frames done; of those of camera 1 when all are.
+    ``progress``: called with the frames done; for camera 1 only when all its frames are done.
     """
     report = progress or (lambda stage, done, total: None)
 
@@ -254,7 +254,7 @@ def follow_bodies(
 
 
 def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Track]) -> FloatArray | None:
-    """Noise that both tracks of a body share; None of a rigid one."""
+    """Noise that both tracks of a body share; None for a rigid one."""
     if body.rigid:
         return None
     lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
@@ -264,7 +264,7 @@ def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Trac
 def _tracked(
     body: MatchedBody, tracks: tuple[Track, Track], reconstruction: Reconstruction, common: FloatArray | None
 ) -> TrackedBody:
-    """The body with its points in space."""
+    """The body with its points reconstructed in space."""
     return TrackedBody(
         points=body.points,
         cell=body.cell,
@@ -278,12 +278,12 @@ def _tracked(
 
 
 def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> FloatArray:
-    """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape
-    [n_frames, n_points, 2, 2], alike in all frames and held once. In that picture itself, where the points
-    were chosen, camera 0 has no noise to share, and `reconstruct` takes as much.
+    """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape [n_frames,
+    n_points, 2, 2], equal in all frames and stored once. In the material picture itself camera 0 has no
+    noise, and `reconstruct` limits the common part accordingly.
 
-    Where the shape functions differ, what is common is the error of the lower one (`carried_from`): that of
-    camera 0's track, its `root`, or that of the match between the cameras, None.
+    If the shape functions differ, the common part is the error of the lower one: that of camera 0's track
+    (`root`), or that of the match between the cameras (None).
     """
     valid = match.valid
     common = np.zeros((len(valid), 2, 2))

@@ -1,8 +1,8 @@
 """Regions of bodies in pictures: polygons, regions carried to another frame or detected automatically.
 
-The flyer is what moves rigidly into the picture; its edge, followed back to rest, is the specimen's upper end
-(`dic.bodies.edges`). A declared region is carried to another frame by shifts of whole pixels, and only if its
-pixels correlate with the declared picture in every frame on the way.
+The flyer is the body that moves rigidly into the picture; its edge, tracked back to rest, is the specimen's
+upper end (`dic.bodies.edges`). A declared region is carried to another frame by shifts of whole pixels, if
+its pixels correlate with the declared picture in every frame between.
 """
 
 from collections.abc import Sequence
@@ -35,18 +35,18 @@ class Region:
     corners: tuple[tuple[float, float], ...]
     """Corners (x, y) [px]."""
     frame: int = 0
-    """The frame whose picture it is."""
+    """The frame in which it is declared."""
 
 
 def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int]) -> BoolArray:
-    """The pixels whose centres lie inside a polygon or on its rim.
+    """The pixels whose centres lie inside a polygon or on its boundary.
 
-    OpenCV's `fillPoly` fills the pixels that a side passes through as well, whose centres may lie up to half
-    a pixel outside: a region that is declared clear of an edge would come to it.
+    OpenCV's `fillPoly` also fills pixels that a side crosses, whose centres may lie up to half a pixel
+    outside: a region declared clear of an edge would touch it.
 
     ``corners``: corners (x, y) in order [px], at least three; the last is joined to the first. Even-odd rule.
     ``shape``: rows and columns of the picture. Returns: shape [rows, columns]. Raises ValueError: fewer than
-    three corners, one that is not finite, or a polygon that holds no pixel of the picture.
+    three corners, a corner that is not finite, or a polygon without a pixel of the picture.
     """
     vertices = np.asarray(corners, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
@@ -72,11 +72,11 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
 def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[FloatArray, IntArray]:
     """Points of a square grid inside a mask.
 
-    ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of neighbouring points [px], at
-    least 1. ``margin``: least distance from a point to the nearest pixel outside the mask [px]; the picture's
-    border is outside. Returns: places (x, y) [px], shape [n, 2]: whole numbers, so a point is a pixel's
-    centre. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step below
-    1, a negative margin, or no point that is left.
+    ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of adjacent points [px] (1 or
+    more). ``margin``: smallest distance of a point from the nearest pixel outside the mask [px]; the area
+    beyond the picture's border is outside. Returns: positions (x, y) [px], shape [n, 2]: whole numbers, i.e.
+    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step
+    below 1, a negative margin, or no remaining point.
     """
     if step < 1 or margin < 0.0:
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")
@@ -93,7 +93,7 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
             raise ValueError(
                 f"no pixel of the region is {margin:g} px inside it: enlarge it or lower the subset"
             )
-    # The grid is centred on what can be measured, so that both rims are approached alike.
+    # The grid is centred on the measurable area, so that both boundaries are approached equally.
     x = _centred(columns.min(), columns.max(), step)
     y = _centred(rows.min(), rows.max(), step)
     i, j = np.meshgrid(np.arange(x.size), np.arange(y.size))
@@ -115,13 +115,13 @@ FLANK = 0.3
 ARC_CLEAR = 1.5
 """Distance of the specimen's region from the arc of its lower end: its error and the blur [px]."""
 MOST_COLUMNS = 64
-"""Columns that the flyer is followed by [px]."""
+"""Number of columns that are used to track the flyer [px]."""
 MOST_STATIC_FRAMES = 20
-"""Static pictures that the noise is taken from."""
+"""Largest number of static pictures from which the noise is estimated."""
 LOOKS = "rows of pixels that span the flyer's edge look like neither of its sides"
-"""How it was told where nothing could be followed."""
+"""Explanation if the flyer could not be tracked."""
 SMALLEST = 20
-"""Rows of a specimen that is taken for one [px]."""
+"""Fewest rows of a detected specimen [px]."""
 
 
 @dataclass(frozen=True)
@@ -139,11 +139,11 @@ class FoundRegions:
 
 
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
-    """Find specimen, flyer and the transmission platen's edge.
+    """Detect specimen, flyer and the transmission platen's edge.
 
-    ``pictures``: the series of camera 0. ``static``: frames in which both bodies rest, shape [n_frames].
-    ``usable``: frames with a usable picture, shape [n_frames]. Raises ValueError if an edge is not in view or
-    not clear; the message says which, and to declare the region.
+    ``pictures``: the series of camera 0. ``static``: frames in which both bodies are at rest, shape
+    [n_frames]. ``usable``: frames with a usable picture, shape [n_frames]. Raises ValueError if an edge is
+    not in view or not clear; the message names the edge and asks the user to declare the region.
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
@@ -155,7 +155,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
         np.mean([pictures.frame(k).astype(np.float64) for k in rest_frames.tolist()], axis=0), toward
     )
     third = len(mean) // 3
-    inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
+    inner = _inner(_columns(mean[third:-third], "specimen"))  # the background of a body is equal in all rows
     bottom, edge = _lower_end(mean[:, inner])
     stack, frames = _stack(pictures, [int(rest_frames[-1]), *moving.tolist()], toward, inner)
     try:
@@ -197,7 +197,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
 def _stack(
     pictures: Pictures, indices: Sequence[int], toward: str, inner: slice
 ) -> tuple[FloatArray, list[int]]:
-    """The pictures that can be read, without the uneven light, and their frames."""
+    """The readable pictures, corrected for uneven light, and their frames."""
     rotated, frames = [], []
     for k in indices:
         try:
@@ -209,13 +209,13 @@ def _stack(
 
 
 def _even(picture: FloatArray) -> FloatArray:
-    """A picture without the uneven light, in this many of its columns as tell enough."""
+    """A picture corrected for uneven light, reduced to a sufficient number of columns."""
     flat = picture - gaussian_filter1d(picture, EVEN, axis=1)
     return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
 
 
 def _noise(pictures: Pictures, rest_frames: Sequence[int], toward: str, inner: slice) -> float:
-    """Standard deviation of the pictures at rest."""
+    """Standard deviation of the noise in the static pictures."""
     if len(rest_frames) < 2:
         raise ValueError("the noise cannot be estimated from a single static picture")
     still = _stack(pictures, rest_frames[-MOST_STATIC_FRAMES:], toward, inner)[0]
@@ -233,7 +233,7 @@ def _upper_end(mean: FloatArray, followed: FollowedEdge) -> int:
     k = int(np.argmin(pairs[: int(np.ceil(row)) + 1]))
     if pairs[k] < limit or (k == 0 and likeness[1] < limit):
         return k + 2
-    return 2  # none of its rows are in view at rest
+    return 2  # no row of the flyer is in view at rest
 
 
 def _by_row_correlation(
@@ -245,8 +245,8 @@ def _by_row_correlation(
     bottom: int,
     problem: ValueError,
 ) -> tuple[int, tuple[int, FloatArray, int]]:
-    """First row of the specimen at rest, and the flyer's edge in the last frame, by the looks of rows."""
-    likeness = row_correlation(mean[: bottom + 1, inner])  # a platen without speckles is like nothing
+    """First row of the specimen at rest, and the flyer's edge in the last frame, by correlation of rows."""
+    likeness = row_correlation(mean[: bottom + 1, inner])  # a platen without speckles does not correlate
     pairs = 0.5 * (likeness[:-1] + likeness[1:])
     try:
         top = clear_edge(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
@@ -266,7 +266,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
     typical = _painted(contrast)
     middle = len(mean) // 2
-    pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows, and both pairs span it
     first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
     if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
@@ -280,12 +280,13 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
 
 
 def _painted(contrast: FloatArray) -> float:
-    """Contrast of the rows that show speckles: the median over those with half that of the best tenth."""
+    """Contrast of the rows with speckles: the median over rows with at least half the contrast of the best
+    tenth."""
     return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 
 def _columns(body: FloatArray, name: str) -> tuple[int, int]:
-    """First and last column of a body that reaches from its middle to where its contrast ends."""
+    """First and last column of a body, from its middle outward to the end of its contrast."""
     contrast = gaussian_filter1d(np.std(body, axis=0), 3.0)
     middle = contrast.size // 2
     inside = contrast >= FLANK * np.median(contrast[middle - middle // 2 : middle + middle // 2])
@@ -304,7 +305,7 @@ def _inner(columns: tuple[int, int]) -> slice:
 
 
 def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tuple[float, float]:
-    """A place (x, y) of a turned picture of this shape in the picture itself."""
+    """Position (x, y) in the original picture of a position in the rotated picture of this shape."""
     (x, y), (rows, columns) = place, shape
     return {
         "up": (x, y),
@@ -317,21 +318,22 @@ def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tu
 LEAST_ZNCC = 0.9
 """Least correlation of the region's pixels with the declared picture."""
 FARTHEST = 6
-"""Pixels that the body may move from frame to frame beyond its motion before, along either axis."""
+"""Largest change of the body's motion from frame to frame, along either axis [px]."""
 ASIDE = 1
-"""And across the axis."""
+"""Largest such change across the axis [px]."""
 FEWEST = 400
-"""Pixels of the region that must stay in view."""
+"""Fewest pixels of the region that must stay in view."""
 
 
 def carry_region(
     pictures: Pictures, health: IntArray, region: Region, frame: int, *, direction: tuple[float, float]
 ) -> Region | None:
-    """Carry a region to another frame by following what it shows.
+    """Carry a region to another frame by tracking its content.
 
     ``pictures``: the series of camera 0. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
-    ``region``: where the body is; its frame must be usable. ``direction``: axis of the motion in the pictures
-    (right, down). Returns: None if the declared frame is not usable, or the body could not be followed.
+    ``region``: region of the body; its frame must be usable. ``direction``: axis of the motion in the
+    pictures (right, down). Returns: None if the declared frame is not usable, or the body could not be
+    tracked.
     """
     if health[region.frame] != FrameOutcome.VALID:
         return None
@@ -365,7 +367,7 @@ def carry_region(
 
 
 def _at_shift(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
-    """Correlation of the region's pixels with a picture in which they moved; -1 if too few are in view."""
+    """Correlation of the region's pixels with a picture after the shift `move`; -1 if too few are in view."""
     rows, columns = picture.shape
     u, v = x + move[0], y + move[1]
     inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)

@@ -1,8 +1,8 @@
-"""Rest position of the flyer from its rim: before contact moves it, its face is the specimen's upper end.
+"""Rest position of the flyer from its rim: until the flyer moves, its face is the specimen's upper end.
 
-Every picture is sampled at the same places on the flyer's cylinder, so that its paint ends at the rim in all
-frames of a camera (`dic.bodies.edge_fit`). The rim's place on the body, the specimen's declared length and
-its lower end give the translation at rest without a picture that shows the flyer there.
+Every picture is sampled at the same positions on the flyer's cylinder, so that the paint ends at the rim in
+all frames of a camera (`dic.bodies.edge_fit`). The rim's position on the body, the specimen's declared length
+and its lower end give the translation at rest, even if no picture shows the flyer at rest.
 """
 
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from dic.stereo.geometry import pixels_per_length
 from dic.surfaces.cylinder import SpecimenFrame
 
 MODEL = 0.12
-"""Standard deviation of a rim for what the model leaves out: printed dots that end before it, a shadow, a
-chamfer, rows that alias [px]. Sprayed drops, which reach to it, leave half as much."""
+"""Standard deviation of a rim due to effects that the model does not include: printed dots that end before
+the rim, a shadow, a chamfer, aliased rows [px]. For sprayed drops, which reach the rim, it is half as
+large."""
 MOST_FRAMES = 24
-"""Frames at most that are compared."""
+"""Largest number of frames that are compared."""
 FEWEST_FRAMES = 6
-"""Frames that must show the rim."""
+"""Fewest frames that must show the rim."""
 SHARE = 0.4
-"""Half width of the strip across the axis, as a share of the specimen's radius."""
+"""Half width of the strip across the axis, over the specimen's radius [-]."""
 FEWEST_COLUMNS = 16
-"""Columns of it that must be in view [px]."""
+"""Fewest columns of the strip that must be in view [px]."""
 WITHIN, BEYOND = 16, 10
-"""Rows about the region's end in which the specimen's side is looked for, toward the flyer and beyond
-[px]."""
+"""Rows around the region's end in which the specimen's side is searched, toward the flyer and beyond [px]."""
 CLEAR = 4.0
-"""The specimen varies by this many times what the flyer does."""
+"""Smallest ratio of the specimen's variation to that of the flyer."""
 REACH = 1.0
-"""Largest distance of the rim from where the first row that varies and the band put it, and half of what the
-band changes on top of it [px]."""
+"""Largest distance of the rim from its prediction by the first varying row and the band; half of the band's
+change is added [px]."""
 VARIES = 5.0, 0.12
-"""The first row that varies does this many times as the flyer's rows, and by so much of the specimen's
-variation."""
+"""The first varying row varies by this many times as much as the flyer's rows, and by at least this share of
+the specimen's variation."""
 LARGEST_SHARE = 0.0025
-"""Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
+"""Largest standard deviation of the upper end over the length [-]; if it is larger, the cameras disagree on
 the lower end, or the length was not measured."""
 
 
@@ -50,27 +50,27 @@ class Rim:
     """The rim of the flyer's face on the body."""
 
     y: float
-    """Its place at translation zero, along the axis [m]."""
+    """Its axial position at translation zero [m]."""
     sigma: float
     """Its standard deviation [m]."""
     cameras: int
-    """Cameras that showed it."""
+    """Number of cameras that show it."""
 
 
 @dataclass(frozen=True)
 class RestGeometry:
-    """What is known of the specimen at rest."""
+    """Geometry of the specimen at rest."""
 
     length: float
-    """Its length: the flyer's face stands at this y [m]."""
+    """Its length, which is the y of the flyer's face at rest [m]."""
     length_sigma: float
-    """Standard deviation of the length, and of the lower end's place [m]."""
+    """Standard deviation of the length, including that of the lower end's position [m]."""
     radius: float
     """Its radius [m]."""
 
     @property
     def length_is_certain(self) -> bool:
-        """True if the upper end is known well enough to stand for the flyer's place at rest."""
+        """True if the upper end is known well enough to give the flyer's position at rest."""
         return self.length_sigma <= LARGEST_SHARE * self.length
 
 
@@ -85,10 +85,10 @@ def find_rim(
 ) -> Rim | None:
     """Find the rim of the flyer's face in all frames that show it.
 
-    ``body``: the flyer, followed; the rim is looked for beyond the end of its region. ``places``: its points
-    at translation zero [m], shape [n_points, 3]; NaN where not known. ``moves``: translations of the frames
-    [m], shape [n_frames, 3]; NaN where not known. ``geometry``: the specimen, for the band between it and the
-    rim. Returns: None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
+    ``body``: the tracked flyer; the rim is searched beyond the end of its region. ``places``: its points at
+    translation zero [m], shape [n_points, 3]; NaN where not known. ``moves``: translations of the frames [m],
+    shape [n_frames, 3]; NaN where not known. ``geometry``: the specimen, for the band between it and the rim.
+    Returns: None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
     finite = np.asarray(np.isfinite(places).all(axis=1))
     if finite.sum() < 3:
@@ -111,10 +111,11 @@ def find_rim(
 def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
     """The rim from one camera or both.
 
-    Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
-    they disagree one of them may show no rim, and which is not known: half of what they are apart is in
-    the standard deviation, so that the place of either lies one from the mean. By more than a length allows
-    (`RestGeometry.length_is_certain`), nothing counts from it.
+    Both cameras see the same paint at the same rim, so that the model error does not average out. If they
+    disagree, one of them may show no rim, and it is unknown which one. Half of their difference is therefore
+    added to the standard deviation, so that each position is within one standard deviation of the mean. If
+    the difference is too large (`RestGeometry.length_is_certain`), the rim is not used as the zero of
+    displacements.
     """
     apart = abs(ends[0] - ends[-1])
     return Rim(
@@ -125,7 +126,8 @@ def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
 
 
 def _end_of_region(body: TrackedBody, places: FloatArray, finite: BoolArray) -> float:
-    """y on the body where its region ends toward the specimen [m]: the points' y continued to that pixel."""
+    """y on the body at the end of its region toward the specimen [m]: the points' y, extrapolated to that
+    pixel."""
     along = body.points[finite] - body.points[finite].mean(axis=0)
     slope, *_ = np.linalg.lstsq(np.column_stack([along, np.ones(len(along))]), places[finite, 1], rcond=None)
     axis = int(np.argmax(np.abs(slope[:2])))
@@ -161,7 +163,7 @@ def _rim_of(
         return None
     centre = frame.positions(camera.centre)
     bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in usable])
-    nearest = float(bands[:, 1].min())  # where the specimen's side comes first
+    nearest = float(bands[:, 1].min())  # nearest position of the specimen's side
     start -= (u[first_varying(spread, int(above[0]), high)] - nearest) / scale
     u = np.arange(-HALF, HALF + 1.0)
     strips, usable = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
@@ -176,7 +178,7 @@ def _rim_of(
 
 
 def first_varying(spread: FloatArray, above: int, high: float) -> int:
-    """First row into which the specimen's side reaches."""
+    """First row that the specimen's side reaches."""
     low = float(np.median(spread[: max(above - 3, 1)]))
     return int(np.argmax(spread > max(VARIES[0] * low, VARIES[1] * high)))
 
@@ -191,8 +193,8 @@ def _stabilised_strip(
     frames: IntArray,
     moves: FloatArray,
 ) -> tuple[FloatArray, list[int]]:
-    """Grey values at places of the body in the frames that show all of them, shape [n, y, x], and the
-    frames; places that the last of the frames does not show are left out."""
+    """Grey values at positions on the body, shape [n, y, x], in the frames that show all of them, and these
+    frames. Positions outside the view in the last frame are left out."""
     places = strip_places(x, y, radius)
     columns = in_view(camera, pictures.shape, frame, places + moves[frames[-1]]).all(axis=0)
     if columns.sum() < FEWEST_COLUMNS:
@@ -218,10 +220,10 @@ def _stabilised_strip(
 def face_width(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:
     """Width at which a camera sees the flyer's face between its rim and the specimen [m].
 
-    ``camera``: the camera's centre in the test frame [m], shape [3]. ``y``: the face's place [m]. Above the
-    camera's height it is seen; below, the rim hides the specimen's end. ``radius``: of the flyer [m].
-    ``geometry``: the specimen. Returns: for a specimen that meets the face with its radius at rest, and for
-    one that has its mean radius there, which grows as its volume is kept.
+    ``camera``: the camera's centre in the test frame [m], shape [3]. ``y``: the face's position [m]. If it is
+    above the camera, the face is visible; if below, the rim hides the specimen's end. ``radius``: of the
+    flyer [m]. ``geometry``: the specimen. Returns: the width if the specimen keeps its initial radius at the
+    face, and the width if it has its mean radius there, which grows at constant volume.
     """
     mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
     distance = float(np.hypot(camera[0], camera[2])) - radius

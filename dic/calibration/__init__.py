@@ -1,1 +1,1 @@
-"""Cameras and their poses from pictures of targets."""
+"""Calibration of cameras and their poses from pictures of targets."""

@@ -2,9 +2,9 @@
 
 Weighted least squares over all points of all pictures by Levenberg and Marquardt's method. The poses are
 eliminated pair by pair (Schur's complement; Triggs et al. 2000, doi:10.1007/3-540-44480-7_21). The centre of
-a dot's image is that of an ellipse in closed form (Heikkilä 2000, doi:10.1109/34.879788), and on a curved
-target it moves further: Eqs. (CC.1) and (CC.2) of docs/theory/pictures.md. A patch with the second moment s
-per axis counts as a disc of r² = 4 s: s = (r² + h²)/4 for a ring, a²/12 for a square.
+a dot's image is that of an ellipse in closed form (Heikkilä 2000, doi:10.1109/34.879788), with a further
+shift on a curved target: Eqs. (CC.1) and (CC.2) of docs/theory/pictures.md. A patch with the second moment s
+per axis is treated as a disc of r² = 4 s: s = (r² + h²)/4 for a ring, a²/12 for a square.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,13 +31,13 @@ class View:
     ids: NDArray[np.int64]
     """Numbers of the points, shape [n]."""
     points: FloatArray
-    """Their places on the target [m], shape [n, 3]."""
+    """Their positions on the target [m], shape [n, 3]."""
     normals: FloatArray
     """Their normals, shape [n, 3]."""
     spread: FloatArray
     """Their second moments [m²], shape [n]."""
     bend: FloatArray
-    """Directions of the surface's curvature times its root [m^-½], shape [n, 3]."""
+    """Directions of the surface's curvature times the root of the curvature [m^-½], shape [n, 3]."""
     pixels: FloatArray
     """Observed pixels [px], shape [n, 2]."""
     sigma: FloatArray
@@ -45,7 +45,7 @@ class View:
 
 
 def exponential(r: FloatArray) -> FloatArray:
-    """Rotation about r by its length [rad], shape [3, 3]."""
+    """Rotation about r by the angle |r| [rad], shape [3, 3]."""
     angle = float(np.linalg.norm(r))
     K = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
     a = np.sinc(angle / np.pi)
@@ -54,7 +54,8 @@ def exponential(r: FloatArray) -> FloatArray:
 
 
 def crossed(v: FloatArray, rows: FloatArray) -> FloatArray:
-    """v x w of each v and each w of its rows, shape [n, m, 3]: `numpy.cross` with a third of its time."""
+    """Cross products v x w of each v with the w in its rows, shape [n, m, 3]; three times as fast as
+    `numpy.cross`."""
     (x, y, z), (a, b, c) = v.T[:, :, None], np.moveaxis(rows, 2, 0)
     product = np.empty(rows.shape)
     product[..., 0], product[..., 1], product[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
@@ -71,7 +72,7 @@ def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> Fl
 def _bent_middles(
     inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray
 ) -> FloatArray:
-    """Middles of patches in the camera's frame as curvature moves them, Eq. (CC.2) [m], shape [n, 3]."""
+    """Centres of patches in the camera's frame, shifted by curvature, Eq. (CC.2) [m], shape [n, 3]."""
     oblique = np.sum(bend * inside, axis=1) / np.sum(normals * inside, axis=1)
     curvature = np.sum(bend * bend, axis=1)
     return np.asarray(
@@ -80,7 +81,7 @@ def _bent_middles(
 
 
 def join_views(views: Sequence[View]) -> View:
-    """All points of several views of one camera as one view; `poses_of` says where the target was."""
+    """All points of several views of one camera as one view; `poses_of` gives the target's poses."""
     parts = {
         name: np.concatenate([getattr(view, name) for view in views])
         for name in ("ids", "points", "normals", "spread", "bend", "pixels", "sigma")
@@ -91,14 +92,14 @@ def join_views(views: Sequence[View]) -> View:
 def poses_of(
     views: Sequence[View], poses: Mapping[int, tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, FloatArray]:
-    """R and t of each point of joined views, as `seen` and `derivatives` take them, [n, 3, 3] and [n, 3]."""
+    """R and t of each point of joined views, for `project_points` and `derivatives`, [n, 3, 3] and [n, 3]."""
     count = [len(view.ids) for view in views]
     R, t = (np.repeat([poses[view.pair][k] for view in views], count, axis=0) for k in (0, 1))
     return R, t
 
 
 def _turned(v: FloatArray, R: FloatArray) -> FloatArray:
-    """R v for each row, shape [n, 3]; R of shape [3, 3] or one a row."""
+    """R v for each row, shape [n, 3]; R of shape [3, 3] or one per row."""
     return np.asarray(v @ R.T if R.ndim == 2 else np.einsum("nij,nj->ni", R, v))
 
 
@@ -107,8 +108,8 @@ def project_points(
 ) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
-    ``R``, ``t``: from the target's frame to the rig's, shapes [3, 3] and [3], or one a point. ``patches``:
-    centroids of the patches, as they are measured; False: the points themselves.
+    ``R``, ``t``: from the target's frame to the rig's, shapes [3, 3] and [3], or one per point. ``patches``:
+    True for centroids of the patches, which are measured; False for the points themselves.
     """
     inside = camera.in_camera(_turned(view.points, R) + t)
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
@@ -119,12 +120,13 @@ def project_points(
 
 
 def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of `seen` after the rig's parameters and after the target's pose.
+    """Derivatives of `project_points` by the rig's parameters and by the target's pose.
 
-    Small changes of (CC.1) and (CC.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
+    Small changes of (CC.1) and (CC.2) with the pose are neglected: relative to the other terms they are
+    (r/z)² and s κ/z.
 
-    Returns: shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`. Returns: after a small
-    rotation applied after R, and t, shape [n, 2, 6].
+    Returns: derivatives by the parameters, shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
+    Returns: derivatives by a small rotation applied after R, and by t, shape [n, 2, 6].
     """
     n = len(view.points)
     turned = _turned(view.points, R)
@@ -174,12 +176,12 @@ Pose = tuple[FloatArray, FloatArray]
 
 
 class Undetermined(ValueError):
-    """The pictures do not determine the parameters asked for."""
+    """The pictures do not determine the requested parameters."""
 
 
 @dataclass(frozen=True)
 class Rig:
-    """The state of the solve: two cameras, camera 0 at the origin, and the target's pose in each pair."""
+    """State of the solution: two cameras, camera 0 at the origin, and the target's pose in each pair."""
 
     cameras: tuple[Camera, Camera]
     poses: Mapping[int, Pose]
@@ -187,29 +189,29 @@ class Rig:
 
 @dataclass(frozen=True)
 class Fit:
-    """A minimum."""
+    """Result of a bundle adjustment."""
 
     rig: Rig
     covariance: FloatArray
-    """Of the rig's parameters for residuals of unit variance, shape [SHARED, SHARED]."""
+    """Covariance of the rig's parameters for residuals of unit variance, shape [SHARED, SHARED]."""
     chi2: float
-    """Sum of the squares of the residuals over their sigma."""
+    """Sum of squares of the residuals over their sigmas."""
     freedom: int
-    """Numbers measured less numbers adjusted."""
+    """Degrees of freedom: number of measured coordinates minus adjusted parameters."""
     pose_covariance: Mapping[int, FloatArray]
-    """Of each pose, for residuals of unit variance, shape [6, 6]."""
+    """Covariance of each pose for residuals of unit variance, shape [6, 6]."""
 
     @property
     def unit(self) -> float:
-        """Root of the variance of unit weight: 1 if the points' sigma say all."""
+        """Root of the variance of unit weight: 1 if the points' sigmas explain the residuals."""
         return float(np.sqrt(self.chi2 / max(self.freedom, 1)))
 
 
 def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) -> FloatArray:
-    """From the numbers adjusted to the rig's parameters, shape [SHARED, m].
+    """Matrix from the adjusted parameters to the rig's parameters, shape [SHARED, m].
 
     ``free``: names of `PARAMETERS` that are adjusted, in both cameras. ``square_pixels``: whether fx and fy
-    are one number. ``relative``: whether the relative pose is adjusted.
+    are equal. ``relative``: whether the relative pose is adjusted.
     """
     columns = []
     names = list(free)
@@ -230,7 +232,7 @@ def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) ->
 
 
 def residuals(rig: Rig, view: View) -> FloatArray:
-    """Seen less expected [px], shape [n, 2]."""
+    """Observed minus predicted pixels [px], shape [n, 2]."""
     R, t = rig.poses[view.pair]
     return np.asarray(view.pixels - project_points(rig.cameras[view.camera], view, R, t))
 
@@ -271,13 +273,15 @@ def _orthonormal(R: FloatArray) -> FloatArray:
 
 MOST_STEPS = 100
 DAMPED, HARDLY = 1e-4, 1e-12
-"""Damping of the first step, from a start somewhere near the solution and from one that is all but it."""
+"""Damping of the first step, for a start near the solution and for one very close to it."""
 ROUGH = 1e-8
-"""A relative tolerance that is no less asks for no more than the way to the valley."""
+"""With a relative tolerance of at least this value, the search ends after the first steps to the valley of
+the minimum."""
 SMALL = 3
-"""Steps in a row without a gain: one alone may be short because of its damping, in a long, bent valley."""
+"""Number of successive steps without gain that end the search; a single step may be short due to damping in a
+long, curved valley."""
 FAR = 1e6
-"""Residuals, over their sigma, of a trial that puts a point behind a camera."""
+"""Residuals, over their sigma, that are used for a trial with a point behind a camera."""
 
 
 def adjust(
@@ -288,12 +292,13 @@ def adjust(
     tolerance: float = 1e-10,
     damping: float = DAMPED,
 ) -> Fit:
-    """The least squares over all views, from a start near enough.
+    """Least-squares solution over all views, from a sufficiently close start.
 
-    ``rig``: the start; poses that no view asks for stay as they are. ``views``: what was seen. ``columns``:
-    what is adjusted (`free_columns`), beside the poses. ``tolerance``: relative decrease of the sum of
-    squares at which the search ends. ``damping``: of the first step. Raises Undetermined: fewer numbers
-    measured than adjusted, or a combination of parameters that no picture depends on.
+    ``rig``: the start; poses without a view are not changed. ``views``: the observed points. ``columns``: the
+    adjusted parameters (`free_columns`), in addition to the poses. ``tolerance``: relative decrease of the
+    sum of squares at which the search ends. ``damping``: damping of the first step. Raises Undetermined:
+    fewer measured coordinates than adjusted parameters, or a combination of parameters on which no picture
+    depends.
     """
     views = list(views)
     pairs = sorted({view.pair for view in views})
@@ -333,15 +338,15 @@ def adjust(
 
 
 def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
-    """Factor on variances for residuals that hang together within a pair.
+    """Factor on variances for residuals that are correlated within a pair.
 
-    With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
+    With g_p the contribution of pair p to Jᵀ r (its pose eliminated) and S = Jᵀ J,
 
         F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                  (CC.4)
 
-    for P pairs and m parameters: 1 on average if residuals are independent, more if those of a picture hang
-    together (a bent target, a lens model too simple), when their number says more than they know
-    [Moulton1986]_.
+    for P pairs and m parameters. F is 1 on average if residuals are independent, and larger if those of a
+    picture are correlated (a bent target, a lens model too simple), so that they contain less information
+    than their number suggests [Moulton1986]_.
 
     .. [Moulton1986] B. R. Moulton, Random group effects and the precision of regression estimates, J. of
        Econometrics 32 (1986) 385-397, doi:10.1016/0304-4076(86)90021-7.
@@ -372,7 +377,7 @@ Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, F
 def _normal_equations(
     rig: Rig, cameras: list[OneCamera], columns: FloatArray, off: list[FloatArray]
 ) -> Normal:
-    """U, its right side, and of each pair V, W and its right side; `off` is what `_weighted` says."""
+    """U, its right side, and for each pair V, W and the right side; ``off``: residuals by `_weighted`."""
     m = columns.shape[1]
     U, b = np.zeros((m, m)), np.zeros(m)
     pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
@@ -393,7 +398,7 @@ def _normal_equations(
 
 
 def _by_camera(views: list[View]) -> list[OneCamera]:
-    """The views of each camera that has some, one by one and as one."""
+    """The views of each camera that has any, separately and joined."""
     parts = [[view for view in views if view.camera == camera] for camera in (0, 1)]
     return [(part, join_views(part)) for part in parts if part]
 
@@ -445,7 +450,7 @@ def _covariances(normal: Normal, columns: FloatArray) -> tuple[FloatArray, dict[
 
 
 def _weighted(rig: Rig, cameras: list[OneCamera]) -> tuple[list[FloatArray], float]:
-    """Residuals of each camera over their sigma, x and y in turn, and the sum of their squares."""
+    """Residuals of each camera over their sigmas, x and y alternating, and the sum of their squares."""
     off, total = [], 0.0
     for group, view in cameras:
         expected = project_points(rig.cameras[view.camera], view, *poses_of(group, rig.poses))

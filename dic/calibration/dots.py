@@ -1,8 +1,8 @@
 """Dots and corners of a target located in a picture, with their uncertainty.
 
-A dot's outline gives a first ellipse. Its centroid weighs darkness against a plane through the brightness
-around it; its edges fit a blurred elliptical disc to the grey values. Corners of squares get their
-uncertainty from the noise of the grey values.
+A dot's outline gives a first ellipse. The centroid is weighted with the darkness relative to a plane through
+the surrounding brightness. Then a blurred elliptical disc is fitted to the grey values at the edge. The
+uncertainty of corners of squares follows from the noise of the grey values.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ WINDOW, RING = 1.35, 1.85
 MARGIN = 1.5
 """Further out by this much, for the blur of the lens [px]."""
 CENTROID_PIXELS_AT_ONCE = 60_000
-"""Pixels looked at in one go: many, so that pictures in other threads get on meanwhile, but so few that
-memory is not asked of the system for each array anew."""
+"""Number of pixels processed at once: many, so that other threads can work meanwhile, but few enough that
+memory is reused for each array."""
 RING_PIXELS = 1000
-"""Pixels around a dot that are enough for a plane; of more, every this many are taken."""
+"""Sufficient number of pixels around a dot for the plane; of more pixels, evenly spaced ones are used."""
 
 
 def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArray:
-    """Centroids of outlined dots, `dic.calibration.dots.find_dots` says of what.
+    """Centroids of outlined dots, as defined in `dic.calibration.dots.find_dots`.
 
     ``image``: grey values, dots dark, shape [rows, columns]. ``ellipses``: outlines: centre x, y, diameters
     along both axes [px] and angle of the first [degrees], shape [n, 5]. ``noise``: standard deviation of the
@@ -178,7 +178,8 @@ Single = NDArray[np.float32]
 STEPS = 8
 """Gauss-Newton steps at most."""
 CONVERGED = 1e-5
-"""A dot whose centre a step moves by less than this is done [px]; noise is some hundred times larger."""
+"""A dot has converged if a step moves its centre by less than this [px]; noise is about a hundred times
+larger."""
 EDGE_PIXELS_AT_ONCE = 250_000
 """Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
 ROOT = float(np.sqrt(2.0 * np.pi))
@@ -200,8 +201,8 @@ def _fit_discs(
         I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                               (CC.3)
 
     with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
-    brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
-    place, so the noise of the surface around it, which a centroid takes in, does not enter.
+    brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. Only the edge determines
+    the position, so the noise of the surrounding surface has no effect, unlike in a centroid.
     """
     centres, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
     w = int(np.ceil(reach))
@@ -400,7 +401,7 @@ LEAST_AREA = 12.0
 ALIKE = 1.8
 """Dots of one target differ in radius by less than this, with all tilt and perspective."""
 MOST_DOTS = 20_000
-"""A picture with more dark patches than this shows no target, and is not searched to its end."""
+"""Largest number of dark patches; a picture with more shows no target, and its search is stopped."""
 
 
 @dataclass(frozen=True)
@@ -453,7 +454,8 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
 
 
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
-    """The outlines of one size, with the sum of their radii: many dots outweigh specks and a few patches."""
+    """The outlines of one size, with the sum of their radii: many dots have more weight than specks and a few
+    patches."""
     radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
     if not radius.size:
         return [], 0.0
@@ -523,7 +525,7 @@ def _has_hole(contours: Sequence[Any], tree: NDArray[Any], k: int, ellipse: Floa
 def _locate_dots(
     image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, round_dots: bool
 ) -> Dots:
-    """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
+    """Centroids of the outlined dots; dots with a different darkness are left out."""
     ellipses = np.array([ellipse for ellipse, _ in outlines]).reshape(-1, 5)
     values = centroids(image, ellipses, noise)
     good = np.isfinite(values).all(axis=1)
@@ -545,7 +547,7 @@ def _locate_dots(
 def _fit_dots(
     image: FloatArray, centre: FloatArray, sigma: FloatArray, ellipses: FloatArray, noise: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres from the edges where that is the more precise, with their sigma."""
+    """Centres with their sigma; from the edges where that is more precise."""
     if not len(centre):
         return centre, sigma
     c, s = np.cos(np.deg2rad(ellipses[:, 4])), np.sin(np.deg2rad(ellipses[:, 4]))

@@ -1,9 +1,9 @@
-"""Repairs of a calibration: the relative pose refined from matched points, the order of picture pairs.
+"""Corrections of a calibration: relative pose refined from matched points, order of picture pairs.
 
 The rays of a matched point must meet. The relative pose minimises the epipolar distances robustly, Eq. (CC.5)
 of docs/theory/pictures.md; the calibration's covariance is the prior. The length of the baseline is not
-observable and is kept. `Refinement.helps` judges the result on points that were not fitted. The order of
-picture pairs is the one under which the target's poses in camera 0 predict most places in camera 1.
+observable and is kept. `Refinement.helps` checks the result on points that were not fitted. The order of
+picture pairs is the one with which the target's poses in camera 0 predict most positions in camera 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,48 +24,48 @@ from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
 from dic.stereo.match import match_stereo
 
 LEAST_POINTS = 40
-"""Points that a refinement needs."""
+"""Fewest points for a refinement."""
 MOST_POINTS = 400
-"""Points that are matched for it."""
+"""Largest number of points that are matched for it."""
 GATE = 5.0
-"""Epipolar distance that a match may have here [px]."""
+"""Largest epipolar distance of a match for the refinement [px]."""
 LEAST_GAIN = 0.2
-"""Share by which the median distance of points left out must fall."""
+"""Smallest relative decrease of the median distance of held-out points [-]."""
 SHARE = 0.6745
-"""Median of the size of a normal deviate, in its standard deviations."""
+"""Median absolute value of a standard normal variable."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """A relative pose that fits the matched points, and what speaks for it."""
+    """A relative pose that fits the matched points, and the evidence for it."""
 
     rig: StereoRig
-    """The cameras with the refined pose; camera 0's pose and the cameras' own parameters are as before."""
+    """The cameras with the refined pose; camera 0's pose and the intrinsic parameters are unchanged."""
     turn: FloatArray
-    """Rotation of camera 1 against the calibration [rad], shape [3]."""
+    """Rotation of camera 1 relative to the calibration [rad], shape [3]."""
     tilt: FloatArray
     """Change of the direction of the baseline, along two axes across it [rad], shape [2]."""
     covariance: FloatArray
-    """Of turn and tilt [rad²], shape [5, 5]."""
+    """Covariance of turn and tilt [rad²], shape [5, 5]."""
     before: float
-    """Median size of the epipolar distances with the calibration [px]."""
+    """Median absolute epipolar distance with the calibration [px]."""
     after: float
     """The same with the refined pose [px]."""
     held_out_before: float
-    """Median size over points in turn left out of the fit, with the calibration [px]."""
+    """Median absolute epipolar distance of held-out points with the calibration [px]."""
     held_out_after: float
-    """The same with poses fitted to the other points [px]."""
+    """The same with the poses fitted to the other points [px]."""
     n_points: int
-    """Points that it rests on."""
+    """Number of points in the fit."""
 
     @property
     def helps(self) -> bool:
-        """True if distances of points that were left out fall by `LEAST_GAIN` or more."""
+        """True if the distances of held-out points decrease by `LEAST_GAIN` or more."""
         return self.held_out_after <= (1.0 - LEAST_GAIN) * self.held_out_before
 
     @property
     def words(self) -> dict[str, object]:
-        """The numbers as JSON can hold them."""
+        """The numbers in JSON types."""
         return {
             "points": self.n_points,
             "epipolar_median_before_px": self.before,
@@ -83,8 +83,8 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
 
     ``rig``: the cameras; their covariance, if it is known, is the prior. ``pixels0``, ``pixels1``: the same
     points in both pictures [px], shape [n, 2]. ``sigma``: standard deviations of their epipolar distances
-    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that
-    is not positive.
+    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not match, a sigma
+    that is not positive.
     """
     n = len(pixels0)
     if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):
@@ -94,7 +94,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
         )
     if not np.all(sigma > 0.0):
         raise ValueError("every sigma must be positive")
-    aims = [  # the pose is all that changes: what a lens does to a pixel is undone once
+    aims = [  # only the pose changes: pixels are undistorted once
         Rays.of(camera, pixels) for camera, pixels in zip(rig.cameras, (pixels0, pixels1), strict=True)
     ]
 
@@ -138,19 +138,19 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
 
 
 def turn_rig(rig: StereoRig, x: FloatArray) -> StereoRig:
-    """The rig with camera 1 turned by x[:3] and the baseline tilted by x[3:], its length as it was."""
+    """The rig with camera 1 rotated by x[:3] and the baseline tilted by x[3:]; its length is unchanged."""
     R, t = rig.relative
     length = float(np.linalg.norm(t))
     direction = t / length + baseline_normals(t) @ x[3:]
     R, t = exponential(x[:3]) @ R, length * direction / np.linalg.norm(direction)
     first, second = rig.cameras
-    u, _, v = np.linalg.svd(R @ first.rotation)  # rounding must not leave a rotation that is none
+    u, _, v = np.linalg.svd(R @ first.rotation)  # removes the rounding error of the rotation
     second = replace(second, rotation=u @ v, translation=t + R @ first.translation)
     return replace(rig, cameras=(first, second))
 
 
 def baseline_normals(t: FloatArray) -> FloatArray:
-    """Two unit vectors across a baseline, as columns, shape [3, 2]."""
+    """Two unit vectors perpendicular to a baseline, as columns, shape [3, 2]."""
     return np.asarray(np.linalg.svd(t[None])[2][1:].T)
 
 
@@ -178,9 +178,9 @@ def refine_from_pictures(
 ) -> Refinement:
     """Match points of one pair of pictures with a wide epipolar gate, and refine the pose from them.
 
-    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``points``: places in
-    camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them are matched. ``mask``: pixels of the
-    body in camera 0's picture. Raises ValueError as `refine`, if too few points are matched.
+    ``pictures``: pictures of camera 0 and camera 1 at one instant, each of shape [rows, columns]. ``points``:
+    positions in camera 0's picture [px], shape [n, 2]; about `MOST_POINTS` of them are matched. ``mask``:
+    pixels of the body in camera 0's picture. Raises ValueError as `refine`, if too few points are matched.
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     match = match_stereo(
@@ -200,11 +200,11 @@ def refine_from_pictures(
 
 
 MOST_FIRST = 4
-"""Pictures of camera 0 whose partners are tried."""
+"""Number of pictures of camera 0 for which all partners are tried."""
 NEAR = 0.03
-"""Places agree within this share of the picture's longer side."""
+"""Largest distance of agreeing positions, over the picture's longer side [-]."""
 LEAST_SHARE = 0.8
-"""Share of the pictures that must find a partner."""
+"""Smallest share of the pictures that must have a partner."""
 
 
 def find_order(
@@ -212,12 +212,12 @@ def find_order(
     targets: Sequence[object],
     sensors: tuple[tuple[int, int], tuple[int, int]],
 ) -> list[int] | None:
-    """Find which picture of camera 1 belongs to each of camera 0.
+    """Find the picture of camera 1 that belongs to each picture of camera 0.
 
-    ``detections``: what each camera saw, one entry a picture, as `dic.calibrate` takes it; as
-    many of both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras'
-    pictures [px]. Returns: a picture of camera 1 for each of camera 0, every one once; pictures without a
-    detection take what is left. None if no order fits `LEAST_SHARE` of them.
+    ``detections``: detections of each camera, one entry per picture, as for `dic.calibrate`; equal numbers
+    for both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras' pictures
+    [px]. Returns: the picture of camera 1 for each one of camera 0, each used once; pictures without a
+    detection get the remaining ones. None if no order fits `LEAST_SHARE` of them.
     """
     views = all_views(detections, targets)  # type: ignore[arg-type]
     by_camera: list[dict[int, View]] = [
@@ -258,7 +258,7 @@ def _places(
     views: Mapping[int, View],
     indices: Sequence[int],
 ) -> FloatArray:
-    """Where camera 1 would see the middle of the target in camera 0's pictures [px], shape [n, 2]."""
+    """Predicted positions in camera 1 of the target's centre in camera 0's pictures [px], shape [n, 2]."""
     middles = np.array([poses[k][0][0] @ views[k].points.mean(axis=0) + poses[k][0][1] for k in indices])
     relative_pose, camera = in_camera_1((np.eye(3), np.zeros(3)), rel), replace(camera, rotation=np.eye(3))
     return np.asarray(camera.project(middles @ relative_pose[0].T + relative_pose[1]))

@@ -44,18 +44,18 @@ from dic.images import PictureError
 from dic.processes import run_parallel
 
 FOCAL = (0.3, 60.0)
-"""Focal lengths that are tried, over the longer side of the picture."""
+"""Range of focal lengths that are tried, over the longer side of the picture."""
 FOCAL_TRIALS = 6
-"""Pictures the focal length is chosen by, and pairs whose relative pose is tried."""
+"""Number of pictures from which the focal length is chosen, and of pairs whose relative pose is tried."""
 
 
 def resection(camera: Camera, view: View) -> list[Pose]:
-    """Poses of a target in a camera's own frame, best first; two where a flat target leaves both open."""
+    """Poses of a target in the camera's frame, best first; two if a flat target is ambiguous."""
     return [pose for _, pose in _resect_all(camera, view)]
 
 
 def _resect_all(camera: Camera, view: View) -> list[tuple[float, Pose]]:
-    """The poses of `resection`, each after its `misfit` [px]."""
+    """The poses of `resection`, each with its `misfit` [px]."""
     pixels = camera.undistort(view.pixels)
     points = np.ascontiguousarray(view.points)
     flat = np.ptp(points[:, 2]) == 0.0
@@ -77,7 +77,7 @@ def _resect_all(camera: Camera, view: View) -> list[tuple[float, Pose]]:
 
 
 def misfit(camera: Camera, view: View, pose: Pose) -> float:
-    """Root mean square distance of what was seen from a pose's prediction [px]."""
+    """Root mean square distance of the observed points from a pose's prediction [px]."""
     off = view.pixels - project_points(camera, view, *pose)
     value = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
     return value if np.isfinite(value) else np.inf
@@ -86,8 +86,8 @@ def misfit(camera: Camera, view: View, pose: Pose) -> float:
 def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     """A camera without distortion, its principal point in the middle of the picture.
 
-    The focal length is that of least median misfit over a few pictures, from a scan: it cannot run away, as
-    the closed form from homographies does with a long lens and nearly parallel boards.
+    The focal length is found by a scan: it has the smallest median misfit over a few pictures. Unlike the
+    closed form from homographies, the scan cannot diverge for a long lens and nearly parallel boards.
     """
     middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
     few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, FOCAL_TRIALS).round().astype(int))]
@@ -111,13 +111,13 @@ def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
 
 
 def relative(first: Pose, second: Pose) -> Pose:
-    """From camera 0 to camera 1, if the same target has these poses in the two."""
+    """Relative pose from camera 0 to camera 1, from the poses of one target in both."""
     R = second[0] @ first[0].T
     return R, second[1] - R @ first[1]
 
 
 def in_camera_1(first: Pose, rel: Pose) -> Pose:
-    """A pose in camera 0's frame, in camera 1's."""
+    """A pose in camera 0's frame, transformed to camera 1's frame."""
     return rel[0] @ first[0], rel[0] @ first[1] + rel[1]
 
 
@@ -125,11 +125,11 @@ def start(
     sensors: tuple[tuple[int, int], tuple[int, int]],
     views: Mapping[tuple[int, int], Sequence[View]],
 ) -> tuple[Rig, dict[tuple[int, int], View]]:
-    """Cameras, relative pose and the target's poses, and which of its equivalent numberings each view has.
+    """Initial cameras, relative pose and poses of the target, and the numbering of the target in each view.
 
     ``sensors``: columns and rows of the two cameras' pictures [px]. ``views``: (pair, camera) -> the view,
-    once in each equivalent numbering. Raises Undetermined if a camera saw nothing, or no target was seen by
-    both.
+    once in each equivalent numbering. Raises Undetermined if a camera has no views, or no target was seen by
+    both cameras.
     """
     cameras = []
     for camera in (0, 1):
@@ -148,7 +148,7 @@ def start(
     poses_of_pairs: dict[int, Pose] = {}
     for pair in pairs:
         options = poses[pair]
-        if (pair, 0) not in views:  # seen by camera 1 alone: its pose, carried back
+        if (pair, 0) not in views:  # seen by camera 1 only: its pose, transformed
             back = (rel[0].T, -rel[0].T @ rel[1])
             options = [in_camera_1(p, back) for p in resection(cameras[1], views[pair, 1][0])]
         if not options:
@@ -176,7 +176,7 @@ def _relative(
     poses: Mapping[int, Sequence[Pose]],
     views: Mapping[tuple[int, int], Sequence[View]],
 ) -> Pose:
-    """The relative pose that explains most pairs: a flat board leaves two tilts open in each picture."""
+    """The relative pose that explains most pairs; a flat board has two possible tilts in each picture."""
     few = [joint[k] for k in np.unique(np.linspace(0, len(joint) - 1, FOCAL_TRIALS).round().astype(int))]
     candidates = [
         relative(p, q)
@@ -203,13 +203,13 @@ def _relative(
 
 
 def rms(rig: Rig, views: Sequence[View]) -> float:
-    """Root mean square distance of all that was seen from its prediction [px]."""
+    """Root mean square distance of all observed points from their predictions [px]."""
     off = np.concatenate([residuals(rig, view) for view in views])
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 
 ENOUGH = 1e-7
-"""Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""
+"""Relative tolerance of the sum of squares for held-out pairs, from a start close to the solution."""
 
 
 def _group_by_pair(views: Sequence[View]) -> dict[int, list[View]]:
@@ -224,10 +224,10 @@ def _fit_pose(rig: Rig, views: Sequence[View], *, tolerance: float = 1e-10) -> F
 
 
 def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray, folds: int) -> float:
-    """Root mean square residual of pairs that the cameras were not fitted to [px].
+    """Root mean square residual of held-out pairs (cross-validation) [px].
 
-    Pairs k, k + folds, ... are left out in turn, the rest is solved again, and of each pair left out only
-    the target's pose is adjusted. NaN if a part leaves too little to solve.
+    Pairs k, k + folds, ... are left out in turn and the others are solved again. For each held-out pair only
+    the target's pose is adjusted. NaN if the remaining pairs are too few.
     """
     pairs = _group_by_pair(views)
     joint = [pair for pair, views in pairs.items() if len(views) == 2]
@@ -235,7 +235,7 @@ def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray,
         return float("nan")
 
     def part(k: int) -> tuple[float, int] | None:
-        """Sum of squares and number of residuals of a part; None if the rest is too little."""
+        """Sum of squares and number of residuals of a part; None if the other pairs are too few."""
         out = set(joint[k::folds])
         try:
             remaining = [s for s in views if s.pair not in out]
@@ -257,11 +257,11 @@ def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray,
 
 
 def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, FloatArray]:
-    """Points of a target seen by both cameras: in space from what they saw alone [m], and on the target.
+    """Points of a target seen by both cameras: triangulated in space [m], and on the target [m].
 
-    The offset of a dot's centroid from its centre's image is taken off first.
+    The offset of a dot's centroid from its centre's image is subtracted first.
     """
-    # not with the module: the search for a target needs none of what this brings along
+    # imported here, because the detection of a target does not need it
     from dic.stereo.geometry import triangulate
 
     first, second = views
@@ -277,10 +277,10 @@ def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, Flo
 
 
 def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
-    """Triangulated over true distances on the target, the ratio's sigma, and the rms error of shape [m].
+    """Ratio of triangulated to true distances on the target, its sigma, and the rms error of shape [m].
 
-    The ratio is the scale of the similarity that carries the true points of each pair onto the
-    triangulated ones, which weights each distance with its length.
+    The ratio is the scale of the best-fit similarity from the true points of each pair to the triangulated
+    ones; each distance is so weighted with its length.
     """
     ratios, squares, count = [], 0.0, 0
     for pair_views in _group_by_pair(views).values():
@@ -302,7 +302,7 @@ def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
 
 
 def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that the pictures do not determine, and what to do about it."""
+    """Parameters that the pictures do not determine, with the cure."""
     assert rig.covariance is not None
     sigma = dict(zip(rig.parameter_names, np.sqrt(np.diag(rig.covariance)), strict=True))
     warnings = []
@@ -329,38 +329,38 @@ def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
 
 
 Z_PAIR, TIMES = 6.0, 2.0
-"""A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs
-and is this many times the median: the first alone would reject the worst of very even pictures, the second
-alone the blurred ones of a mixed set."""
+"""A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs,
+and is also this many times the median. The first limit only would reject the worst of very similar pictures;
+the second only would reject the blurred ones of a mixed set."""
 Z_POINT = 7.0
-"""A point is dropped if it is off by more than this many robust standard deviations of its view."""
+"""A point is rejected if its residual exceeds this many robust standard deviations of its view."""
 REWEIGHTINGS = 4
-"""Rounds of reweighting before any pair is judged."""
+"""Number of reweighting rounds before any pair is rejected."""
 LEAST_PAIRS = 4
-"""With fewer pairs than this there is no majority to judge by."""
+"""Fewest pairs for the rejection of bad pairs."""
 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Pairs and points kept and left out."""
+    """Used and rejected pairs and points."""
 
     good: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
     """(pair, camera) -> which points of the view were used."""
     bad: dict[int, str]
-    """Pair -> why it was left out."""
+    """Pair -> reason why it was left out."""
 
 
 def _solve_without_bad(
     rig: Rig, views: Sequence[View], columns: tuple[FloatArray, FloatArray], *, reject: bool
 ) -> tuple[Fit, Verdicts]:
-    """The least squares of the pairs and points that agree."""
+    """Least-squares solution for the consistent pairs and points."""
     pairs = _group_by_pair([s for s in views if s.pair in rig.poses])
     bad: dict[int, str] = {}
     if reject:
         first = {pair: rms(rig, views) for pair, views in pairs.items()}
-        # The start is rough: only what is far beyond the rest is put aside now, and tried again below.
+        # The start is rough: only extreme outliers are left out now, and are tried again below.
         limit = 10.0 * float(np.median(list(first.values()))) + 1.0
         bad = {pair: "" for pair, value in first.items() if value > limit}
     fit = _solve(rig, pairs, bad, columns[0])
@@ -397,10 +397,11 @@ def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns:
 def _robust(
     fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray
 ) -> tuple[Fit, dict[int, str]]:
-    """Cameras that bad pairs pull little at, and the pairs that do not fit them.
+    """Cameras from a robust fit that bad pairs hardly affect, and the pairs that do not fit.
 
-    Least squares again and again, each pair weighted with 1 / (1 + (e / m)²) for its rms residual e and the
-    median m of all (Cauchy's weights): what does not fit loses its say, and then fits less.
+    Iteratively reweighted least squares: each pair has the weight 1 / (1 + (e / m)²), with its rms residual e
+    and the median m of all pairs (Cauchy's weights). Pairs that do not fit lose weight and then fit even
+    less.
     """
     weights = dict.fromkeys(pairs, 1.0)
     for _ in range(REWEIGHTINGS):
@@ -426,12 +427,12 @@ def _limit(errors: Sequence[float]) -> tuple[float, float]:
 
 
 def _error(fit: Fit, views: list[View], out: bool) -> float:
-    """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
+    """Rms residual of a pair [px]; ``out``: the pair was not used, so its pose is adjusted first."""
     return rms(_fit_pose(fit.rig, views).rig if out else fit.rig, views)
 
 
 def _judge(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
-    """Bad pairs: those out that still do not fit, and the worst of those in if it does not."""
+    """Bad pairs: rejected pairs that still do not fit, and the worst of the used pairs if it does not fit."""
     if len(errors) < LEAST_PAIRS:
         return {}
     limit, median = _limit([value for pair, value in errors.items() if pair not in bad])
@@ -452,7 +453,7 @@ def _judge(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
 def _points(
     fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], reject: bool
 ) -> dict[tuple[int, int], NDArray[np.bool_]]:
-    """Points of each view that are used."""
+    """Mask of the used points for each view."""
     used = {}
     for pair, views in pairs.items():
         for view in views:
@@ -476,7 +477,7 @@ MODELS: dict[str, tuple[str, ...]] = {
     "k1 k2 p1 p2": ("k1", "k2", "p1", "p2"),
     "k1 k2 p1 p2 k3": ("k1", "k2", "p1", "p2", "k3"),
 }
-"""Distortion models: coefficients that are adjusted, the others are zero."""
+"""Distortion models: the adjusted coefficients; all others are zero."""
 
 
 def calibrate(
@@ -493,44 +494,44 @@ def calibrate(
     folds: int = 5,
     predict: bool = True,
 ) -> Calibration:
-    """Cameras, their relative pose and all covariances, from pairs of pictures of a target.
+    """Calibrate two cameras from pairs of pictures of a target: parameters, relative pose and covariance.
 
-    All points of all pairs are adjusted together (`dic.calibration.bundle`). A pair that only one camera
-    saw counts for that camera. Pairs that do not fit the cameras which the others agree on are left out
-    with their reason, single points too far off as well.
+    All points of all pairs are adjusted together (`dic.calibration.bundle`). A pair that only one camera saw
+    is used for that camera. Pairs that are inconsistent with the others are left out with a reason, and so
+    are outlying points.
 
     Parameters
     ----------
     views0, views1
-        What camera 0 and camera 1 saw, one entry a pair: a `Detection`; the `TargetNotFound` that
-        detecting raised; the `PictureError` of a picture that cannot be used; or None where there is none.
+        Detections of camera 0 and camera 1, one entry per pair: a `Detection`; the `TargetNotFound` that the
+        detection raised; the `PictureError` of an unusable picture; or None without a picture.
     target
-        What was shown: one target, or one for each pair.
+        The target, or one target for each pair.
     sensors
         Columns and rows of the two cameras' calibration pictures [px]. For test pictures cropped from the
         same sensor use ``calibration.rig.cropped``.
     distortion
         A key of `MODELS`.
     square_pixels
-        Adjust one focal length a camera, fx = fy.
+        Adjust one focal length per camera, fx = fy.
     skew
-        Adjust the shear of the pixel grid too.
+        Also adjust the shear of the pixel grid.
     names
         Names of the pairs for the report; their numbers if not given.
     reject
-        Look for bad pairs and points. False keeps all, whatever they are.
+        Reject bad pairs and points; False keeps all.
     folds
-        Parts for the prediction of held-out pairs; 0 leaves the check out.
+        Number of parts for the cross-validation with held-out pairs; 0: no cross-validation.
     predict
-        Compare the calibration with what it was not told, held-out pairs and distances on the target; False
-        for a caller that wants the cameras alone: the `Checks` of it are then NaN.
+        Check the calibration with independent data: held-out pairs and distances on the target. False: only
+        the cameras are computed, and the `Checks` are NaN.
 
     Raises
     ------
     dic.calibration.bundle.Undetermined
-        If the pictures cannot determine what is asked for.
+        If the pictures do not determine the requested parameters.
     ValueError
-        Lengths that do not agree, or an unknown distortion model.
+        Lists of different lengths, or an unknown distortion model.
     """
     n = len(views0)
     targets = list(target) if isinstance(target, Sequence) else [target] * n
@@ -576,7 +577,7 @@ def calibrate(
 
 
 def _message(view: TargetNotFound | PictureError | None) -> str:
-    """Why there is no detection."""
+    """Reason why there is no detection."""
     if view is None:
         return "no picture"
     return f"the picture cannot be used: {view}" if isinstance(view, PictureError) else str(view)

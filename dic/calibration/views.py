@@ -1,4 +1,4 @@
-"""Views of a target: detection in pictures, pairs of views, and the calibration that results from them."""
+"""Views of a target: detection in pictures, pairs of views, and the resulting calibration."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ from dic.views import ResultViews
 
 
 def detect(picture: NDArray[np.generic], target: Target) -> Detection:
-    """Points of a target in a picture.
+    """Detect the points of a target in a picture.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
     Raises
     ------
     TargetNotFound
-        If it is not seen, or not well enough to number its points.
+        If the target is not found, or its points cannot be numbered.
     ValueError
         If the picture is not one grey picture.
     """
@@ -39,19 +39,19 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
 
 
 Views = tuple[list[Detection | TargetNotFound | PictureError], ...]
-"""Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture cannot
-be used."""
+"""For each camera a list with one entry per picture: the detection, the reason why there is none, or the
+reason why the picture is unusable."""
 
 
 @contextmanager
 def detect_in_background(
     series: Sequence[Pictures], targets: Sequence[Target]
 ) -> Iterator[Callable[..., Views]]:
-    """Look for a target in all pictures of several cameras (`dic.processes.background_pool`).
+    """Detect a target in all pictures of several cameras in the background (`dic.processes.background_pool`).
 
-    ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. Yields: joins in
-    the work and gives the detections as `calibrate` takes them, the same for any number of processes; it can
-    be given a `progress`, see `dic.processes.run_parallel`.
+    ``series``: the pictures of each camera. ``targets``: the target for each camera. Yields: a function that
+    joins in the work and returns the detections for `calibrate`; they do not depend on the number of
+    processes. It takes a `progress`, see `dic.processes.run_parallel`.
     """
     jobs = [
         (camera, index)
@@ -79,7 +79,7 @@ def detect_in_background(
 
 
 class PairOutcome(Outcome):
-    """The end of one pair of calibration pictures."""
+    """Outcome of one pair of calibration pictures."""
 
     VALID = 0, "both cameras saw the target where the others put it", "nothing to do"
     NOT_FOUND = (
@@ -100,7 +100,7 @@ class PairOutcome(Outcome):
 
     @property
     def used(self) -> bool:
-        """True when the pair took part in the solution."""
+        """True if the pair was used in the solution."""
         return self in (PairOutcome.VALID, PairOutcome.ONE_CAMERA)
 
 
@@ -110,24 +110,25 @@ def _rms(residual: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class PairView:
-    """One camera's part in a pair of pictures."""
+    """One camera's view in a pair of pictures."""
 
     ids: IntArray
-    """Points of the target that were recognised, shape [n]."""
+    """Numbers of the recognised points of the target, shape [n]."""
     pixels: FloatArray
     """Observed pixels, as measured [px], shape [n, 2]."""
     sigma: FloatArray
     """Standard deviations from the picture's noise [px], shape [n]."""
     residual: FloatArray
-    """Measured less expected [px], shape [n, 2]."""
+    """Measured minus predicted pixels [px], shape [n, 2]."""
     eccentricity: FloatArray
-    """Expected centroid of a dot less the image of its centre [px], shape [n, 2]."""
+    """Predicted centroid of a dot minus the image of its centre [px], shape [n, 2]."""
     used: NDArray[np.bool_]
-    """Points that took part; the others lie too far off, shape [n]."""
+    """Points used in the solution; the others were rejected as outliers, shape [n]."""
 
     @property
     def rms(self) -> float:
-        """Root mean square length of the residuals of the points used, or of all if none was [px]."""
+        """Root mean square length of the residuals of the used points, or of all points if none was used
+        [px]."""
         return _rms(self.residual[self.used] if self.used.any() else self.residual)
 
 
@@ -138,19 +139,20 @@ class Pair:
     name: str
     outcome: PairOutcome
     reason: str
-    """Reason that it was left out, with numbers; empty if it was not."""
+    """Reason why it was left out, with numbers; empty if it was used."""
     views: tuple[PairView | None, PairView | None]
-    """Of camera 0 and 1; None where the target was not recognised."""
+    """Views of camera 0 and 1; None where the target was not recognised."""
     rotation: FloatArray | None
-    """From the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""
+    """Rotation from the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""
     translation: FloatArray | None
-    """From the target's frame to the rig's [m], shape [3]."""
+    """Translation from the target's frame to the rig's [m], shape [3]."""
     unusable: bool = False
-    """True if a picture of it could not be read or is of another size: `reason` names it."""
+    """True if one of its pictures could not be read or has another size; `reason` names it."""
 
     @property
     def rms(self) -> float:
-        """The same over both cameras [px]; NaN if neither recognised the target."""
+        """Root mean square length of the residuals over both cameras [px]; NaN if neither recognised the
+        target."""
         views = [view for view in self.views if view is not None]
         any_used = any(view.used.any() for view in views)
         parts = [view.residual[view.used] if any_used else view.residual for view in views]
@@ -159,49 +161,49 @@ class Pair:
 
 @dataclass(frozen=True)
 class Checks:
-    """Predictions of the calibration against what it was not told; NaN where none were wanted."""
+    """Checks of the calibration with independent data; NaN if not requested."""
 
     fit_rms: float
     """Root mean square residual of the points used [px]."""
     held_out_rms: float
-    """The same for pairs that were left out of the solution in turn, the target's pose adjusted [px];
-    NaN with fewer than four pairs."""
+    """The same for held-out pairs, with only the target's pose adjusted [px]; NaN with fewer than four
+    pairs."""
     folds: int
-    """Parts the pairs were divided in for it."""
+    """Number of parts of the cross-validation."""
     distance_ratio: float
-    """Triangulated over true distances of points of the target, all pairs of points, weighted by length;
-    NaN if no target was seen by both cameras."""
+    """Ratio of triangulated to true distances between points of the target, weighted by length; NaN if no
+    target was seen by both cameras."""
     distance_sigma: float
-    """Standard deviation of that ratio from picture pair to picture pair, over the root of their number."""
+    """Standard error of that ratio, from its scatter between picture pairs."""
     distance_rms: float
     """Root mean square distance of triangulated points from the target's rigid shape [m]."""
 
 
 @dataclass(frozen=True)
 class Calibration(ResultViews):
-    """Two calibrated cameras and all that speaks for and against them."""
+    """Two calibrated cameras with residuals, checks and rejected pairs."""
 
     rig: StereoRig
     """The cameras, camera 0 at the origin, with the covariance of their parameters."""
     free: tuple[str, ...]
     """Parameters of each camera that were adjusted."""
     pairs: tuple[Pair, ...]
-    """Every pair that was given, in its order."""
+    """All given pairs, in their order."""
     unit: float
-    """Root of the variance of unit weight: residuals over the sigma that the pictures' noise explains. The
+    """Root of the variance of unit weight: residuals over the sigma due to the pictures' noise. The
     covariance is scaled with its square."""
     clustering: float
-    """`dic.calibration.bundle.clustering`: 1 if residuals are independent. The covariance is scaled with it
-    where it exceeds 1."""
+    """`dic.calibration.bundle.clustering`: 1 if residuals are independent. If it exceeds 1, the covariance is
+    scaled with it."""
     freedom: int
-    """Coordinates measured less numbers adjusted."""
+    """Degrees of freedom: number of measured coordinates minus adjusted parameters."""
     checks: Checks
     advice: tuple[str, ...]
-    """Advice from the covariance on the choice of parameters and pictures."""
+    """Advice on the choice of parameters and pictures, from the covariance."""
 
     @property
     def rms(self) -> float:
-        """Root mean square length of all residuals used [px]."""
+        """Root mean square length of all used residuals [px]."""
         return self.checks.fit_rms
 
     @property
@@ -211,12 +213,12 @@ class Calibration(ResultViews):
 
     @property
     def unusable(self) -> tuple[Pair, ...]:
-        """Pairs that took part with one picture, as the other could not be used."""
+        """Pairs of which only one picture was used, because the other one is unusable."""
         return tuple(pair for pair in self.pairs if pair.outcome.used and pair.unusable)
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Standard deviation of every parameter of the rig, by name; zero for one that was held."""
+        """Standard deviation of every parameter of the rig, by name; zero for a fixed parameter."""
         assert self.rig.covariance is not None  # a calibration always has it
         values = np.sqrt(np.maximum(np.diag(self.rig.covariance), 0.0))
         return dict(zip(self.rig.parameter_names, values.tolist(), strict=True))
@@ -225,9 +227,10 @@ class Calibration(ResultViews):
 def all_views(
     detections: tuple[Sequence[object], Sequence[object]], targets: Sequence[Target]
 ) -> dict[tuple[int, int], list[View]]:
-    """(pair, camera) -> its view, once in each numbering of the target that looks the same.
+    """(pair, camera) -> its view, once in each equivalent numbering of the target.
 
-    Camera 0 says which numbering a pair has, so it is listed in the first one alone if both saw the target.
+    Camera 0 defines the numbering of a pair. If both cameras saw the target, camera 0's view is therefore
+    listed in the first numbering only.
     """
     geometries = {id(target): target.geometry() for target in targets}
     views: dict[tuple[int, int], list[View]] = {}
@@ -268,7 +271,7 @@ def finished_view(rig: Rig, view: View, used: NDArray[np.bool_]) -> PairView:
 
 
 def only(view: View, rows: NDArray[np.bool_]) -> View:
-    """Some of a view's points."""
+    """A view with some of its points."""
     return View(
         view.pair,
         view.camera,

@@ -1,6 +1,6 @@
 """Calibrations of other programs: the registry of formats, and the functions that read and write a rig.
 
-A new format is its file and one line of `FORMATS`.
+To add a format, write its module and add one line to `FORMATS`.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ class CameraFormat(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the format, as `write_rig` takes it."""
+        """Name of the format, for `write_rig`."""
 
     @property
     def about(self) -> str:
@@ -28,23 +28,25 @@ class CameraFormat(Protocol):
 
     @property
     def suffix(self) -> str:
-        """Usual end of a file's name."""
+        """Usual ending of a file's name."""
 
     @property
     def absolute_pose(self) -> bool:
-        """True if a file keeps the poses of both cameras; False if their relative pose only."""
+        """True if a file stores the poses of both cameras; False if it stores only their relative pose."""
 
     @property
     def tangential(self) -> bool:
-        """True if a file keeps tangential distortion; `write` refuses a rig that has some otherwise."""
+        """True if a file stores tangential distortion; if False, `write` rejects a rig with tangential
+        distortion."""
 
     def sniff(self, text: str) -> bool:
         """True if a file's text is of this format."""
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
-        """The rig of a file whose lengths are multiples of `length_unit` [m], unless it says otherwise.
+        """The rig of a file whose lengths are multiples of `length_unit` [m], unless the file states its
+        unit.
 
-        Raises CameraFileError if the text is not what it should be.
+        Raises CameraFileError if the text is not valid in this format.
         """
 
     def write(self, rig: StereoRig, length_unit: float) -> str:
@@ -65,15 +67,16 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     ----------
     path
         A VIC-3D project, a DICe camera system (XML or text), a MatchID .caldat, an OpenCV storage file or
-        OpenCorr's camera parameters; distinguished by what they hold.
+        OpenCorr's camera parameters; they are distinguished by their content.
     length_unit
-        The file's unit of length [m], that of the calibration target. Files that name theirs are believed.
+        The file's unit of length [m], that of the calibration target. If a file states its unit, that one is
+        used.
 
     Returns
     -------
     StereoRig
-        For pictures of the whole sensor, as calibrated; `StereoRig.cropped` fits it to a crop. With a
-        covariance only if the file has one.
+        The rig for pictures of the whole sensor, as calibrated; `StereoRig.cropped` adapts it to a crop. It
+        has a covariance only if the file contains one.
 
     Raises
     ------
@@ -96,12 +99,12 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     Parameters
     ----------
     path
-        The file; one that exists is replaced.
+        The file; an existing file is replaced.
     rig
         The cameras.
     format
-        The name of a member of `FORMATS`. Only "opencv" keeps the covariance; formats without
-        `CameraFormat.absolute_pose` keep the relative pose only.
+        The name of a member of `FORMATS`. Only "opencv" stores the covariance; formats without
+        `CameraFormat.absolute_pose` store the relative pose only.
     length_unit
         Unit of the file's lengths [m].
 

@@ -1,11 +1,11 @@
 """DICe's calibrations: camera system files (.xml, Teuchos parameter lists) and the older text files (.txt).
 
 Poses are world to camera, ``X_cam = R X + t`` with R given, or R = Rz(γ) Ry(β) Rx(α) in degrees. With
-``extrinsics_relative_camera_to_camera``, and in text files, that of camera 1 is from camera 0. Lengths have
-the unit of the target, which the file does not name. A text file holds cx cy fx fy fs k1 k2 k3 of each
-camera, alpha beta gamma [degrees] or R11 to R33, tx ty tz, height and width; a # begins a comment.
-FS is a skew in px. Brown's lens models are read; coefficients of VIC-3D are read as VIC-3D means them, also
-in text files, where DICe itself assumes K1 R + K2 R² + K3 R³ on the radius. Other models are refused.
+``extrinsics_relative_camera_to_camera``, and in text files, the pose of camera 1 is relative to camera 0.
+Lengths have the unit of the target, which the file does not state. A text file holds cx cy fx fy fs k1 k2 k3
+of each camera, alpha beta gamma [degrees] or R11 to R33, tx ty tz, height and width; a # begins a comment. FS
+is a skew in px. Brown's lens models are read. Coefficients of VIC-3D are read with VIC-3D's definition, also
+in text files, where DICe itself assumes K1 R + K2 R² + K3 R³ on the radius. Other models are rejected.
 """
 
 import numpy as np
@@ -105,7 +105,7 @@ class DiceXml:
 
 
 def _parameters(element: Element) -> dict[str, tuple[str, int]]:
-    """Values and lines of a list's own parameters, by name."""
+    """Values and lines of a list's parameters, by name, without those of nested lists."""
     return {
         child.attributes.get("name", ""): (child.attributes.get("value", "").strip(), child.line)
         for child in element.with_tag("Parameter")
@@ -165,7 +165,7 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
 
 
 def _rotation(source: Source, element: Element, angles: list[float]) -> FloatArray:
-    """The matrix of a camera's list, or that of its angles."""
+    """The rotation matrix of a camera's list, or the one from its angles."""
     matrices = [
         c for c in element.with_tag("ParameterList") if c.attributes.get("name") == "rotation_3x3_matrix"
     ]

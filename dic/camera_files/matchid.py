@@ -1,4 +1,4 @@
-"""MatchID calibration files (.caldat): one ``name;value`` a line.
+"""MatchID calibration files (.caldat): one ``name;value`` per line.
 
 ``Cam0_Fx [pixels];2898.55`` and so on for Fx, Fy, Fs, Kappa 1 to 3, P1, P2, Cx, Cy of Cam0 and Cam1, then
 ``Tx [mm]``, ``Ty [mm]``, ``Tz [mm]``, ``Theta [deg]``, ``Phi [deg]``, ``Psi [deg]``: X_1 = R X_0 + t with
@@ -18,8 +18,8 @@ POSE = ("Tx", "Ty", "Tz", "Theta", "Phi", "Psi")
 UNITS = {"mm": 1e-3, "m": 1.0, "µm": 1e-6, "um": 1e-6, "inch": 25.4e-3}
 ENTRY = re.compile(r"\s*([^\[;:=\t]{1,40}?)\s*(?:\[([^\]]{1,20})\])?\s*[;:=\t]\s*(\S[^;]{0,60}?)\s*;?\s*$")
 LONGEST = 400
-"""Longest line that is searched for a name and a value [characters]; what the search takes grows with a power
-of the length."""
+"""Longest line that is searched for a name and a value [characters], because the time of the search grows
+with a power of the length."""
 CAMERA = re.compile(r"^[ \t]{0,40}Cam(\d{1,6})_", re.MULTILINE)
 
 
@@ -37,7 +37,7 @@ class MatchID:
         return CAMERA.search(text) is not None
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
-        """The rig; its lengths have the unit that the file names, if it does."""
+        """The rig; its lengths have the unit stated in the file, if there is one."""
         cameras = sorted({int(number) for number in CAMERA.findall(source.text)})
         if cameras != [0, 1]:
             raise CameraFileError(

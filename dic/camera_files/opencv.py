@@ -1,9 +1,9 @@
-"""OpenCV's storage files (.yml, .xml, .json): what `cv2.stereoCalibrate` gives, by the usual names.
+"""OpenCV's storage files (.yml, .xml, .json): results of `cv2.stereoCalibrate` under their usual names.
 
 Camera matrices M1 and M2, distortion D1 and D2 (k1 k2 p1 p2 [k3 ...]), R and T with ``X_1 = R X_0 + T``;
-`NAMES` lists the other names in use. Lengths have the unit of the calibration target. Files written here say
-it (`length_unit`, in m), and also keep what others ignore: the pose of camera 0 and the covariance of
-`dic.StereoRig`, in m, rad and px.
+`NAMES` lists the other names in use. Lengths have the unit of the calibration target. Files written here
+state it (`length_unit`, in m). They also contain two entries that other programs ignore: the pose of camera
+0, and the covariance of `dic.StereoRig` in m, rad and px.
 """
 
 import re
@@ -30,9 +30,9 @@ NAMES = {
 }
 SIZE = ("imageSize", "image_size")
 MOST = 1024
-"""Numbers that one entry may hold."""
+"""Largest number of values in one entry."""
 DEEPEST = 64
-"""Levels that entries may lie within each other; OpenCV's own parser has no limit and runs out of stack."""
+"""Largest depth of nested entries; OpenCV's parser has no limit and would exhaust the stack."""
 
 
 _LEVELS = re.compile(r"[\[\]{}]|</?[A-Za-z_]|^[ \t]*(?:-[ \t]+){2,}", re.MULTILINE)
@@ -157,7 +157,8 @@ def _must(
 def _entry(
     source: Source, root: cv2.FileNode, names: list[str], shape: tuple[int, int] | None
 ) -> FloatArray | None:
-    """The finite numbers of the first entry that there is, as `shape` or in a row; None if there is none."""
+    """The finite numbers of the first entry found, with `shape` or in one row; None if there is no such
+    entry."""
     for name in names:
         node = root.getNode(name) if root.isMap() else None
         if node is None or node.isNone():
@@ -199,7 +200,7 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
 
 
 def _depth(text: str) -> int:
-    """Levels of brackets, tags and dashes of lists within each other; unclosed ones count on."""
+    """Depth of nested brackets, tags and list dashes; unclosed ones keep counting."""
     deepest = depth = 0
     for match in _LEVELS.finditer(text):
         token = match[0]

@@ -1,7 +1,7 @@
-"""Shared parts of the camera file formats: safe text and XML, numbers, one error with file, line and cure.
+"""Shared parts of the camera file formats: safe reading of text and XML, numbers, and the error class.
 
-The angles that VIC-3D, DICe and MatchID write are those of R = Rz(γ) Ry(β) Rx(α), in degrees. Expat parses
-XML; a document that declares an entity is refused, so nothing is expanded or fetched.
+VIC-3D, DICe and MatchID write the angles of R = Rz(γ) Ry(β) Rx(α), in degrees. XML is parsed by Expat. A
+document that declares an entity is rejected, so that nothing is expanded or fetched.
 """
 
 import math
@@ -17,15 +17,15 @@ from dic.camera import Camera
 from dic.files import one_line, regular
 
 LARGEST = 16 * 2**20
-"""Bytes that a camera file may have; a project of ten thousand pictures has one."""
+"""Largest size of a camera file [bytes]; a project of ten thousand pictures is one file."""
 LONGEST = 100_000
-"""Pixels that a picture's side may have."""
+"""Largest side of a picture [px]."""
 
 
 class CameraFileError(ValueError):
     """A camera file that cannot be read, or a rig that a format cannot hold.
 
-    Its text names file, line (if there is one), what is wrong and the cure.
+    Its text names the file, the line (if known), the fault and the cure.
     """
 
     def __init__(self, path: Path | str, fault: str, *, line: int | None = None, cure: str = "") -> None:
@@ -43,13 +43,13 @@ class Source:
 
     path: Path
     text: str
-    """All of it."""
+    """The whole text."""
 
     @classmethod
     def open(cls, path: Path | str) -> "Source":
         """Read a file.
 
-        Raises CameraFileError if it is missing, larger than `LARGEST`, or no text.
+        Raises CameraFileError if the file is missing, larger than `LARGEST`, or not text.
         """
         path = Path(path)
         try:
@@ -74,16 +74,16 @@ class Source:
             return cls(path, data.decode("latin-1"))
 
     def line_of(self, position: int) -> int:
-        """Line number of a character, from 1."""
+        """Line number of a character, counted from 1."""
         return self.text.count("\n", 0, position) + 1
 
     def number(self, word: str, quantity: str, line: int | None) -> float:
         """A finite number.
 
-        Raises CameraFileError if `word` is none.
+        Raises CameraFileError if `word` is not a finite number.
         """
         try:
-            value = float(word.replace("_", "x"))  # Python would take 1_000 for a number
+            value = float(word.replace("_", "x"))  # Python would read 1_000 as a number
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
@@ -110,10 +110,11 @@ class Source:
     ) -> Camera:
         """A camera from numbers of the file.
 
-        ``index``, ``line``: which camera of the file, and where it begins. ``matrix``: fx, fy, cx, cy, skew
-        [px]. ``distortion``: k1, k2, p1, p2, k3 [-]. ``rotation``, ``translation``: its pose, translation in
-        m. A rotation that is one to the digits of a file (1e-4) is replaced by the nearest exact one.
-        ``sensor``: columns and rows [px]. Raises CameraFileError if they make none.
+        ``index``, ``line``: number of the camera in the file, and the line where it begins. ``matrix``: fx,
+        fy, cx, cy, skew [px]. ``distortion``: k1, k2, p1, p2, k3 [-]. ``rotation``, ``translation``: its
+        pose, translation in m. A matrix that is a rotation within the digits of a file (1e-4) is replaced by
+        the nearest exact rotation. ``sensor``: columns and rows [px]. Raises CameraFileError if the numbers
+        define no camera.
         """
         rotation = np.asarray(rotation, dtype=np.float64)
         if np.all(np.isfinite(rotation)) and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-4:
@@ -138,7 +139,7 @@ class Source:
 
 
 def printed(value: float) -> str:
-    """A number with 15 digits: those of a double that survive being read and printed again."""
+    """A number with 15 digits, which a double reproduces exactly when read and printed again."""
     return f"{value:.15g}"
 
 
@@ -155,7 +156,8 @@ def rotation_of(alpha: float, beta: float, gamma: float) -> FloatArray:
 
 
 def angles_of(R: FloatArray) -> tuple[float, float, float]:
-    """Alpha, beta, gamma [degrees] of a rotation; gamma is 0 where beta is ±90° and only their sum counts."""
+    """Alpha, beta, gamma [degrees] of a rotation; gamma is set to 0 for beta = ±90°, where it is not
+    unique."""
     level = np.hypot(R[0, 0], R[1, 0])
     beta = np.arctan2(-R[2, 0], level)
     if level > 1e-12:
@@ -167,7 +169,7 @@ def angles_of(R: FloatArray) -> tuple[float, float, float]:
 
 
 DEEPEST = 20
-"""Levels that elements may be nested."""
+"""Largest depth of nested elements."""
 
 
 @dataclass
@@ -177,13 +179,13 @@ class Element:
     name: str
     """Its tag."""
     attributes: dict[str, str]
-    """By name."""
+    """Attributes by name."""
     line: int
-    """Line in which it begins in the file, from 1."""
+    """Line in which it begins in the file, counted from 1."""
     text: str = ""
     """Characters before its first child."""
     children: list["Element"] = field(default_factory=list)
-    """In the file's order."""
+    """Children in the order of the file."""
 
     def with_tag(self, name: str) -> list["Element"]:
         """Children with this tag."""

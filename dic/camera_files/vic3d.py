@@ -1,9 +1,9 @@
 """VIC-3D project files (.xml, .z3d unpacked): a line of intrinsic numbers and an orientation per camera.
 
-``<camera id="0">cx cy fx fy skew k1 k2 k3 <orientation>α β γ tx ty tz</orientation></camera>``, with
-``X_cam = R X + t``, R = Rz(γ) Ry(β) Rx(α) in degrees and the radial distortion 1 + k1 r² + k2 r⁴ + k3 r⁶.
-Lengths have the unit of the calibration target, which the file does not name. Projects are not always
-well-formed as a whole, so only their calibration element is parsed.
+``<camera id="0">cx cy fx fy skew k1 k2 k3 <orientation>α β γ tx ty tz</orientation></camera>``, with ``X_cam
+= R X + t``, R = Rz(γ) Ry(β) Rx(α) in degrees and the radial distortion 1 + k1 r² + k2 r⁴ + k3 r⁶. Lengths
+have the unit of the calibration target, which the file does not state. Projects are not always well-formed
+XML, so only their calibration element is parsed.
 """
 
 import re

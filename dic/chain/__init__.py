@@ -1,7 +1,7 @@
-"""Measurement from two series of pictures and their cameras to surfaces.
+"""Measurement of surfaces from two series of pictures and their calibrated cameras.
 
-`measure` has the stages in the order of the work, with their wall times; each stage is a module of this
-package. The two cameras are followed in parallel, and so are the flyer's motion and the specimen's surface.
+`measure` runs the stages one after the other and records their wall times; each stage is a module of this
+package. Both cameras' pictures are tracked in parallel; so are the flyer's motion and the specimen's surface.
 """
 
 from collections.abc import Callable, Mapping
@@ -52,31 +52,30 @@ class Clock:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        """Of each stage that ended, by its name [s]."""
+        """Wall time of each finished stage, by its name [s]."""
 
     def __call__(self, stage: str, work: Callable[[], Result]) -> Result:
-        """Do the work of a stage; what it raises, it raises, and has no time."""
+        """Do the work of a stage and record its time; a stage that raises an exception has no time."""
         return self.of(stage, timed(work))
 
     def of(self, stage: str, timed_result: tuple[Result, float]) -> Result:
-        """Result of a stage that `timed` did."""
+        """Record the time of a stage that was run by `timed`, and return its result."""
         result, self.seconds[stage] = timed_result
         return result
 
 
 def timed(work: Callable[..., Result], *arguments: Any) -> tuple[Result, float]:
-    """Result of work, and its wall time [s]."""
+    """Result of a function, and its wall time [s]."""
     started = perf_counter()
     return work(*arguments), perf_counter() - started
 
 
 VERSION = 20
-"""Raised when the same pictures and settings give other numbers: results kept from before are made
-anew."""
+"""Increased when the same pictures and settings give other numbers: stored results are then recomputed."""
 
 
 def _matched(inputs: Inputs, specimen: Region, flyer: Region | None) -> list[MatchedBody]:
-    """The bodies that are to be followed, the specimen first."""
+    """The bodies that are tracked, the specimen first."""
     return [match_specimen(inputs, specimen), *([] if flyer is None else [match_flyer(inputs, flyer)])]
 
 
@@ -100,28 +99,28 @@ def measure(
     pictures
         The series of camera 0 and camera 1, frame by frame at the same times.
     rig
-        The cameras, for pictures with the crop of the series (`StereoRig.cropped`).
+        The cameras, for the cropped pictures of the series (`StereoRig.cropped`).
     settings
         What to measure, and how.
     t
         Frame times [s], shape [n_frames].
     static
-        Frames in which specimen and flyer rest, shape [n_frames].
+        Static frames: specimen and flyer are at rest, shape [n_frames].
     specimen
-        Where the specimen is.
+        Region of the specimen.
     flyer
-        Where the flyer is; None if it is not to be measured.
+        Region of the flyer; None if the flyer is not measured.
     facts
-        What else is known about the pictures, for the reporting table.
+        Further facts about the pictures, for the reporting table.
     progress
-        Told of the frames done, stage by stage.
+        Called as ``progress(stage, done, total)`` with the frames done.
     inspection
-        Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
+        Inspection of these pictures and static frames (`inspect_pictures`); None: it is made here.
 
     Returns
     -------
     StereoResult
-        A frame or point that failed has an outcome in it; nothing is left out in silence.
+        The result. Every frame or point that failed is kept, with an outcome that gives the reason.
 
     Raises
     ------
@@ -165,11 +164,11 @@ def measure(
     flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
     with background(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
-        body = gate_residual(body)  # one by one: each holds the places of all points anew
+        body = gate_residual(body)  # one at a time: each holds a copy of all positions
         body = gate_surface(body, rest_state)
         surface, left_out = surface_of(inputs, body, placement, rest_frames)
         another_frame = remarks.of_material(body, specimen)
-        del body  # its tracks are as large as all that follows
+        del body  # its tracks take as much memory as all later stages
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
         speckle = clock("speckles", lambda: speckle_settings_facts(inputs, surface, rest_frames))

@@ -1,8 +1,8 @@
 """Tracking of specimen and flyer through both series; the flyer's region, displacement and poses.
 
-A camera below the flyer's face sees the face between the rim and the specimen. The face moves with the
-flyer, so a region may hold some of it, but the other camera sees the specimen there. With a few rows in view
-this moves the match by half a pixel.
+A camera below the flyer's face sees the face between the rim and the specimen. The face moves with the flyer,
+so a region may contain part of it; but at the same place the other camera sees the specimen. If only a few
+rows are in view, this shifts the match by half a pixel.
 """
 
 from collections.abc import Sequence
@@ -41,14 +41,15 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track, Tracking
 
 CLEAR = 1.0
-"""Distance from the rim at which what is left of such a region ends, as one that is found does: the blur of
-the edge [px]."""
+"""Distance from the rim at which such a region is cut off, as a detected region is: the blur of the edge
+[px]."""
 
 
 def before_rim(
     mask: BoolArray, camera: Camera, frame: SpecimenFrame, radius: float, move: FloatArray, rim: float
 ) -> tuple[BoolArray, float]:
-    """Pixels of a region that show the flyer's side clear of its rim, if some of it lie past the rim."""
+    """Pixels of a region that are clear of the flyer's rim, and how far the region reaches past the rim
+    [px]."""
     row, column = np.nonzero(mask)
     pixels = np.stack([column, row], axis=1).astype(np.float64)
     lateral = np.array([move[0], 0.0, move[2]])
@@ -59,7 +60,7 @@ def before_rim(
     if past <= 0.0:
         return mask, 0.0
     clear = mask.copy()
-    clear[row, column] = (y - rim) * scale >= CLEAR  # a ray that misses the flyer has no y, and is left out
+    clear[row, column] = (y - rim) * scale >= CLEAR  # a ray that misses the flyer has no y and is left out
     return clear, past
 
 
@@ -67,18 +68,19 @@ LATERAL_SHARE = 0.05
 """Prior standard deviation of the lateral displacement from frame to frame, over the axial displacement in
 that time: the change of direction of the velocity [rad]."""
 MOST_FRAMES = 400
-"""Frames whose poses are solved for together; of more, evenly chosen ones."""
+"""Largest number of frames whose poses are solved for together; of more frames, evenly spaced ones are
+used."""
 MOST_POINTS = 2000
-"""Points from which they are solved for; of more, evenly chosen ones. The memory grows with frames times
-points, and beyond this many subsets overlap and tell little more."""
+"""Largest number of points from which poses are solved for; of more points, evenly spaced ones are used. The
+memory grows with frames times points. More points add little information, because their subsets overlap."""
 WIDE = 0.25
-"""Share of the points of the best frame that a frame must see.
+"""Smallest number of points of a frame, relative to the frame with the most points [-].
 
-A strip of a few rows at the border of the picture has a lever too short for a rotation: what the border does
-to its places, 0.1 px alike in all frames, turns it by several mrad.
+A strip of a few rows at the border of the picture is too narrow to determine a rotation. The border shifts
+its points by 0.1 px in all frames, which turns the strip by several mrad.
 """
 ZERO_FRAMES = 6
-"""Frames that give it."""
+"""Number of frames that define the zero of the motion, if no static frame shows the flyer."""
 
 
 def flyer_poses(
@@ -91,7 +93,7 @@ def flyer_poses(
     subset: int,
     length: float | None,
 ) -> tuple[BodyMotion | None, list[Remark]]:
-    """The rigid motion of the flyer, where its points tell it."""
+    """The rigid motion of the flyer in the frames with enough points, and remarks if there is none."""
     body = subsample(body, MOST_POINTS)
     r = body.reconstruction
     visible = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
@@ -132,7 +134,7 @@ def flyer_poses(
 
 
 def subsample(body: TrackedBody, most: int) -> TrackedBody:
-    """A body with at most this many of its points, evenly chosen; itself if it has no more."""
+    """A body with at most `most` of its points, evenly chosen; the body itself if it has no more."""
     n = len(body.points)
     if n <= most:
         return body
@@ -173,7 +175,7 @@ def _keep_frames(track: Track, selected: BoolArray) -> Track:
 
 
 def _middle(places: FloatArray, length: float | None) -> FloatArray:
-    """The point of the body whose displacement is wanted [m], shape [3]."""
+    """The point of the body whose displacement is given [m], shape [3]."""
     if length is not None:
         return np.array([0.0, length, 0.0])
     finite = places[np.isfinite(places).all(axis=-1)]
@@ -183,13 +185,13 @@ def _middle(places: FloatArray, length: float | None) -> FloatArray:
 
 
 def match_specimen(inputs: Inputs, region: Region) -> MatchedBody:
-    """The specimen's points matched between the cameras; errors as `dic.bodies.follow.match_body`."""
+    """The specimen's points, matched between the cameras; raises as `dic.bodies.follow.match_body`."""
     return _matched(inputs, region, "specimen", inputs.settings.tracking)
 
 
 def match_flyer(inputs: Inputs, region: Region, mask: BoolArray | None = None) -> MatchedBody:
-    """The flyer's points matched between the cameras; errors as `dic.bodies.follow.match_body`. With `mask`
-    those of some pixels of the region, in the picture that its points are chosen in."""
+    """The flyer's points, matched between the cameras; raises as `dic.bodies.follow.match_body`. ``mask``:
+    pixels of the region to be used, in the picture in which the points are chosen."""
     return _matched(inputs, region, "flyer", inputs.settings.rigid, rigid=True, mask=mask)
 
 
@@ -228,8 +230,8 @@ def _matched(
 
 
 def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
-    """The region in the nearest frame with a usable picture of both cameras, if it is known to show the
-    same."""
+    """The region in the nearest frame with a usable picture of both cameras, if the body is at the same place
+    there."""
     frame = material_frame(inputs.health, region.frame)
     if frame == region.frame or (inputs.static[frame] and inputs.static[region.frame]):
         return region
@@ -246,7 +248,7 @@ def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
 
 
 def translations_of(inputs: Inputs, flyer: TrackedBody | None, placement: Placement) -> Translations | None:
-    """Translations of the flyer along the axis, if there is one."""
+    """Translations of the flyer along the axis; None if there is no flyer."""
     if flyer is None:
         return None
     return translations(
@@ -261,7 +263,7 @@ def translations_of(inputs: Inputs, flyer: TrackedBody | None, placement: Placem
 
 
 def _rest_geometry(inputs: Inputs, placement: Placement) -> RestGeometry | None:
-    """What is known of the specimen at rest; None without a declared length."""
+    """Geometry of the specimen at rest; None without a declared length."""
     settings = inputs.settings
     if settings.length is None:
         return None
@@ -283,7 +285,7 @@ def clear_of_rim(
 ) -> tuple[BoolArray, float]:
     """Pixels of the flyer's region before the rim of its face, and how far the region reaches past it [px].
 
-    All of it and 0 if the rim, or where the flyer was when its points were chosen, is not known.
+    The whole region and 0 if the rim is not known, or the flyer's position when its points were chosen.
     """
     if flyer is None or rim is None:
         return np.empty((0, 0), dtype=bool), 0.0
@@ -298,7 +300,8 @@ def clear_of_rim(
 def follow_before_rim(
     inputs: Inputs, region: Region, mask: BoolArray, progress: Progress | None = None
 ) -> TrackedBody | None:
-    """The flyer followed by some pixels of its region; None if they hold no point that both cameras see."""
+    """The flyer, tracked with some pixels of its region; None if these contain no point that both cameras
+    see."""
     try:
         flyer = follow(inputs, [match_flyer(inputs, region, mask)], progress)[0]
     except ValueError:  # no room for a point
@@ -313,10 +316,10 @@ def displacement_of(
     rim: Rim | None,
     motion: Translations | None,
 ) -> AxialDisplacement | None:
-    """Axial displacement of the flyer, if there is one.
+    """Axial displacement of the flyer; None if there is no flyer.
 
-    ``inputs``, ``flyer``, ``placement``: the pictures, the flyer followed, and the specimen at rest. ``rim``,
-    ``motion``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
+    ``inputs``, ``flyer``, ``placement``: the pictures, the tracked flyer, and the specimen at rest. ``rim``,
+    ``motion``: the rim of its face and its translations, if known (`rim_in`, `translations_of`).
     """
     if flyer is None:
         return None
@@ -327,7 +330,7 @@ def displacement_of(
 def poses_of(
     inputs: Inputs, flyer: TrackedBody | None, placement: Placement, axial: AxialDisplacement | None
 ) -> tuple[BodyMotion | None, list[Remark]]:
-    """Rigid motion of the flyer, if its axial displacement is known, and remarks on why it has none."""
+    """Rigid motion of the flyer, if its axial displacement is known, and remarks that explain its absence."""
     if flyer is None or axial is None:
         return None, []
     return flyer_poses(

@@ -25,7 +25,7 @@ DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right
 
 
 class ChainError(ValueError):
-    """Pictures from which no surface can be had; the text says why and what to do."""
+    """No surface can be measured in the pictures; the text gives the reason and the cure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,27 +35,27 @@ class ChainSettings:
     toward_flyer: str
     """Direction to the flyer in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """End of the specimen at the transmission platen in camera 0's first picture (x, y), to a pixel
-    or two [px]: the edge is then found in both cameras' pictures."""
+    """End of the specimen at the transmission platen in camera 0's first picture (x, y), known to a pixel or
+    two [px]. The edge is then located in both cameras' pictures."""
     strip_half_width: float
-    """Points within this distance of the centre plane are its outline [m]."""
+    """Points within this distance of the centre plane belong to the outline [m]."""
     radius: float | None = None
-    """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
-    the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
-    known less well. None: free."""
+    """Radius of the undeformed specimen, measured otherwise, e.g. by a calliper [m]: the axis then lies at
+    this distance behind the surface. None: the radius is estimated; radius and axis are then less certain,
+    because only part of the circumference is visible."""
     largest_sigma: float | None = None
-    """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
+    """Rows of the outline with a larger standard deviation are left out [m]; None: all rows are kept."""
     length: float | None = None
-    """Length of the specimen at rest [m]: with the flyer's displacement it gives the place of the upper end.
-    None: points near that end are not judged by it."""
+    """Length of the undeformed specimen [m]; with the flyer's displacement it gives the position of the upper
+    end. None: points near the upper end are not checked against it."""
     length_sigma: float = 0.0
-    """Its standard deviation [m]."""
+    """Standard deviation of `length` [m]."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
-    """Least distance of a point from its region's rim [px]."""
+    """Smallest distance of a point from the boundary of its region [px]."""
     strain_window: int = 5
-    """Side of the window of points that a strain is fitted to; odd."""
+    """Side of the window of points for a strain fit; odd."""
     tracking: Tracking = field(default_factory=Tracking)
     """Settings of the tracking in time."""
     stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
@@ -64,19 +64,19 @@ class ChainSettings:
 
     @property
     def subset(self) -> int:
-        """Side of the subsets that are followed [px]."""
+        """Side of the tracked subsets [px]."""
         return self.tracking.correlation.subset
 
     @property
     def rigid(self) -> Tracking:
-        """Settings of the tracking of the flyer: its points translate, and enter the picture from its
+        """Settings of the flyer's tracking: its points only translate, and may enter the picture at the
         border."""
         subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
         return replace(self.tracking, correlation=subset)
 
     @property
     def direction(self) -> tuple[float, float]:
-        """From the specimen toward the flyer in the pictures of camera 0 (right, down)."""
+        """Direction from the specimen to the flyer in the pictures of camera 0 (right, down)."""
         return DIRECTIONS[self.toward_flyer]
 
     def __post_init__(self) -> None:
@@ -101,8 +101,8 @@ class ChainSettings:
 
 
 MOST_SENT = 2**25
-"""Pixels of a series that a fork reads and sends back: to send them takes a tenth of the time to decode them,
-but they are held twice until they were taken over."""
+"""Largest number of pixels of a series that a fork reads and sends back. Sending takes a tenth of the time of
+decoding, but the pictures are in memory twice until they are copied."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +110,14 @@ class Inputs:
     """Inputs of all stages: the pictures with their health and noise, the cameras, the times."""
 
     pictures: tuple[Pictures, Pictures]
-    """The series of camera 0 and camera 1; small ones stay in memory once they were read."""
+    """The series of camera 0 and camera 1; small series stay in memory after the first reading."""
     rig: StereoRig
-    """The cameras, for pictures with their crop."""
+    """The cameras, for the cropped pictures."""
     settings: ChainSettings
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     static: BoolArray
-    """Frames in which specimen and flyer rest, shape [n_frames]."""
+    """Static frames: specimen and flyer are at rest, shape [n_frames]."""
     health: tuple[IntArray, IntArray]
     """`FrameOutcome` of each camera's pictures, each of shape [n_frames]."""
     grey: tuple[GreyNoise, GreyNoise]
@@ -125,13 +125,13 @@ class Inputs:
 
     @property
     def noise(self) -> tuple[Noise, Noise]:
-        """The same as the matches take it."""
+        """Noise of both cameras in the form that the matches use."""
         return _line(self.grey[0]), _line(self.grey[1])
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What the pictures say before their cameras are known."""
+    """Results of the inspection of the pictures, which does not need the cameras."""
 
     pictures: tuple[Pictures, Pictures]
     """As of `Inputs`."""
@@ -140,15 +140,15 @@ class Inspection:
     grey: tuple[GreyNoise, GreyNoise]
     """As of `Inputs`."""
     seconds: float
-    """Wall time that it took [s]."""
+    """Wall time of the inspection [s]."""
 
 
 def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> Inspection:
     """Inspect every picture: its outcome, and the noise of each camera's grey values.
 
-    ``pictures``: the series of camera 0 and camera 1. ``static``: frames in which specimen and flyer rest,
-    shape [n_frames]. Raises ChainError if there are not as many pictures as frame times, or a camera has
-    fewer than two usable static pictures.
+    ``pictures``: the series of camera 0 and camera 1. ``static``: frames in which specimen and flyer are at
+    rest, shape [n_frames]. Raises ChainError if there are not as many pictures as frame times, or a camera
+    has fewer than two usable static pictures.
     """
     started = perf_counter()
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
@@ -175,7 +175,7 @@ def inspect_images(
     static: BoolArray,
     inspection: Inspection | None = None,
 ) -> Inputs:
-    """Inputs of all stages, from pictures that are inspected here or were `inspection`.
+    """Inputs of all stages; the pictures are inspected here unless `inspection` is given.
 
     Raises ChainError as `inspect_pictures`.
     """
@@ -208,14 +208,14 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
 
 
 def _line(grey: GreyNoise) -> Noise:
-    """The straight line of the noise where that is one, else its mean."""
+    """The straight line of variance over grey value if the noise has one, else its mean."""
     if grey.intercept > 0.0 and grey.slope > 0.0:
         return Noise(floor=grey.intercept**0.5, gain=grey.slope)
     return Noise(floor=grey.sigma)
 
 
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
-    """Findings about the cameras from a first pair of pictures, matched without their parameters."""
+    """Findings about the cameras from a first pair of pictures, matched without the camera parameters."""
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     try:
         frame = material_frame(health, region.frame)

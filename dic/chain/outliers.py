@@ -1,9 +1,9 @@
 """Removal of outliers from the tracked specimen: changed patches, false matches, rough points, ends.
 
-A gate changes the body that it is given, whose arrays are the largest of a measurement, and returns it. A
-highlight, lost paint or a shadow leaves a residual far above the noise; the largest residual along a point's
+A gate changes the body in place, because its arrays are the largest of a measurement, and returns it. A
+highlight, lost paint or a shadow causes a residual far above the noise. The largest residual along a point's
 references (`dic.tracking.Track.excess`) is compared with that of better points in the same frame. Points that
-have rolled onto a platen, or that a platen's rim hides from a camera, are removed by their place.
+have rolled onto a platen, or that a platen's rim hides from a camera, are removed by their position.
 """
 
 from dataclasses import replace
@@ -29,11 +29,11 @@ from dic.tracking import Track
 MARGIN = 0.5
 """Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
 SMALL = 1e-5
-"""Distance of the places that give a picture's scale [m]."""
+"""Distance of the two points from which a picture's scale is computed [m]."""
 AT_ONCE = 50_000
-"""Points of all frames that are looked at in one go: of few points many frames, as a call takes its time."""
+"""Points of all frames that are processed in one call: many frames at once if there are few points."""
 SLACK = 0.8
-"""Share of a picture's scale that is sure everywhere on the specimen [-]."""
+"""Lower bound of a picture's scale anywhere on the specimen, relative to its value at one point [-]."""
 
 
 def past_the_ends(
@@ -46,11 +46,11 @@ def past_the_ends(
     *,
     platen: float | None = None,
 ) -> BoolArray:
-    """Valid points whose subset reaches past an end, so that a camera sees part of it no longer.
+    """Valid points whose subset reaches past an end, so that part of it is hidden from a camera.
 
-    The part of a subset that its mask holds reaches this many pixels from the point toward either end in the
-    material picture. Deformed with the point's own warp it must fit, in each camera's picture, between the
-    point and that end, or the platen's rim where it hides the end.
+    The masked subset extends a known number of pixels from its point toward either end in the material
+    picture. Deformed with the point's warp, this extent must fit between the point and that end in each
+    camera's picture. Where the platen's rim hides the end, the rim takes its place.
     """
     r = body.reconstruction
     toward = np.asarray(direction) / np.linalg.norm(direction)
@@ -88,11 +88,11 @@ def visible_room(
     outward: FloatArray,
     platen: float | None,
 ) -> FloatArray:
-    """Distance in a picture from points to where the specimen is seen to end [px], shape [n].
+    """Distance in a picture from points to the visible end of the specimen [px], shape [n].
 
-    Its end is taken at the point's own distance from the axis. The rim lies in the plane of the end where
-    the plane through the point, the camera and the direction of the axis meets it on the camera's side; it
-    hides nothing of a point that is as far from the axis.
+    The end is taken at the point's distance from the axis. The rim lies in the plane of the end, where the
+    plane through the point, the camera and the direction of the axis meets the rim on the camera's side. It
+    hides nothing of a point at the same or a larger distance from the axis.
     """
     y = np.full(len(places), end)
     at_end = np.column_stack([places[:, 0], y, places[:, 2]])
@@ -111,8 +111,7 @@ def visible_room(
 
 
 def axis_in_picture(camera: Camera, frame: SpecimenFrame, places: FloatArray) -> tuple[FloatArray, float]:
-    """Direction of the axis toward the flyer in a picture, a unit vector [2], and pixels of a metre along
-    it."""
+    """Direction of the axis toward the flyer in a picture, a unit vector [2], and scale along it [px/m]."""
     if not len(places):
         return np.array([0.0, -1.0]), 1.0
     step = np.array([0.0, SMALL, 0.0])
@@ -124,13 +123,13 @@ def axis_in_picture(camera: Camera, frame: SpecimenFrame, places: FloatArray) ->
 
 
 def _steepest(camera: Camera, frame: SpecimenFrame, side: float, end: FloatArray) -> float:
-    """Largest rise of the rays over the plane of an end, away from the specimen; 0 for a camera before it."""
+    """Largest slope of the rays relative to the plane of an end, away from the specimen; at least 0."""
     x, y, z = frame.positions(camera.centre)
     return float(np.max(np.nan_to_num(side * (y - end)), initial=0.0) / np.hypot(x, z))
 
 
 def _extent(track: Track, k: IntArray, rows: IntArray, step: FloatArray) -> FloatArray:
-    """Steps in the material picture from points `rows` as pictures `k` show them [px], shape [n, 2]."""
+    """Steps in the material picture from the points `rows`, mapped to pictures `k` [px], shape [n, 2]."""
     warp = track.warp[k, rows]
     return np.asarray(step + neighbour_warp(warp, step)[:, :2] - warp[:, :2])
 
@@ -152,23 +151,23 @@ def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
 REACH = 2
 """Neighbours are points up to this many cells away."""
 SIGMAS = 5.0
-"""Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
+"""Allowed distance from the surface through the neighbours due to noise, in standard deviations [-]."""
 BENDING = 0.035
-"""And what its own bending between the points is allowed, over their distance [-]."""
+"""Further allowance for the curvature of the surface between the points, over their spacing [-]."""
 FEWEST_CONFIRMING = 2
-"""A point with fewer neighbours is confirmed by nobody."""
+"""Fewest neighbours of a valid point; a point with fewer is removed."""
 FEWEST = 4
-"""Neighbours from which on a plane through them judges a point."""
+"""Fewest neighbours for a check of a point against a plane."""
 BENT = 10
-"""Neighbours from which on the surface through them is quadratic."""
+"""Fewest neighbours for a check of a point against a quadratic surface."""
 ROUNDS = 12
 
 
 def spacing(position: FloatArray, cell: IntArray) -> float:
-    """Median distance of points that are next to each other in the grid [m]; NaN if no two of them are known.
+    """Median distance of adjacent points of the grid [m]; NaN if no two adjacent points are known.
 
-    ``position``: places [m], shape [n_points, 3]; NaN where not known. ``cell``: column and row of each point
-    in the grid, shape [n_points, 2].
+    ``position``: positions [m], shape [n_points, 3]; NaN where not known. ``cell``: column and row of each
+    point in the grid, shape [n_points, 2].
     """
     near, offset = _neighbours(cell)
     adjacent = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
@@ -182,10 +181,10 @@ def off_surface(
 ) -> BoolArray:
     """Valid points that lie off the smooth surface through their neighbours.
 
-    In every frame a polynomial of the grid's columns and rows is fitted to the places of a point's
-    neighbours, the point itself left out. The worst point among its neighbours goes first, and all are
-    judged anew without it: one false match does not condemn those around it. A point with fewer than two
-    neighbours is confirmed by nobody and goes too; with two or three it is not judged.
+    In every frame a polynomial in the grid's columns and rows is fitted to the positions of a point's
+    neighbours, without the point itself. The worst point of a neighbourhood is removed first and all points
+    are checked again without it, so that one false match does not reject the points around it. A point with
+    fewer than two neighbours is removed too; one with two or three neighbours is not checked.
     """
     if not distance > 0.0:
         raise ValueError(f"distance must be a positive length [m], got {distance}")
@@ -239,7 +238,7 @@ def _scores(
     terms: FloatArray,
     bending: float,
 ) -> FloatArray:
-    """Distance from the surface through the neighbours over what is allowed, shape [n_points]."""
+    """Distance from the surface through the neighbours over the allowed distance [-], shape [n_points]."""
     used = (near >= 0) & remaining[near] & remaining[:, None]
     count = used.sum(axis=1)
     score = np.zeros(len(position))
@@ -254,13 +253,13 @@ def _scores(
         around = near[chosen]
         x = np.where(used[chosen, :, None], position[around], 0.0)
         noise = np.where(used[chosen, :, None], sigma[around], 0.0)
-        ridge = 1e-9 * np.eye(order)  # neighbours on one line fix no plane: its variance then is large
+        ridge = 1e-9 * np.eye(order)  # neighbours on one line determine no plane: its variance is then large
         # the surface's height at the point itself: the constant term of the fit
         constant = np.eye(order)[:, :1]
         weights = (A @ np.linalg.solve(np.swapaxes(A, 1, 2) @ A + ridge, constant))[..., 0]
         spread = np.sqrt(np.einsum("nm,nmk->nk", weights**2, noise**2))
         expected = np.einsum("nm,nmk->nk", weights, x)
-        # Weights that extrapolate magnify what the surface does between its points, too.
+        # Weights that extrapolate also magnify the curvature between the points.
         bent = bending * np.maximum(1.0, np.sum(np.abs(weights), axis=1))[:, None]
         allowed = bent + SIGMAS * np.hypot(spread, sigma[chosen])
         score[chosen] = np.max(np.abs(position[chosen] - expected) / allowed, axis=1)
@@ -268,11 +267,11 @@ def _scores(
 
 
 SEED = 10.0
-"""Residual, in those of the frame's better points, that no right match leaves [-]."""
+"""Smallest residual of a false match, relative to that of the frame's better points [-]."""
 TOUCHED = 1.5
-"""And that of points which belong to the same patch as such a one [-]."""
+"""Smallest residual of other points of the same patch, relative to that of the frame's better points [-]."""
 BETTER = 25.0
-"""Percentile of the frame's residuals that stands for them [%]."""
+"""Percentile of the frame's residuals that represents the better points [%]."""
 TOUCH_REACH = 2
 """Points of a patch lie within this many cells of each other."""
 
@@ -280,9 +279,9 @@ TOUCH_REACH = 2
 def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:
     """Valid points of patches whose residual noise does not explain.
 
-    A patch holds a point with `SEED` times the residual of the frame's better points, and all around it with
-    `TOUCHED` times that. Seeds and limits were chosen on one drawn population and judged on another
-    (verification page of the tracking).
+    A patch contains a point with `SEED` times the residual of the frame's better points, and all adjoining
+    points with `TOUCHED` times that residual. The limits were chosen on one random population and tested on
+    another (verification page of the tracking).
     """
     low = cell.min(axis=0)
     shape = tuple((cell.max(axis=0) - low + 1).tolist())
@@ -307,16 +306,16 @@ def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolA
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
 GATE_SIGMAS = 6.0
-"""The gate in standard deviations of the epipolar distances at rest."""
+"""The gate, in standard deviations of the epipolar distances in the static frames."""
 OWN_SIGMAS = 4.0
-"""And in standard deviations of the point's own."""
+"""The gate, in standard deviations of the point's epipolar distance."""
 
 
 def gate_residual(body: TrackedBody) -> TrackedBody:
-    """Remove points of patches that do not look like what was followed, in either camera.
+    """Remove patches of points that no longer resemble their reference, in either camera.
 
-    Points that another gate has removed neither judge nor begin a patch: a subset that hangs over an end has
-    a large residual too, and says nothing of its neighbours.
+    Points that another gate has removed are not used and begin no patch: a subset that reaches past an end
+    also has a large residual, which is no evidence about its neighbours.
     """
     valid = np.asarray(body.reconstruction.outcome == PointOutcome.VALID)
     unlike = np.zeros(valid.shape, dtype=bool)
@@ -327,11 +326,11 @@ def gate_residual(body: TrackedBody) -> TrackedBody:
 
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
-    """Apply the epipolar gate that the specimen's static frames give."""
+    """Apply the epipolar gate derived from the specimen's static frames."""
     r, rest_frames = body.reconstruction, rest_state.frames
     at_rest = r.epipolar[rest_frames][r.outcome[rest_frames] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    if gate <= GATE:  # what is left was let through by that one
+    if gate <= GATE:  # the remaining points have passed that gate
         narrow_gates(r, gate=gate, gate_sigmas=OWN_SIGMAS)
         return body
     reconstruction = reconstruct(
@@ -346,7 +345,7 @@ def gate_ends(
     """Remove points whose subset reaches past an end in either camera, or behind a platen's rim.
 
     The upper end follows from the declared length and the flyer's displacement; without either it is not
-    known, and only the lower one judges.
+    known, and only the lower end is checked.
     """
     settings, t = inputs.settings, inputs.t
     upper = np.full(t.size, np.nan)
@@ -368,13 +367,13 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Remove points that lie off the smooth surface through their neighbours."""
     r, placement = body.reconstruction, rest_state.placement
     variance = placement.frame.variances(r.covariance)
-    # Against the cylinder: its own curvature is none of the surface through a few neighbours.
+    # Relative to the cylinder, whose curvature a surface through a few neighbours does not follow.
     at_rest = placement.frame.positions(static_mean(r, rest_state.frames)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
     distance = spacing(at_rest, body.cell)
     if not distance > 0.0:
-        return body  # no two neighbours at rest: nothing that could confirm or deny a point
+        return body  # no adjacent points at rest: points cannot be checked
     off = off_surface(
         placement.frame.positions(r.position) - cylinder,
         np.sqrt(variance),
@@ -386,6 +385,6 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
 
 
 def _without(body: TrackedBody, points: BoolArray, outcome: PointOutcome) -> TrackedBody:
-    """The body after some points of some frames were ended, which changes its own reconstruction."""
+    """The body with an outcome set at some points and frames; its reconstruction is changed in place."""
     end_points(body.reconstruction, points, outcome)
     return body

@@ -1,4 +1,4 @@
-"""Remarks on a test with numbers and cures: declarations, the flyer's travel, speckles, facts for the
+"""Remarks on a test, with numbers and cures: declared values, flyer's travel, speckles, facts for the
 report."""
 
 from collections.abc import Iterable, Sequence
@@ -19,9 +19,9 @@ from dic.result import Body, Placement, StereoResult
 from dic.stereo.diagnose import Finding
 
 RADIUS_SIGMAS = 4.0
-"""Disagreement of the measured radius with the declared one that is remarked on, in standard deviations."""
+"""Smallest difference of measured and declared radius that gives a remark, in standard deviations."""
 RADIUS_SHARE = 0.01
-"""And as a share of it: below this a calibration or a calliper explains it."""
+"""Smallest such difference relative to the radius; a smaller one may come from calibration or calliper."""
 
 
 def of_findings(findings: Iterable[Finding]) -> list[Remark]:
@@ -33,7 +33,7 @@ def of_findings(findings: Iterable[Finding]) -> list[Remark]:
 
 
 def of_radius(placement: Placement, declared: float | None) -> list[Remark]:
-    """Remark on a measured radius at rest that is not the declared one."""
+    """Remark on a measured radius at rest that differs from the declared one."""
     if declared is None:
         return []
     off = placement.radius - declared
@@ -66,7 +66,7 @@ def of_edge(cameras: int) -> list[Remark]:
 
 
 def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
-    """Remark on a flyer whose place at rest is not known, or is not seen."""
+    """Remark on a flyer whose position at rest is not known, or which is not visible."""
     if required and axial is not None and axial.from_rim:
         sigma = 1e6 * axial.rest_sigma
         return [
@@ -90,8 +90,8 @@ def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
 
 
 def of_rim(past: float, narrower: bool) -> list[Remark]:
-    """Remark on a region of the flyer that reaches `past` px past the rim of its face [px]; `narrower`: the
-    flyer was followed by what lies before it."""
+    """Remark on a region of the flyer that reaches past the rim of its face. ``past``: how far [px].
+    ``narrower``: whether the flyer was tracked with only the part before the rim."""
     if past <= 0.0:
         return []
     return [
@@ -108,7 +108,7 @@ def of_rim(past: float, narrower: bool) -> list[Remark]:
 
 
 def of_missing_points(outcome: IntArray) -> list[Remark]:
-    """Remark on points that both cameras found in no static frame, given their outcomes."""
+    """Remark on points that were not found by both cameras in any static frame, given their outcomes."""
     if outcome.size == 0:
         return []
     ends = _counted(outcome)
@@ -160,7 +160,7 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
 
 
 def of_material(body: TrackedBody, region: Region) -> list[Remark]:
-    """Remark on a material picture that is not the declared one."""
+    """Remark on a material picture that differs from the declared one."""
     if body.material == region.frame:
         return []
     return [
@@ -183,24 +183,25 @@ def _words(name: str) -> str:
 
 
 SIGMAS = 5.0
-"""Disagreement that is remarked on, in standard deviations."""
+"""Smallest disagreement that gives a remark, in standard deviations."""
 STEP_SHARE = 0.35
-"""And, of a step from frame to frame, as a share of those around it."""
+"""Smallest deviation of a frame-to-frame step that gives a remark, relative to the steps around it."""
 STEADY = 0.2
-"""Steps before and after that differ by less than this share are a steady motion."""
+"""The motion is steady if the steps before and after differ by less than this share."""
 AROUND = 3
-"""Steps on either side that a step is compared with."""
+"""Number of steps on either side with which a step is compared."""
 MOST_AHEAD = 1.05
-"""The specimen's fastest points move at most this many times as far as the flyer that pushes them."""
+"""Largest displacement of the specimen's fastest points over that of the flyer that pushes them [-]."""
 FASTEST = 95.0
-"""Percentile of the points' displacements that stands for the fastest."""
+"""Percentile of the points' displacements that represents the fastest points."""
 FEWEST_POINTS = 10
 
 
 def of_travel(axial: AxialDisplacement | None, specimen: Body) -> list[Remark]:
-    """Remarks on a travel of the flyer that its steps, the specimen's end or its points contradict.
+    """Remarks if the flyer's displacement contradicts its own steps, the specimen's end or the specimen's
+    points.
 
-    ``axial``: the travel; None: there is none to be checked. ``specimen``: the specimen's points.
+    ``axial``: the displacement; None: nothing is checked. ``specimen``: the specimen's points.
     """
     if axial is None:
         return []
@@ -243,9 +244,9 @@ def of_travel(axial: AxialDisplacement | None, specimen: Body) -> list[Remark]:
 
 
 def uneven_steps(axial: AxialDisplacement) -> IntArray:
-    """Frames that end a step unlike the steady ones before and after it.
+    """Frames whose step differs from the steady steps before and after it.
 
-    A step counts as speed, so that frames that were left out change nothing.
+    Steps are compared as speeds, so that missing frames have no effect.
     """
     dt = np.diff(axial.t)
     speed = np.diff(axial.displacement) / dt
@@ -256,7 +257,7 @@ def uneven_steps(axial: AxialDisplacement) -> IntArray:
         after = float(np.median(speed[k + 1 : k + 1 + AROUND]))
         usual = 0.5 * (before + after)
         if abs(after - before) > STEADY * abs(usual):
-            continue  # starting, or at rest
+            continue  # starting or at rest
         if abs(speed[k] - usual) > max(STEP_SHARE * abs(usual), SIGMAS * float(noise[k])):
             uneven.append(int(axial.frame[k + 1]))
     return np.array(uneven, dtype=np.int64)
@@ -265,7 +266,7 @@ def uneven_steps(axial: AxialDisplacement) -> IntArray:
 def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
     """Axial displacement of the specimen's fastest points over the flyer's, the median over the later half.
 
-    The flyer pushes the specimen against a platen: no point of it moves farther than the flyer.
+    The flyer pushes the specimen against a platen, so no point of the specimen moves farther than the flyer.
     """
     surface = specimen.surface
     late = axial.displacement > 0.5 * float(axial.displacement.max(initial=0.0))
@@ -278,9 +279,9 @@ def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
 
 
 WANTED = 0.02
-"""Predicted standard deviation of a match above which a subset is called too small [px]."""
+"""Predicted standard deviation of a match above which a subset is reported as too small [px]."""
 MOST_AVERAGED = 50
-"""Static pictures that are averaged."""
+"""Largest number of static pictures that are averaged."""
 
 
 @dataclass(frozen=True)
@@ -301,12 +302,12 @@ def speckles(
     subset: int,
     wanted: float = WANTED,
 ) -> Speckles:
-    """Judge the speckles between the points that a camera sees of a body at rest.
+    """Assess the speckles in the area of a body's points at rest, in one camera.
 
-    ``frames``: static frames with a usable picture. ``pixels``: where it sees the body's points at rest [px],
-    shape [n, 2]; NaN where it does not. Their convex hull is what is judged. ``subset``: side of the subsets
-    [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError: fewer
-    than three points, not on one line, or no contrast between them.
+    ``frames``: static frames with a usable picture. ``pixels``: positions of the body's points at rest in its
+    picture [px], shape [n, 2]; NaN where not visible. Their convex hull is assessed. ``subset``: side of the
+    subsets [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError:
+    fewer than three points, all points on one line, or no contrast between them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
     finite = pixels[np.isfinite(pixels).all(axis=1)]
@@ -322,8 +323,7 @@ def speckles(
 
 
 def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
-    """Facts of the speckles for the reporting table, as JSON can hold them: lengths in px, gradients in
-    grey/px."""
+    """Facts of the speckles for the reporting table, in JSON types: lengths in px, gradients in grey/px."""
     judged = ~np.any(np.isnan(quality.floor), axis=2)
     worst = quality.floor[judged].max(axis=1)
     subsets = np.zeros(0) if quality.needed is None else quality.needed[judged]
@@ -336,7 +336,7 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
         "floor": quality.median_floor if worst.size else None,
         "wanted": quality.wanted,
         "too_small": float(quality.too_small[judged].mean()) if worst.size else None,
-        # the subset that nearly all places would do with; none if some would do with none that was tried
+        # the subset that suffices at nearly all places; none if no tried size suffices at some places
         "needed": int(np.percentile(subsets, 95)) if subsets.size and np.mean(subsets > 0) > 0.95 else None,
     }
 
@@ -344,9 +344,9 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
 def speckles_of(
     result: StereoResult, pictures: tuple[Pictures, Pictures]
 ) -> tuple[Speckles | None, Speckles | None]:
-    """The speckles of both cameras of a stereo result; None where they cannot be judged.
+    """The speckles of both cameras of a stereo result; None where they cannot be assessed.
 
-    ``result``: what the pictures gave; its table says why a camera's speckles cannot be judged.
+    ``result``: the stereo result; its table gives the reason if a camera's speckles cannot be assessed.
     """
     by_camera: list[Speckles | None] = []
     rest_frames = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
@@ -364,7 +364,7 @@ def speckles_of(
 
 
 def facts_of(inputs: Inputs) -> dict[str, Any]:
-    """Pictures and settings."""
+    """Facts on the pictures and settings, in JSON types."""
     pictures, settings = inputs.pictures, inputs.settings
     correlation = settings.tracking.correlation
     return {
@@ -393,7 +393,7 @@ def facts_of(inputs: Inputs) -> dict[str, Any]:
 
 
 def speckle_settings_facts(inputs: Inputs, specimen: Body, rest_frames: list[int]) -> list[dict[str, Any]]:
-    """The speckle report of both cameras; where there can be none, why."""
+    """The speckle report of both cameras, or the reason why there is none."""
     settings_facts: list[dict[str, Any]] = []
     for series, noise, pixels in zip(inputs.pictures, inputs.grey, specimen.pixels, strict=True):
         try:

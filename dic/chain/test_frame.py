@@ -22,28 +22,28 @@ from dic.surfaces.strains import StrainGauge, strains
 from dic.surfaces.surface_history import CentrePoints, referenced, static_mean, to_surface
 
 MODEL = 0.06
-"""Standard deviation of an edge for what the model leaves out [px]."""
+"""Standard deviation of an edge due to effects that the model does not include [px]."""
 PHASES = (0.0, 0.5)
-"""Places of the strip that are tried [px]: what a fit is off by as its rows lie between those of the picture
-has the period of a pixel."""
+"""Shifts of the strip that are tried [px]: the error of a fit depends on the sub-pixel position of the
+strip's rows, with a period of one pixel."""
 LEAST_GAP = 0.5
-"""A gap in the paint before the edge that says nothing [px]."""
+"""Largest gap in the paint before the edge that is ignored [px]."""
 SHARE = 0.4
-"""Half width of the strip across the axis in which an end is looked for, as a share of the radius."""
+"""Half width of the strip across the axis in which an end is searched, over the radius [-]."""
 FEWEST_COLUMNS = 16
-"""Columns of a strip that must be in view [px]."""
+"""Fewest columns of a strip that must be in view [px]."""
 LEAST_BEYOND = 2.0
-"""Rows beyond the end that must be in view [px]."""
+"""Fewest rows beyond the end that must be in view [px]."""
 REACH = 3.5
-"""Largest distance of the end from the declared place [px]."""
+"""Largest distance of the end from the declared position [px]."""
 RIM_SIGMA = 0.02
-"""Standard deviation of the platen's radius, as a share of it, where the flyer's stands for it."""
+"""Relative standard deviation of the platen's radius, if the flyer's radius is used for it [-]."""
 OPEN_RIM = 0.25
-"""Width of the platen's face beside the specimen as a share of the radius, and its standard deviation, where
-no radius of a platen is known."""
+"""Width of the platen's face outside the specimen, over the radius, and its standard deviation, if no radius
+of a platen is known [-]."""
 
 DECLARED = 0.5
-"""Standard deviation of a place that was read off a picture [px]."""
+"""Standard deviation of a position that a person read from a picture [px]."""
 
 
 def refined_end(
@@ -57,9 +57,9 @@ def refined_end(
 ) -> tuple[FloatArray, float, int]:
     """The lower end of a specimen at rest, from its edge in both cameras' pictures.
 
-    A camera above the plane of the end sees the specimen's own edge, and the platen's face beyond it at a
-    glance. From below that plane the platen's rim stands before the end and hides it: what is seen is the
-    rim, at the platen's radius in the same plane.
+    A camera above the plane of the end sees the specimen's edge and, beyond it, the platen's face at a
+    grazing angle. For a camera below that plane the platen's rim hides the end: the visible edge is the rim,
+    at the platen's radius in the same plane.
     """
     rim = (1.0 + OPEN_RIM) * cylinder.radius if platen is None else max(platen, cylinder.radius)
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
@@ -69,7 +69,7 @@ def refined_end(
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, count = 0.0, np.inf, 0
-    for _ in range(2):  # about the declared place, then about what was found
+    for _ in range(2):  # about the declared position, then about the one found
         looked = run_parallel(
             [
                 partial(end_in_camera, camera, picture, frame, y, cylinder.radius, rim, rim_sigma)
@@ -88,8 +88,8 @@ def refined_end(
 
 
 def weighted_mean(values: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
-    """Mean weighted with the inverse variances, and its standard deviation: larger by the root of chi-squared
-    over the degrees of freedom where the values disagree."""
+    """Mean weighted with the inverse variances, and its standard deviation, enlarged by the root of
+    chi-squared per degree of freedom if the values disagree."""
     w = 1.0 / sigmas**2
     mean = float(np.sum(w * values) / np.sum(w))
     chi2 = float(np.sum(w * (values - mean) ** 2)) / max(values.size - 1, 1)
@@ -97,13 +97,13 @@ def weighted_mean(values: FloatArray, sigmas: FloatArray) -> tuple[float, float]
 
 
 def _slope(camera: Camera, frame: SpecimenFrame, y: float) -> float:
-    """Rise of the rays to a plane across the axis: a camera above it has a positive one."""
+    """Slope of the rays to a plane across the axis; positive for a camera above the plane."""
     x, height, z = frame.positions(camera.centre)
     return float((height - y) / np.hypot(x, z))
 
 
 def _scale(camera: Camera, frame: SpecimenFrame, y: float, radius: float) -> float:
-    """Pixels of a length along the axis on the cameras' side [px/m]."""
+    """Scale of lengths along the axis on the cameras' side [px/m]."""
     place = frame.in_rig(np.array([0.0, y, radius]))
     return float(np.linalg.norm(pixels_per_length(camera, place, frame.rotation[1])))
 
@@ -146,11 +146,11 @@ def end_in_camera(
 
 
 def of_phases(fits: FloatArray) -> tuple[float, float]:
-    """Place of an edge and its standard deviation [px], from fits to strips that differ in where their rows
-    lie between those of the picture.
+    """Position of an edge and its standard deviation [px], from fits to strips with different sub-pixel
+    shifts.
 
-    To the fits' own standard deviation comes what the model leaves out: `MODEL`, half of what the fits differ
-    by, and a gap in the paint before the edge, anywhere in which the body may end (a uniform distribution).
+    Added to the fits' standard deviation are `MODEL`, half of the difference between the fits, and the gap in
+    the paint before the edge. The body may end anywhere in the gap (a uniform distribution).
     """
     place, sigma, gap = fits.mean(axis=0)
     apart = 0.5 * float(np.ptp(fits[:, 0]))
@@ -159,10 +159,10 @@ def of_phases(fits: FloatArray) -> tuple[float, float]:
 
 
 MOST_AVERAGED = 50
-"""Static pictures that are averaged to find the specimen's edge."""
+"""Largest number of static pictures that are averaged to find the specimen's edge."""
 
 FEWEST_POINTS = 10
-"""Points of the flyer that give its radius."""
+"""Fewest points of the flyer from which its radius is estimated."""
 
 
 @dataclass(frozen=True)
@@ -170,11 +170,11 @@ class RestState:
     """State of the specimen at rest."""
 
     placement: Placement
-    """The test frame, and the cylinder it was taken from."""
+    """The test frame, and the cylinder that defines it."""
     frames: list[int]
     """Static frames in which both cameras saw the specimen."""
     edges: int
-    """Cameras in which its end was found."""
+    """Number of cameras in which its end was found."""
     platen: float | None = None
     """Radius of the platens, that of the flyer [m]; None: not known."""
 
@@ -182,8 +182,8 @@ class RestState:
 def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
     """Fit the test frame to the specimen at rest.
 
-    ``flyer``: the flyer, followed: both platens are taken to have its radius; None: not known. Raises
-    ChainError if no point was found by both cameras at rest, or the points lie on no cylinder.
+    ``flyer``: the tracked flyer; both platens are assumed to have its radius. None: the radius is not known.
+    Raises ChainError if no point was found by both cameras at rest, or the points lie on no cylinder.
     """
     rig, settings = inputs.rig, inputs.settings
     rest_frames = _rest_frames(inputs, body)
@@ -220,7 +220,7 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
 
 
 def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:
-    """Radius of the flyer's side, from its points in the frame in which they were chosen [m]."""
+    """Radius of the flyer's cylindrical side, from its points in the frame in which they were chosen [m]."""
     if flyer is None:
         return None
     r = flyer.reconstruction
@@ -257,8 +257,8 @@ def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
 def surface_of(
     inputs: Inputs, body: TrackedBody, placement: Placement, reference: list[int]
 ) -> tuple[Body, IntArray]:
-    """The points of a body that have a place in the reference frames; of those that have none, the outcomes
-    in the material picture."""
+    """The points of a body with a position in the reference frames, and the outcomes of all others in the
+    material picture."""
     r = body.reconstruction
     selected = referenced(r, reference)
     surface = to_surface(r, placement.frame, inputs.t, reference=reference, points=selected)
@@ -280,15 +280,15 @@ def surface_of(
 
 
 def surface_of_flyer(inputs: Inputs, flyer: TrackedBody | None, placement: Placement) -> Body | None:
-    """The flyer's points, if there is one: from their places in the material picture, as most of them are not
-    in view at rest."""
+    """The flyer's points, or None without a flyer. They refer to their positions in the material picture,
+    because most of them are not in view at rest."""
     if flyer is None:
         return None
     return surface_of(inputs, flyer, placement, [flyer.material])[0]
 
 
 def outline_of(specimen: Body, settings: ChainSettings) -> tuple[CentrePoints, int]:
-    """The outline on the centre line without rows of too large a sigma, and how many those were."""
+    """The outline on the centre line without rows of too large a sigma, and the number of these rows."""
     line = outline(
         specimen.surface,
         specimen.points,

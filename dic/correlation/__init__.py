@@ -1,6 +1,6 @@
-"""Subset matching by inverse-compositional Gauss-Newton, many points at once.
+"""Subset matching by inverse-compositional Gauss-Newton, for many points at once.
 
-`subsets` has the inputs and the result of a match; `kernels` has the search on a CPU or a GPU.
+`subsets` defines the inputs and the result of a match; `kernels` contains the search on a CPU or a GPU.
 """
 
 import numpy as np
@@ -27,46 +27,47 @@ def correlate(
     template_rows: ArrayLike | None = None,
     threads: int | None = None,
 ) -> Match:
-    """Find subsets of one picture in another.
+    """Match subsets of one picture in another.
 
-    The template of a point is ``T(ξ) = f(W_ref(ξ))``, f one of the pictures of `reference`; found is the
-    warp ``W`` for which ``g(W(ξ))``, g one of the pictures of `deformed`, is most like it (ZNSSD). Both
-    warps are total ones, from the material picture.
+    The template of a point is ``T(ξ) = f(W_ref(ξ))``, f one of the pictures of `reference`. The result is the
+    warp ``W`` that minimises the ZNSSD between T and ``g(W(ξ))``, g one of the pictures of `deformed`. Both
+    warps are total warps from the material picture.
 
     Parameters
     ----------
     reference, deformed
-        Prepared pictures, on one device and with the prefilter of `settings`.
+        Prepared pictures, on the same device and with the prefilter of `settings`.
     points
-        Places in the material picture (x, y) [px], shape [n, 2].
+        Positions in the material picture (x, y) [px], shape [n, 2].
     guess
-        Total warps to begin with, shape [n, 12]; a row with a NaN ends as NO_FIRST_GUESS.
+        Initial total warps, shape [n, 12]; a row with a NaN ends as NO_FIRST_GUESS.
     settings
-        Subset, shape function and limits. A shape function of lower order keeps the higher numbers of the
-        guess as they are composed.
+        Subset, shape function and limits. A shape function of lower order does not change the higher-order
+        terms of the guess, apart from composition.
     reference_picture, deformed_picture
-        Which picture of its stack a point uses, shape [n] or one for all.
+        Index of the picture in its stack for each point, shape [n], or one index for all.
     reference_warp
-        Total warps to the reference pictures, shape [n, 12]; None: those are the material picture itself.
+        Total warps to the reference pictures, shape [n, 12]; None: the reference is the material picture
+        itself.
     mask
         Pixels of the material picture that belong to the specimen, shape [rows, columns]; None: all.
     templates
-        Keeps the templates for calls to come, and gives those of calls before; on a GPU it is not used.
+        Storage that keeps the templates between calls; not used on a GPU.
     template_rows
-        Whose templates in it the points' are, shape [n]; None: those in their order.
+        Row of each point in `templates`, shape [n]; None: in the order of the points.
     threads
-        CPU threads; default all cores the process may use. A result does not depend on it.
+        Number of CPU threads; None: all cores that the process may use. The result does not depend on it.
 
     Returns
     -------
     Match
-        One row a point.
+        The match, one row per point.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, pictures that the stacks do not have, stacks of two devices or of another
-        prefilter than `settings`, templates for other settings or with no such rows.
+        Shapes that do not match, indices outside the stacks, stacks on two devices or with a prefilter other
+        than that of `settings`, templates for other settings or with too few rows.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:

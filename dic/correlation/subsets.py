@@ -1,11 +1,11 @@
 """Subsets of pictures: shape functions, settings and result of a match, prepared pictures, shared pixels.
 
-A point's subset is a square of pixels ξ around its place x0 in the *material picture*, the one that the
-points were chosen in. A warp is always a total one, from the material picture to any picture of any camera::
+A point's subset is a square of pixels ξ around its position x0 in the *material picture*, in which the points
+were chosen. A warp is always a total one, from the material picture to any picture of any camera::
 
     W(ξ) = x0 + ξ + (u, v) + ∇(u, v) ξ + ½ ξᵀ ∇∇(u, v) ξ
 
-with twelve numbers in the order of `NAMES`; a lower shape function leaves the later ones zero.
+with twelve parameters in the order of `NAMES`; for a shape function of lower order the later ones are zero.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,11 +23,11 @@ from dic.basics import FloatArray, IntArray
 from dic.correlation.kernels import device as device_pictures
 
 NAMES = ("u", "v", "ux", "uy", "vx", "vy", "uxx", "uxy", "uyy", "vxx", "vxy", "vyy")
-"""The numbers of a warp; u, v in px, first derivatives in 1, second ones in 1/px."""
+"""Parameters of a warp; u, v [px], first derivatives [-], second derivatives [1/px]."""
 
 
 class Shape(IntEnum):
-    """Shape functions; the value is the number of warp parameters that are searched for."""
+    """Shape functions; the value is the number of warp parameters that are fitted."""
 
     RIGID = 2
     AFFINE = 6
@@ -35,15 +35,15 @@ class Shape(IntEnum):
 
 
 def identity(n: int) -> FloatArray:
-    """Warps that move nothing, shape [n, 12]."""
+    """Identity warps (no displacement), shape [n, 12]."""
     return np.zeros((n, len(NAMES)))
 
 
 def apply(points: FloatArray, warp: FloatArray, xi: FloatArray | float = 0.0) -> FloatArray:
-    """Warped places of material points [px], shape [..., 2].
+    """Warped positions of material points [px], shape [..., 2].
 
-    ``points``: places in the material picture [px], shape [..., 2]. ``warp``: their warps, shape [..., 12].
-    ``xi``: offsets within the subset [px], shape [..., 2] or 0 for the points themselves.
+    ``points``: positions in the material picture [px], shape [..., 2]. ``warp``: their warps, shape [...,
+    12]. ``xi``: offsets within the subset [px], shape [..., 2] or 0 for the points themselves.
     """
     if np.isscalar(xi) and xi == 0.0:
         return np.asarray(points + warp[..., :2])
@@ -61,10 +61,10 @@ def gradient(warp: FloatArray) -> FloatArray:
 
 
 def neighbour_warp(warp: FloatArray, step: FloatArray) -> FloatArray:
-    """The warp a neighbour suggests: of a point that lies `step` away in the material picture.
+    """Warp of a point at distance `step` in the material picture, extrapolated from its neighbour's warp.
 
-    ``warp``: warps of points already found, shape [..., 12]. ``step``: from them to the points to guess, in
-    the material picture [px], shape [..., 2].
+    ``warp``: warps of points already found, shape [..., 12]. ``step``: vectors from them to the points to
+    guess, in the material picture [px], shape [..., 2].
     """
     x, y = step[..., 0], step[..., 1]
     guess = np.array(np.broadcast_to(warp, (*np.broadcast_shapes(warp.shape[:-1], x.shape), 12)))
@@ -92,15 +92,16 @@ class Correlation:
     """Side of the square subset in the material picture [px]: odd, 5 to 101."""
     shape: Shape = Shape.AFFINE
     prefilter: float = 0.0
-    """Standard deviation of the Gaussian that both pictures are smoothed with [px]; 0: none."""
+    """Standard deviation of the Gaussian filter for both pictures [px]; 0: no filter."""
     max_iterations: int = 30
-    """A point that needs more ends as NOT_CONVERGED."""
+    """Largest number of iterations; a point that needs more ends as NOT_CONVERGED."""
     tolerance: float = 1e-3
-    """Converged when the last update moves no corner of the subset by more than this [px]."""
+    """The search has converged if the last update moves no corner of the subset by more than this [px]."""
     least_zncc: float = 0.7
-    """A point that ends below this zero-normalised cross-correlation is LOW_CORRELATION (1 - ZNSSD/2)."""
+    """A point with a smaller zero-normalised cross-correlation (1 - ZNSSD/2) ends as LOW_CORRELATION."""
     least_pixels: float = 0.5
-    """Share of the subset that must lie inside the mask and the pictures; less is OUT_OF_VIEW."""
+    """Share of the subset that must lie inside the mask and the pictures; with less a point is
+    OUT_OF_VIEW."""
 
     def __post_init__(self) -> None:
         checks = (
@@ -118,47 +119,47 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Match:
-    """Result of matching subsets, one row a subset; a row that is not VALID holds the last iterate."""
+    """Result of matching subsets, one row per subset; a row that is not VALID holds the last iterate."""
 
     warp: FloatArray
     """Total warps from the material picture (`dic.correlation.subsets`), shape [n, 12]."""
     covariance: FloatArray
-    """Of the position (x, y) from the pictures' noise [px²], shape [n, 2, 2]."""
+    """Covariance of the position (x, y) due to the pictures' noise [px²], shape [n, 2, 2]."""
     zncc: FloatArray
-    """Zero-normalised cross-correlation at the end, 1 - ZNSSD/2, shape [n]."""
+    """Final zero-normalised cross-correlation, 1 - ZNSSD/2, shape [n]."""
     iterations: IntArray
-    """Updates made, shape [n]."""
+    """Number of updates, shape [n]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
 
 
 MOST_TEMPLATES = 256 * 2**20
-"""Memory that templates may take up [bytes]; more points than fit work theirs out anew in every call."""
+"""Largest memory for templates [bytes]; if the points need more, templates are recomputed in every call."""
 PACK = 32
-"""A subset's pixels are kept in whole packs of this many."""
+"""Number of pixels in a pack; a subset is stored in whole packs."""
 ARRAYS = 4
-"""Numbers of a pixel: grey value, its two slopes, whether it counts."""
+"""Values stored per pixel: grey value, its two derivatives, and whether the pixel is used."""
 
 
 @dataclass(frozen=True)
 class Templates:
     """Templates of n points in their references, filled by `correlate` on a CPU.
 
-    The owner must `forget` a point whose reference, or whose warp there, has changed.
+    The owner must call `forget` for a point whose reference, or warp in the reference, has changed.
     """
 
     pixels: NDArray[np.float32]
-    """Of the subsets, shape [n, numbers]."""
+    """Pixel values of the subsets, shape [n, numbers]."""
     sums: NDArray[np.float64]
-    """Over them, and the normal matrix of the match, shape [n, numbers]."""
+    """Sums over the pixels, and the normal matrix of the match, shape [n, numbers]."""
     known: NDArray[np.int32]
-    """1 where the others hold something, shape [n]."""
+    """1 where a template is stored, shape [n]."""
     settings: Correlation
-    """Settings that they are for."""
+    """Settings for which the templates were made."""
 
     @classmethod
     def of(cls, n: int, settings: Correlation) -> "Templates | None":
-        """Room for those of n points; None if there are too many to be kept."""
+        """Empty storage for n points; None if it would be too large."""
         k = int(settings.shape)
         pixels = ARRAYS * -(-(settings.subset**2) // PACK) * PACK
         sums = 9 + 3 * k + 2 * k * k
@@ -167,12 +168,12 @@ class Templates:
         return cls(np.empty((n, pixels), np.float32), np.empty((n, sums)), np.zeros(n, np.int32), settings)
 
     def forget(self, rows: IntArray | slice) -> None:
-        """These points have changed."""
+        """Discard the templates of points that have changed."""
         self.known[rows] = 0
 
 
 TOGETHER = 64 * 2**20
-"""Pictures that are sent to a GPU and filtered there in one go [bytes]."""
+"""Size of the pictures that are sent to a GPU and filtered there at once [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class Noise:
     floor: float
     """Standard deviation in the dark [grey]."""
     gain: float = 0.0
-    """Growth of the variance with the grey value, as of photons that are counted [grey]."""
+    """Increase of the variance with the grey value, due to photon noise [grey]."""
 
     def __post_init__(self) -> None:
         for name in ("floor", "gain"):
@@ -196,23 +197,23 @@ class Noise:
 
 @dataclass(frozen=True)
 class PictureStack:
-    """Pictures of one camera, ready to be matched; make it with `prepare`."""
+    """Pictures of one camera, prepared for matching by `prepare`."""
 
     n_pictures: int
     shape: tuple[int, int]
     """Rows and columns [px]."""
     noise: tuple[Noise, ...]
-    """Of each picture, before any filter."""
+    """Noise of each picture, before any filter."""
     prefilter: float
-    """Standard deviation of the Gaussian that the pictures were smoothed with [px]."""
+    """Standard deviation of the Gaussian filter of the pictures [px]."""
     device: str
-    """Device of the coefficients."""
+    """Device that holds the coefficients."""
     coefficients: tuple[Any, ...]
-    """Of the quintic B-splines, fp32, with mirrored margins; arrays of the device."""
+    """Coefficients of the quintic B-splines, fp32, with mirrored margins; arrays on the device."""
     addresses: Any
-    """Start of each picture's on the device, an array of it."""
+    """Start address of each picture's coefficients, an array on the device."""
     noise_on_device: Any
-    """Variance in the dark and gain of each picture, side by side, an array of the device."""
+    """Dark variance and gain of each picture, interleaved in an array on the device."""
 
     @property
     def memory(self) -> int:
@@ -228,14 +229,14 @@ class PictureStack:
         prefilter: float = 0.0,
         device: str = "cpu",
     ) -> "PictureStack":
-        """Smooth pictures, if asked, and turn them into spline coefficients.
+        """Filter pictures, if requested, and compute their spline coefficients.
 
-        ``pictures``: grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one
-        after the other, of which no more are held than go to the device at a time. ``noise``: standard
-        deviation of a grey value, the same in all pictures or one a picture [grey]. ``prefilter``: standard
-        deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or
-        "cuda". Raises ValueError: no picture, pictures of several shapes or smaller than 8 x 8, grey values
-        that are not finite, a noise for another number of pictures, a device that is not there.
+        ``pictures``: grey values, shape [rows, columns] or [n, rows, columns], or an iterable of pictures of
+        one shape, of which only those sent to the device at once are in memory. ``noise``: standard deviation
+        of a grey value, one for all pictures or one per picture [grey]. ``prefilter``: standard deviation of
+        the Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or "cuda". Raises
+        ValueError: no picture, pictures of several shapes or smaller than 8 x 8, grey values that are not
+        finite, a noise for another number of pictures, a device that does not exist.
         """
         if not 0.0 <= prefilter <= 5.0:
             raise ValueError(f"prefilter must be from 0 to 5 px, got {prefilter}")
@@ -287,7 +288,7 @@ class PictureStack:
 
     @classmethod
     def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
-        """One stack of the pictures of several, one after the other; the coefficients are shared.
+        """One stack with the pictures of several stacks, in their order; the coefficients are shared.
 
         Raises ValueError: no stack, or stacks of several shapes, prefilters or devices.
         """
@@ -311,7 +312,7 @@ class PictureStack:
         )
 
     def single(self, index: int) -> "PictureStack":
-        """A stack of one of its pictures, whose coefficients are shared."""
+        """A stack with one of its pictures; the coefficients are shared."""
         place = index
         for part in self.coefficients:
             if place < part.shape[0]:
@@ -338,24 +339,24 @@ def _on_device(noise: tuple[Noise, ...], device: str) -> Any:
 def overlap_correlation(
     first: ArrayLike, second: ArrayLike, subset: float, shape: Shape = Shape.AFFINE
 ) -> FloatArray:
-    """Correlation of the errors of points whose square subsets have pixels in common.
+    """Correlation of the errors of points whose square subsets overlap.
 
-    The error of a match is a sum over the subset of noise times gradient times a weight: that which a fit of
-    the shape function gives its value in the middle. For even speckle the covariance of two such sums is that
-    of the weights over the common area. A rigid or affine shape function weighs all pixels alike, which gives
-    (1 - |Δx|/s)(1 - |Δy|/s), s the side. A quadratic one weighs them with ``7/2 - 15/4 (ξ² + η²)``, ξ and η
-    from -1 to 1 over the subset: less than nothing in the corners, so that the errors of neighbours are less
-    alike, and opposite farther apart.
+    The error of a match is a sum over the subset of noise times gradient times a weight: the weight of a
+    pixel in the least-squares fit of the shape function's central value. For a uniform speckle pattern the
+    covariance of two such sums is the integral of both weights over the common area. For a rigid or affine
+    shape function all weights are equal, which gives (1 - |Δx|/s)(1 - |Δy|/s), s the side. For a quadratic
+    one the weight is ``7/2 - 15/4 (ξ² + η²)``, ξ and η from -1 to 1 over the subset. It is negative in the
+    corners, so that the errors of neighbours are less correlated, and anticorrelated at larger distances.
 
-    ``first``, ``second``: places in the material picture [px], shapes [n, 2] and [m, 2]. ``subset``: side of
-    the subsets [px]. ``shape``: shape function of the match. Returns: shape [n, m].
+    ``first``, ``second``: positions in the material picture [px], shapes [n, 2] and [m, 2]. ``subset``: side
+    of the subsets [px]. ``shape``: shape function of the match. Returns: shape [n, m].
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     return _alike(a[:, None, :] - b[None, :, :], subset, shape)
 
 
 def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
-    """Correlation of points that are `apart` [px], shape [..., 2]."""
+    """Correlation of the errors of points at the distances `apart` [px], shape [..., 2]."""
     share = np.maximum(1.0 - np.abs(apart) / subset, 0.0)
     across, down = share[..., 0], share[..., 1]
     if shape <= Shape.AFFINE:
@@ -371,11 +372,11 @@ def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
 
 
 def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE) -> csr_array:
-    """`overlap_correlation` of points with themselves, of the pairs alone whose subsets overlap.
+    """`overlap_correlation` between all points of a set, stored only for pairs whose subsets overlap.
 
-    ``points``: places in the material picture [px], shape [n, 2]. ``subset``: side of the subsets [px].
-    ``shape``: shape function of the match. Returns: shape [n, n], symmetric, ones on its diagonal; a row
-    holds as many numbers as subsets reach into the point's own.
+    ``points``: positions in the material picture [px], shape [n, 2]. ``subset``: side of the subsets [px].
+    ``shape``: shape function of the match. Returns: a sparse symmetric matrix, shape [n, n], with ones on its
+    diagonal.
     """
     grid = np.asarray(points, dtype=np.float64)
     tree = cKDTree(grid)
@@ -390,14 +391,15 @@ def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE
 
 
 def overlap_factor(points: ArrayLike, subset: float, valid: ArrayLike | None = None) -> FloatArray:
-    """Variance factor of each point that lets points be combined as if they were independent.
+    """Variance factor of each point with which points can be combined as if they were independent.
 
-    It is the sum of a point's correlations with all others that are valid in the frame. For a mean with
-    equal weights the variance then comes out exactly; for slopes a little too large.
+    It is the sum of a point's correlations with all valid points of the frame, itself included. The resulting
+    variance is exact for a mean with equal weights, and a little too large for slopes.
 
-    ``points``: places in the material picture [px], shape [n_points, 2]. ``subset``: side of the subsets
-    [px]. ``valid``: which points are used together, shape [..., n_points]; None: all. Returns: factors >= 1,
-    shape [n_points] or that of `valid`; 1 where not valid. Raises ValueError if `subset` is not positive.
+    ``points``: positions in the material picture [px], shape [n_points, 2]. ``subset``: side of the subsets
+    [px]. ``valid``: mask of the points that are combined, shape [..., n_points]; None: all. Returns: factors
+    >= 1, shape [n_points] or that of `valid`; 1 where not valid. Raises ValueError if `subset` is not
+    positive.
     """
     if not subset > 0.0:
         raise ValueError(f"subset must be a positive number of pixels, got {subset}")

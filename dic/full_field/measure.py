@@ -33,25 +33,25 @@ class FullFieldSettings:
     """
 
     step: int = 5
-    """Distance of neighbouring points [px]."""
+    """Distance of adjacent points [px]."""
     margin: float = 2.0
-    """Least distance of a point from the rim of the mask [px]."""
+    """Smallest distance of a point from the boundary of the mask [px]."""
     tracking: Tracking = field(default_factory=Tracking)
-    """Settings of the tracking in time; its subset is that of the measurement."""
+    """Settings of the tracking in time; its subset is used throughout the measurement."""
     stereo_shape: Shape = Shape.QUADRATIC
     """Shape function of the match between two cameras."""
     strain_window: int = 5
-    """Side of the window of points that a strain is fitted to, odd."""
+    """Side of the window of points for a strain fit, odd."""
     strain_order: int = 1
     """Order of the polynomial in that window, 1 or 2."""
     reference: int = 0
-    """Frame in which the points are chosen and from which displacements are counted."""
+    """Reference frame: its points are chosen there, and displacements are relative to it."""
     static: int = 1
-    """Frames at the beginning in which nothing moves. Two or more give the noise of the grey values and a
-    mean reference position."""
+    """Number of static frames at the beginning. From two or more, the noise of the grey values and a mean
+    reference position are computed."""
     noise: float | None = None
-    """Standard deviation of a grey value [grey]; None: from the static frames, or from the residuals of the
-    matches where there is only one."""
+    """Standard deviation of a grey value [grey]; None: it is estimated from the static frames, or from the
+    residuals of the matches if there is only one static frame."""
     device: str = "cpu"
 
     @property
@@ -86,9 +86,9 @@ class FullFieldSettings:
 
 
 FEWEST = 4
-"""Fewest valid points about an end."""
+"""Fewest valid points around an end."""
 THINNEST = 0.3
-"""Least spread of these points in any direction [steps, root mean square]."""
+"""Smallest spread of these points in any direction [steps, root mean square]."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Extensometer:
     ends: tuple[tuple[float, float], tuple[float, float]]
     """Its ends in the reference picture of camera 0 (x, y) [px]."""
     window: int = 3
-    """Side of the square of points that give the place of an end [points], odd."""
+    """Side of the square of points that determine the position of an end [points], odd."""
 
     def __post_init__(self) -> None:
         if self.window < 3 or self.window % 2 == 0:
@@ -119,14 +119,15 @@ def extension(
 ) -> Extension:
     """Length of an extensometer in every frame.
 
-    The place of an end is the value there of a plane fitted to the places of the points around it, with the
-    same points and weights w at the reference, so that lost points move no end. With the weights g of both
-    ends, w of the second less w of the first, and n the unit vector between them the sigma is that of
-    ``n · Σ g x`` for errors of the points that correlate as their subsets overlap.
+    The position of an end is the value there of a plane fitted to the positions of the points around it. The
+    same points and weights w are used at the reference, so that lost points do not shift an end. The sigma is
+    that of ``n · Σ g x``: g is w of the second end minus w of the first, n the unit vector between the ends.
+    The errors of points are correlated where their subsets overlap.
 
-    ``points``: places of its points in the reference picture [px], shape [n_points, 2]. ``step``, ``subset``:
-    distance of neighbouring points, and side of the subsets [px]. ``reference_sigma``: standard deviations of
-    the reference positions, independent of the frames' [m], shape [n_points, 3]; None: they are exact.
+    ``points``: positions of its points in the reference picture [px], shape [n_points, 2]. ``step``,
+    ``subset``: distance of adjacent points, and side of the subsets [px]. ``reference_sigma``: standard
+    deviations of the reference positions, independent of the frames' [m], shape [n_points, 3]; None: they are
+    exact.
     """
     near = [_near(points, end, extensometer.window, step) for end in extensometer.ends]
     rows = np.flatnonzero(near[0] | near[1])
@@ -175,7 +176,7 @@ def extensions(
 ) -> tuple[Extension, ...]:
     """`extension` of several extensometers.
 
-    Raises ValueError if an end lies beside all points, so that no frame could give a length.
+    Raises ValueError if an end lies outside all points, so that no frame could give a length.
     """
     for one in gauges:
         for end in one.ends:
@@ -188,13 +189,13 @@ def extensions(
 
 
 def _near(points: FloatArray, end: tuple[float, float], window: int, step: float) -> BoolArray:
-    """Points in the window about an end, shape [n_points]."""
+    """Points in the window around an end, shape [n_points]."""
     return np.asarray((np.abs(points - np.array(end)) <= 0.5 * window * step + 1e-9).all(axis=1))
 
 
 def _weights(grid: FloatArray, used: BoolArray, end: tuple[float, float], step: float) -> FloatArray | None:
-    """Weights that give the value at `end` of the plane through the used points, shape [n]; None if these are
-    too few or nearly on a line."""
+    """Weights that give the value at `end` of the plane through the used points, shape [n]; None if there are
+    too few of them or they lie nearly on a line."""
     if used.sum() < FEWEST:
         return None
     q = (grid[used] - np.array(end)) / step
@@ -215,8 +216,8 @@ def noise_at_rest(
 ) -> tuple[Noise, float] | None:
     """Noise from the static frames, and its standard deviation [grey]; None if fewer than two are usable.
 
-    ``health``: `FrameOutcome` of its pictures, shape [n_frames]. ``static``: frames at the beginning in which
-    nothing moves. ``mask``: pixels that count, shape [rows, columns]; None: all.
+    ``health``: `FrameOutcome` of its pictures, shape [n_frames]. ``static``: number of static frames at the
+    beginning. ``mask``: pixels that are used, shape [rows, columns]; None: all.
     """
     rest_frames = np.flatnonzero(health[:static] == FrameOutcome.VALID)
     if rest_frames.size < 2:
@@ -233,14 +234,14 @@ def noise_at_rest(
 def noise_from_matches(
     picture: NDArray[np.generic], points: FloatArray, zncc: FloatArray, subset: int
 ) -> float:
-    """Standard deviation of a grey value that explains how well subsets correlate [grey].
+    """Standard deviation of a grey value, estimated from the correlation of the matched subsets [grey].
 
-    Two pictures of one pattern with independent noise σ correlate by ``1 - σ²/s²``, s² the variance of the
-    grey values in the subset, noise included. The median over the points of ``s √(1 - zncc)`` also holds
-    what interpolation and shape function leave, and is therefore rather too large than too small.
+    Two pictures of one pattern with independent noise σ have the correlation ``1 - σ²/s²``, where s² is the
+    variance of the grey values in the subset, noise included. The median over the points of ``s √(1 - zncc)``
+    includes errors of interpolation and shape function; it tends to be too large.
 
-    ``picture``: the reference picture, shape [rows, columns]. ``points``: places of the matched subsets'
-    centres [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
+    ``picture``: the reference picture, shape [rows, columns]. ``points``: centres of the matched subsets
+    [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")
@@ -260,7 +261,7 @@ Progress = Callable[[str, int, int], None]
 Series = Pictures | Sequence[Any]
 """A series of pictures, or arrays [rows, columns] in memory."""
 EXACT = 1e-4
-"""Standard deviation of a place that was chosen [px]."""
+"""Standard deviation of a chosen position, which is exact [px]."""
 
 
 def measure_plane(
@@ -274,37 +275,37 @@ def measure_plane(
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> FullField:
-    """Measure displacements and strains of a plane surface by one camera that looks straight at it.
+    """Measure displacements and strains of a plane surface by one camera perpendicular to it.
 
     Parameters
     ----------
     pictures
         The series.
     settings
-        How to measure; None: `FullFieldSettings()`.
+        Settings; None: `FullFieldSettings()`.
     mask
         Pixels of the surface in the reference picture, shape [rows, columns]; None: the whole picture.
     t
         Frame times [s], shape [n_frames]; None: those of the series, or the numbers of the frames.
     scale
-        Length of a pixel on the surface [m]; None: lengths are in px.
+        Length on the surface that one pixel shows [m]; None: lengths are in px.
     extensometers
         Virtual extensometers.
     facts
-        What else is known, kept in the result.
+        Further facts, stored in the result.
     progress
-        Told of the frames done.
+        Called as ``progress(stage, done, total)`` with the frames done.
 
     Returns
     -------
     FullField
-        x to the right, y down. A point or frame that failed has an outcome in it.
+        The result, x to the right, y down. Points and frames that failed are kept, with an outcome.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, a reference picture that cannot be used, no point in the mask, an extensometer
-        beside all points.
+        Shapes that do not match, an unusable reference picture, no point in the mask, an extensometer outside
+        all points.
 
     Examples
     --------
@@ -364,12 +365,12 @@ def measure_plane(
 
 
 def as_series(pictures: Series) -> Pictures:
-    """A series whose pictures are read once; arrays become one."""
+    """A series whose pictures are read only once; made from arrays if these are given."""
     return decode_once(pictures if isinstance(pictures, Pictures) else PicturesInMemory(pictures))
 
 
 def full_mask(mask: BoolArray | None, series: Pictures) -> BoolArray:
-    """The mask, or that of the whole picture; a ValueError if it is of another size."""
+    """The mask, or one of the whole picture; ValueError if its size differs from that of the pictures."""
     if mask is None:
         return np.ones(series.shape, dtype=bool)
     if np.shape(mask) != series.shape:
@@ -378,7 +379,7 @@ def full_mask(mask: BoolArray | None, series: Pictures) -> BoolArray:
 
 
 def times_of(series: Pictures, t: FloatArray | None) -> tuple[FloatArray, bool]:
-    """Frame times, and whether a clock gave them; else the numbers of the frames."""
+    """Frame times [s] and True, or the frame numbers and False if no times are known."""
     times = series.times if t is None else t
     if times is None:
         return np.arange(series.n_frames, dtype=np.float64), False
@@ -388,7 +389,7 @@ def times_of(series: Pictures, t: FloatArray | None) -> tuple[FloatArray, bool]:
 
 
 def usable_reference(health: Sequence[IntArray], settings: FullFieldSettings) -> None:
-    """Refuse a reference frame that is not there or has no usable picture."""
+    """Raise ValueError if the reference frame does not exist or has no usable picture."""
     for camera, outcome in enumerate(health):
         if settings.reference >= outcome.size:
             raise ValueError(f"reference is frame {settings.reference}, there are {outcome.size} frames")
@@ -403,16 +404,16 @@ def usable_reference(health: Sequence[IntArray], settings: FullFieldSettings) ->
 def known_noise(
     series: Pictures, health: IntArray, mask: BoolArray | None, settings: FullFieldSettings
 ) -> tuple[Noise, float] | None:
-    """The noise that was declared, or that of the static frames; None if neither is there."""
+    """The declared noise, or that of the static frames; None if there is neither."""
     if settings.noise is not None:
         return Noise(floor=settings.noise), settings.noise
     return noise_at_rest(series, health, settings.static, mask)
 
 
 def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> float:
-    """Noise of the grey values from the first frame that the points were followed into [grey]."""
+    """Noise of the grey values from the first frame with tracked points [grey]."""
     counts = (tracked.outcome == PointOutcome.VALID).sum(axis=1)
-    counts[settings.reference] = 0  # a picture correlates with itself, noise and all
+    counts[settings.reference] = 0  # a picture correlates with itself, including its noise
     frames = np.flatnonzero(counts >= max(1, counts.max() // 2))
     if not counts.any():
         raise ValueError(
@@ -427,7 +428,7 @@ def _noise_in(tracked: Track, series: Pictures, settings: FullFieldSettings) -> 
 
 
 def places(tracked: Track) -> FloatArray:
-    """Places of a track's points [px], NaN where lost, shape [n_frames, n_points, 2]."""
+    """Positions of a track's points [px], NaN where lost, shape [n_frames, n_points, 2]."""
     valid = (tracked.outcome == PointOutcome.VALID)[..., None]
     return np.where(valid, apply(tracked.points, tracked.warp), np.nan)
 
@@ -451,7 +452,7 @@ def strains_of(
 
 
 def frame_outcomes(health: Sequence[IntArray], surface: SurfaceHistory) -> IntArray:
-    """Outcome of each frame: that of its pictures, LOST where no point was found."""
+    """Outcome of each frame: that of its pictures, or LOST if no point was found."""
     outcome = np.asarray(health[0])
     for camera_outcome in health[1:]:
         outcome = np.where(outcome != FrameOutcome.VALID, outcome, camera_outcome)
@@ -460,7 +461,7 @@ def frame_outcomes(health: Sequence[IntArray], surface: SurfaceHistory) -> IntAr
 
 
 def facts_of(settings: FullFieldSettings, series: Sequence[Pictures], measured: bool) -> dict[str, Any]:
-    """Settings and pictures as JSON can hold them."""
+    """Facts on settings and pictures, in JSON types."""
     rows, columns = series[0].shape
     subset = settings.tracking.correlation
     if settings.noise is not None:
@@ -484,7 +485,7 @@ def facts_of(settings: FullFieldSettings, series: Sequence[Pictures], measured: 
 
 
 def _plane(tracked: Track, t: FloatArray, unit: float, reference: int) -> SurfaceHistory:
-    """A track as a surface: the plane Z = 0."""
+    """A track as a surface in the plane Z = 0."""
     valid = tracked.outcome == PointOutcome.VALID
     u = np.zeros((*valid.shape, 3))
     u[..., :2] = unit * tracked.warp[..., :2]

@@ -1,9 +1,9 @@
-"""Full-field measurement by two cameras: a curved surface, or a cylinder corrected for the bias of curvature.
+"""Full-field measurement by two cameras: a curved surface, or a cylinder corrected for the curvature bias.
 
 Camera 1 sees a subset displaced by a field u(ξ) that the shape function cannot follow. The misfit moves the
 fitted centre by ``b = c₀ - u(0)``, ``c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²``; φ_j are the terms of the
-shape function (φ₀ = 1), ξ the pixels in the mask. With a cylinder near the true one u is known in closed form
-from the rays, and b is subtracted.
+shape function (φ₀ = 1), ξ the pixels in the mask. For a cylinder near the true one, u follows in closed form
+from the rays; b is subtracted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,8 +48,8 @@ from dic.tracking import Track
 
 
 def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
-    """Frame on the plane that fits points best: Z along its normal toward the cameras, x as camera 0's
-    pictures run to the right, y up in them, the origin in the middle of the points.
+    """Frame on the best-fit plane of points: Z along the normal toward the cameras, x to the right and y up
+    in camera 0's pictures, the origin in the middle of the points.
     """
     if len(X) < 3:
         raise ValueError(f"a plane needs three points, got {len(X)}")
@@ -66,8 +66,9 @@ def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
 
 
 def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
-    """Frame on a cylinder: y along its axis, up in camera 0's pictures, or to the right where the axis lies
-    across them; Z from the axis toward the cameras, the origin on the axis beside the middle of the points.
+    """Frame on a cylinder: y along its axis, up in camera 0's pictures, or to the right if the axis is
+    horizontal there; Z from the axis toward the cameras. The origin is the point of the axis nearest to the
+    middle of the points.
     """
     ends = cylinder.point + np.outer([-0.1, 0.1], cylinder.radius * cylinder.axis)
     across, down = np.abs(np.diff(rig.cameras[0].project(ends), axis=0)[0])
@@ -76,14 +77,15 @@ def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
 
 
 NODES = 15
-"""Places along each side of a subset that stand for its pixels."""
+"""Nodes along each side of a subset that represent its pixels."""
 LEAST_VISIBLE = 0.2
-"""Share of them that must lie on the cylinder and in the mask."""
+"""Smallest share of the nodes that must lie on the cylinder and in the mask."""
 
 
 def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
-    """Value at the centre of the polynomial that fits a field over a square best, less the field's own."""
-    x, y = subset_nodes(2.0).T  # from -1 to 1: the result has no length in it
+    """Value at the centre of the best-fit polynomial of a field over a square, minus the field's value
+    there."""
+    x, y = subset_nodes(2.0).T  # from -1 to 1: the result does not depend on a length
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
     T = np.stack(terms, axis=1)
     finite = np.asarray(np.isfinite(field).all(axis=2))
@@ -105,7 +107,8 @@ def subset_nodes(side: float) -> FloatArray:
 
 
 def on_cylinder(camera: Camera, pixels: FloatArray, cylinder: Cylinder) -> FloatArray:
-    """Points of a cylinder that a camera sees at `pixels` [m], shape [..., 3]; NaN beside it."""
+    """Points of a cylinder that a camera sees at `pixels` [m], shape [..., 3]; NaN where the ray misses
+    it."""
     ideal = camera.undistort(pixels)
     ray = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ camera.rotation
     d, w = ray @ cylinder.basis[:2].T, cylinder.basis[:2] @ (camera.centre - cylinder.point)
@@ -118,7 +121,7 @@ def on_cylinder(camera: Camera, pixels: FloatArray, cylinder: Cylinder) -> Float
 def match_bias(
     rig: StereoRig, cylinder: Cylinder, points: FloatArray, mask: BoolArray, subset: int, shape: Shape
 ) -> FloatArray:
-    """Bias of the places in camera 1 of points matched from camera 0 [px], shape [n, 2]."""
+    """Bias of the positions in camera 1 of points matched from camera 0 [px], shape [n, 2]."""
     pixels = points[:, None] + subset_nodes(float(subset))
     X = on_cylinder(rig.cameras[0], pixels, cylinder)
     rows, columns = mask.shape
@@ -129,14 +132,14 @@ def match_bias(
 
 
 def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
-    """Camera 1's track of the points that were meant.
+    """Camera 1's track, corrected for the bias of the match.
 
-    Its points were matched beside them by `bias` in the material frame and follow the place found there: by
-    ``F F₀⁻¹ bias`` beside it in another frame, F the deformation gradients of the track.
+    The matched points are displaced by `bias` in the material frame and are tracked from there. In another
+    frame they are displaced by ``F F₀⁻¹ bias``, F the deformation gradients of the track.
     """
     finite_bias = np.where(np.isfinite(bias), bias, 0.0)
     F = gradient(track.warp)
-    with np.errstate(invalid="ignore"):  # of points that were lost
+    with np.errstate(invalid="ignore"):  # from lost points
         start = np.where(np.isfinite(F[material]), F[material], np.eye(2))
         now = np.where(np.isfinite(F), F, np.eye(2))
     shift = now @ (np.linalg.inv(start) @ finite_bias[..., None])
@@ -146,11 +149,11 @@ def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
 
 
 CORRECTIONS = 2
-"""Times that the curvature's bias is taken off: the second starts from a cylinder that is nearly right."""
+"""Number of corrections for the curvature bias: the second one starts from a nearly correct cylinder."""
 
 
 def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest_frames: Sequence[int]) -> TrackedBody:
-    """The body with the epipolar gate that its reference frames give."""
+    """The body after the epipolar gate derived from its reference frames."""
     epipolar = body.reconstruction.epipolar[list(rest_frames)]
     distances = epipolar[np.isfinite(epipolar)]
     if not distances.size:
@@ -164,7 +167,7 @@ def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest_frames: Sequenc
 
 
 def _at_rest_of(r: Reconstruction, rest_frames: Sequence[int]) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Mean places of the points at the reference, their covariances, and which points they are."""
+    """Mean reference positions of the points [m], their covariances [m²], and the mask of these points."""
     used = referenced(r, rest_frames)
     X, C = static_mean(r, rest_frames)
     return X[used], C[used], used
@@ -189,8 +192,8 @@ def _remove_curvature_bias(
     settings: FullFieldSettings,
     radius: float | None,
 ) -> tuple[TrackedBody, float, float]:
-    """The body without the bias of its subsets' curvature, the bias's median size in camera 1 [px], and the
-    radius before [m]."""
+    """The body corrected for the curvature bias, the median size of the bias in camera 1 [px], and the radius
+    before the correction [m]."""
     first, track = body, body.tracks[1]
     plain, size = _cylinder_of(first.reconstruction, rest_frames, settings, body.points).radius, 0.0
     for _ in range(CORRECTIONS):
@@ -227,14 +230,14 @@ def cylinders(
                 overlap=overlap_factor(points[valid], settings.subset),
             )
         except ValueError:
-            continue  # too few points, or none of a cylinder: NaN and no points
+            continue  # too few points, or no cylinder fits: NaN and no points
         radius[k], sigma[k], rms[k] = cylinder.radius, cylinder.sigma[4], cylinder.rms
         count[k] = int(cylinder.used.sum())
     return FittedCylinder(radius, sigma, rms, count, correction, plain)
 
 
 TRIED = 300
-"""Points whose matches give the noise of the grey values where nothing else does."""
+"""Number of points whose matches give the noise of the grey values if there is no other source."""
 
 
 def measure_surface(
@@ -255,7 +258,7 @@ def measure_surface(
     pictures
         The series of camera 0 and camera 1, frame by frame at the same times.
     rig
-        The cameras, for pictures with the crop of the series (`StereoRig.cropped`).
+        The cameras, for the cropped pictures of the series (`StereoRig.cropped`).
     settings, t, extensometers, facts, progress
         As for `dic.full_field.measure.measure_plane`.
     mask
@@ -264,7 +267,7 @@ def measure_surface(
     Returns
     -------
     FullField
-        In the frame of the plane that fits the reference places best.
+        The result, in the frame of the best-fit plane of the reference positions.
 
     Raises
     ------
@@ -287,27 +290,27 @@ def measure_cylinder(
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> FullField:
-    """Measure a cylinder by two cameras: its surface, and radius and axis of the cylinder of each frame.
+    """Measure a cylinder by two cameras: its surface, and the fitted radius in each frame.
 
-    The bias that the curvature inside the subsets gives is taken off (`dic.full_field.stereo`).
+    The bias due to the curvature within the subsets is subtracted (`dic.full_field.stereo`).
 
     Parameters
     ----------
     pictures, rig, settings, mask, t, extensometers, facts, progress
         As for `measure_surface`.
     radius
-        Radius at the reference, if it was measured otherwise [m]: the axis then lies by so much behind the
-        surface. The radii of the frames are free all the same.
+        Radius at the reference, measured otherwise, e.g. by a calliper [m]: the axis then lies at this
+        distance behind the surface. The radii of the frames remain free. None: the radius is estimated.
 
     Returns
     -------
     FullField
-        y along the axis, Z from the axis toward the cameras.
+        The result, y along the axis, Z from the axis toward the cameras.
 
     Raises
     ------
     ValueError
-        As `measure_surface`, or if the reference places lie on no cylinder.
+        As `measure_surface`, or if the reference positions lie on no cylinder.
     """
     chosen = settings or FullFieldSettings()
     return _measured("cylinder", pictures, rig, chosen, radius, mask, t, extensometers, facts, progress)

@@ -1,7 +1,7 @@
-"""Picture series: the registry of file formats, and facts that the caller declares about a series.
+"""Picture series: the registry of file formats, and facts declared by the caller.
 
-A file is recognised by its first bytes, not by its name. A new format is its file and one line of `FORMATS`.
-Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
+A file is recognised by its first bytes, not by its name. To add a format, write its module and add one line
+to `FORMATS`. Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ class DeclaredPictures:
     """A series with some of its facts declared; see `dic.images.Pictures`."""
 
     pictures: Pictures
-    """The series as its file has it."""
+    """The series as stored in its file."""
     n_frames: int
     bits: int
     crop_offset: tuple[float, float]
@@ -65,12 +65,12 @@ def declared(
     times: Sequence[float] | NDArray[np.float64] | None = None,
     n_frames: int | None = None,
 ) -> DeclaredPictures:
-    """A series with facts declared that its file does not hold.
+    """A series with declared facts that its file does not contain.
 
     ``bits``: bits that carry the grey value: 12 for a 12-bit camera whose values lie in 16 bits.
-    ``crop_offset``: where the top left pixel lies on the sensor (x, y) [px]. ``times``: times of the frames
-    [s], rising; one a frame. ``n_frames``: how many frames there should be, if the file was cut off: those
-    missing raise a PictureError each. Raises ValueError: a value outside its range; the message names it.
+    ``crop_offset``: position of the top left pixel on the sensor (x, y) [px]. ``times``: times of the frames
+    [s], increasing; one per frame. ``n_frames``: correct number of frames, if the file was cut off; reading a
+    missing frame raises PictureError. Raises ValueError: a value outside its range; the message names it.
     """
     count = pictures.n_frames if n_frames is None else int(n_frames)
     if not pictures.n_frames <= count <= MOST_FRAMES:
@@ -93,12 +93,12 @@ def declared(
                 f"got {clock.size} from {clock.min(initial=np.inf)} to {clock.max(initial=-np.inf)}"
             )
     if is_dataclass(pictures) and not isinstance(pictures, type):
-        pictures = replace(pictures, bits=used)  # the reader holds its frames to this and not to its header
+        pictures = replace(pictures, bits=used)  # the reader checks frames against this, not its header
     return DeclaredPictures(pictures, count, used, offset, clock)
 
 
 def of_colours(series: Sequence[Pictures]) -> tuple[Remark, ...]:
-    """Remarks on series whose pictures have colours, which became grey by a rule."""
+    """Remarks on series with colour pictures, which were converted to grey values."""
     remarks = []
     for camera, pictures in enumerate(series):
         own = getattr(pictures, "pictures", pictures)
@@ -123,11 +123,11 @@ class Format:
     sniff: Callable[[Path, bytes], bool]
     """True if a file, given with its first `SNIFFED` bytes, is of this format."""
     read: Callable[[Path], Pictures]
-    """Opens it."""
+    """Opens a file of this format."""
 
 
 SNIFFED = 512
-"""Bytes at the start of a file that `sniff` gets."""
+"""Number of bytes from the start of a file that `sniff` gets."""
 
 FORMATS = (
     Format("TIFF", tiff.sniff, tiff.read),
@@ -135,7 +135,7 @@ FORMATS = (
     Format("Phantom cine", cine.sniff, cine.read),
     Format("Photron mraw", photron.sniff, photron.read),
 )
-"""Formats that hold a series in one file, in the order in which they are asked."""
+"""Formats that hold a series in one file, in the order in which they are tried."""
 
 
 def open_pictures(
@@ -147,7 +147,7 @@ def open_pictures(
     times: Sequence[float] | None = None,
     n_frames: int | None = None,
 ) -> Pictures:
-    """Open the pictures of one camera, whatever the format.
+    """Open the pictures of one camera, in any of the formats.
 
     Parameters
     ----------
@@ -155,20 +155,20 @@ def open_pictures(
         A file of any of the formats; a folder with a numbered series of TIFF, PNG, JPEG or BMP files; or
         a list of such files in the order of the frames.
     pattern
-        In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``. In an HDF5
+        In a folder: the names of the series with one `*` for the number, e.g. ``"cam0_*.png"``. In an HDF5
         file: the name of the dataset.
     bits, crop_offset, times, n_frames
-        What the files do not say, or say wrongly: `dic.images.declared`.
+        Values that the files do not state, or state wrongly; see `dic.images.declared`.
 
     Returns
     -------
     Pictures
-        The series. Only headers were read.
+        The series; only headers have been read.
 
     Raises
     ------
     PictureError
-        If there is nothing at `path`, no format fits, or the headers cannot be right.
+        If `path` does not exist, no format fits, or the headers are inconsistent.
     """
     try:
         pictures = _open_format(path, pattern)

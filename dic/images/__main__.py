@@ -11,7 +11,7 @@ from dic.outcome import FrameOutcome
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the report; 1 if the pictures cannot be opened or judged."""
+    """Print the report; returns 1 if the pictures cannot be opened or assessed."""
     parser = argparse.ArgumentParser(prog="python -m dic.images", description=__doc__)
     parser.add_argument("path", type=Path, help="a picture file, or a folder with a numbered series")
     parser.add_argument("--pattern", help='names in a folder, "cam0_*.png", or a dataset of an HDF5 file')
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def report(options: argparse.Namespace) -> None:
-    """Print what the header says, what the frames look like, and what the speckles promise."""
+    """Print the header's values, the health of the frames, and the quality of the speckles."""
     pictures = open_pictures(options.path, pattern=options.pattern, bits=options.bits)
     rows, columns = pictures.shape
     clock = "no times" if pictures.times is None else f"{pictures.times[0]:.9g} to {pictures.times[-1]:.9g} s"

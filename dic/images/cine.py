@@ -1,9 +1,9 @@
 """Phantom `.cine`: uncompressed 8 and 16-bit pictures, and the packed P10 and P12L.
 
 After Vision Research's "Cine File Format": a file header, a bitmap header, the SETUP block, tagged blocks
-with the time stamps, and a table of where each picture lies. Uncompressed pictures are stored bottom row
-first, packed ones top row first. The display settings in SETUP (flips, gain, gamma) are not applied. SETUP
-does not say where a crop lies on the sensor: that has to be declared.
+with the time stamps, and a table of the pictures' offsets. Uncompressed pictures are stored bottom row first,
+packed ones top row first. The display settings in SETUP (flips, gain, gamma) are not applied. SETUP does not
+contain the position of a crop on the sensor: it has to be declared.
 """
 
 import struct
@@ -60,9 +60,10 @@ class CinePictures:
     crop_offset: tuple[float, float] = (0.0, 0.0)
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one picture, P10 made linear with 12 bits (`p10_to_linear`), shape [rows, columns].
+        """Grey values of one picture, shape [rows, columns]; P10 is converted to linear 12-bit values
+        (`p10_to_linear`).
 
-        Raises PictureError if the picture or its place in the table lies beyond the end of the file, or its
+        Raises PictureError if the picture or its entry in the table lies beyond the end of the file, or its
         size is wrong.
         """
         index = checked_index(self.n_frames, index)
@@ -99,7 +100,7 @@ class CinePictures:
         return np.ascontiguousarray(grey[::-1]) if self.bottom_up else grey
 
     def _bytes(self, file: BinaryIO, index: int, start: int, count: int) -> bytes:
-        """Bytes that must be there."""
+        """Read bytes of a picture; raises PictureError if the file ends before them."""
         size = file.seek(0, 2)
         if not 0 <= start <= size - count:
             raise PictureError(
@@ -113,16 +114,16 @@ class CinePictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """True if a file that starts like this is a cine."""
+    """True if a file with these first bytes is a cine."""
     return start[:2] == b"CI" and len(start) >= _HEADER.size and _HEADER.unpack_from(start)[1] == _HEADER.size
 
 
 def read(path: Path) -> CinePictures:
     """Open a cine.
 
-    The bits are SETUP's RealBPP for pictures stored in 16 bits, and 12 for P10 and P12L. The times are those
-    of the time stamps, from the trigger on; a file without stamps gets them from its frame rate and first
-    image number, and one whose stamps are not one a picture none.
+    The bits are SETUP's RealBPP for pictures stored in 16 bits, and 12 for P10 and P12L. The times are the
+    time stamps relative to the trigger. Without stamps they follow from the frame rate and the first image
+    number. If the number of stamps differs from that of the pictures, there are no times.
 
     Raises PictureError if its headers are cut off or contradict themselves, or it holds compressed or colour
     pictures.
@@ -175,7 +176,7 @@ def read(path: Path) -> CinePictures:
 
 
 def _piece(file: BinaryIO, path: Path, part: str, start: int, count: int) -> bytes:
-    """Part of the headers that must be there."""
+    """Read part of the headers; raises PictureError if the file ends before it."""
     size = file.seek(0, 2)
     if not 0 <= count <= _LARGEST_HEADER or start + count > size:
         raise PictureError(
@@ -208,7 +209,7 @@ def _stamps(blocks: bytes) -> NDArray[np.uint32] | None:
 def _times(
     stamps: NDArray[np.uint32] | None, trigger: tuple[int, int], first: int, count: int, rate: int
 ) -> NDArray[np.float64] | None:
-    """Seconds from the trigger on; the two lowest bits of a stamp's fraction are flags."""
+    """Times relative to the trigger [s]; the two lowest bits of a stamp's fraction are flags."""
     if stamps is None:
         return (first + np.arange(count)) / rate if rate else None
     if len(stamps) != count:
@@ -220,12 +221,12 @@ def _times(
 
 @cache
 def p10_to_linear() -> NDArray[np.uint16]:
-    """Grey values of 12 bits, proportional to light, of the 1024 values of P10, shape [1024].
+    """Linear 12-bit grey values (proportional to light) of the 1024 values of P10, shape [1024].
 
-    P10 stores grey values through the transfer curve of ITU-R BT.709, V = 4.5 L below L = 0.018 and
-    V = 1.099 L^0.45 - 0.099 above, with V = (value - 63.25)/954.57 and grey value 63.7 + 4033.7 L. The two
-    ranges are fitted to the table that the manufacturer prints, which this follows to one grey value
-    from 1 to 1014. Above 1014 the sensor was saturated: 4095.
+    P10 stores grey values through the transfer curve of ITU-R BT.709, V = 4.5 L below L = 0.018 and V = 1.099
+    L^0.45 - 0.099 above, with V = (value - 63.25)/954.57 and grey value 63.7 + 4033.7 L. The two ranges are
+    fitted to the manufacturer's printed table; from 1 to 1014 the deviation is at most one grey value. Values
+    above 1014 are saturated and become 4095.
     """
     V = (np.arange(1024) - 63.253) / 954.569
     with np.errstate(invalid="ignore"):

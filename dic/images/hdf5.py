@@ -1,7 +1,8 @@
 """HDF5: one dataset [frames, rows, columns] of 8 or 16-bit whole numbers.
 
-The dataset may have the attributes `bits` (a whole number) and `crop_offset` (two numbers, px), and stand
-beside a dataset `times` (seconds, one a frame). What lies in other files (links, virtual datasets) is left.
+The dataset may have the attributes `bits` (a whole number) and `crop_offset` (two numbers, px). The same
+group may contain a dataset `times` (seconds, one per frame). Data in other files (links, virtual datasets)
+are not read.
 """
 
 from dataclasses import dataclass
@@ -53,21 +54,22 @@ class Hdf5Pictures:
         try:
             with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
-        except Exception as error:  # whatever the library makes of a damaged file is the file's fault
+        except Exception as error:  # any exception of the library is due to a damaged file
             raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
         return checked_frame(self.path, index, picture, self.shape, self.bits)
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """True if a file that starts like this is HDF5 (without a user block)."""
+    """True if a file with these first bytes is HDF5 (without a user block)."""
     return start.startswith(_SIGNATURE)
 
 
 def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     """Open an HDF5 file.
 
-    ``dataset``: name of the dataset; without it the file must have just one of three dimensions and whole
-    numbers. Raises PictureError if the file cannot be read, or has no such dataset or more than one.
+    ``dataset``: name of the dataset; without it the file must contain exactly one dataset of whole numbers
+    with three dimensions. Raises PictureError if the file cannot be read, or has no such dataset or more than
+    one.
     """
     import h5py
 

@@ -1,7 +1,7 @@
-"""Health of whole frames: unreadable, black, saturated, repeated, and where light flashed.
+"""Health of whole frames: unreadable, black, saturated, repeated, or with a specular flash.
 
-The limits are shares of pixels or ratios, so that none depends on the grey range, and brightness is compared
-with that of the frames around, so that a flickering lamp is not mistaken for a fault.
+The limits are shares of pixels or ratios, so that none depends on the grey range. Brightness is compared with
+that of the surrounding frames, so that a flickering lamp is not taken for a fault.
 """
 
 from collections.abc import Mapping
@@ -17,14 +17,14 @@ from dic.images.series import PictureError, Pictures, PictureSizeError
 from dic.outcome import FrameOutcome
 
 AROUND = 11
-"""Frames that a frame's brightness is compared with, itself in the middle."""
+"""Number of frames with which a frame's brightness is compared; the frame itself is in the middle."""
 MOST_REPEATS = 0.1
-"""Largest share of pictures that equal the one before, of a series with noise."""
+"""Largest share of pictures equal to the previous one, in a series with noise."""
 _LEAST_CORRELATION = 0.2
 _FLASH_ABOVE = 1.2
-"""A flash is brighter than the brightest spots of the frames around by this factor."""
+"""A flash is brighter than the brightest spots of the surrounding frames by this factor."""
 _BRIGHT = 99.5
-"""Percentile of a frame's grey values that stands for its brightest spots."""
+"""Percentile of a frame's grey values that represents its brightest spots."""
 
 
 @dataclass(frozen=True)
@@ -36,28 +36,28 @@ class FrameHealth:
     mean: FloatArray
     """Mean grey value, shape [n_frames]."""
     gain: FloatArray
-    """Median grey value over its median in the frames around: flicker [-], shape [n_frames]."""
+    """Median grey value over its median in the surrounding frames: flicker [-], shape [n_frames]."""
     contrast: FloatArray
-    """Standard deviation of what neighbouring pixels have in common: the picture without its noise [grey],
-    shape [n_frames]."""
+    """Standard deviation of the signal that neighbouring pixels share, i.e. without noise [grey], shape
+    [n_frames]."""
     correlation: FloatArray
-    """Of neighbouring pixels; 0 where there is only noise [-], shape [n_frames]."""
+    """Correlation of neighbouring pixels; 0 if there is only noise [-], shape [n_frames]."""
     saturated: FloatArray
     """Share of pixels at `ceiling`, shape [n_frames]."""
     flash: FloatArray
-    """Share of pixels brighter than the brightest spots of the frames around, flicker taken off, or
-    saturated beyond what is usual there; NaN where more than `flash_share` is saturated as a rule, so that a
-    flash cannot be distinguished from it. Shape [n_frames]."""
+    """Share of pixels that are brighter than the brightest spots of the surrounding frames, corrected for
+    flicker, or saturated more often than there. NaN if more than `flash_share` of the pixels is usually
+    saturated, so that a flash cannot be detected. Shape [n_frames]."""
     flashed: NDArray[np.bool_]
-    """Frames with a specular flash; their points elsewhere stand. Shape [n_frames]."""
+    """Frames with a specular flash; points outside the flash remain valid. Shape [n_frames]."""
     ceiling: int
-    """Grey value at which pixels saturate: 2**bits - 1, or lower if they are seen to pile up below it."""
+    """Grey value at which pixels saturate: 2**bits - 1, or lower if the histogram has a peak below it."""
     notes: Mapping[int, str]
-    """Frame number to what was found, in one line, of frames that are not VALID or that flashed."""
+    """Frame number -> finding in one line, for frames that are not VALID or have a flash."""
     mismatched: tuple[int, ...]
     """Frames of another size, or of other bits, than the series."""
     constant: NDArray[np.bool_]
-    """Frames whose grey values are all alike, below the largest. Shape [n_frames]."""
+    """Frames whose grey values are all equal, below the largest possible one. Shape [n_frames]."""
 
 
 def frame_health(
@@ -69,17 +69,17 @@ def frame_health(
     least_contrast: float = 0.05,
     flash_share: float = 0.01,
 ) -> FrameHealth:
-    """Look at every frame of a series once.
+    """Inspect every frame of a series.
 
-    A frame is SATURATED when more than `most_saturated` of its pixels are at the ceiling. It is BLACK when it
-    shows no more than its noise: neighbouring pixels correlate by less than 0.2, or the contrast is below
-    `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED when every pixel is as
-    in the frame before: noise alone would differ.
+    A frame is SATURATED if more than `most_saturated` of its pixels are at the ceiling. It is BLACK if it
+    shows only noise: the correlation of neighbouring pixels is less than 0.2, or the contrast is below
+    `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED if every pixel equals
+    that of the previous frame, because the noise of two exposures would differ.
 
-    ``pictures``: the series. ``mask``: the pixels that count, shape [rows, columns]; all if None. ``noise``:
-    standard deviation of a pixel's noise, if it is known [grey]. ``most_saturated``, ``least_contrast``,
-    ``flash_share``: limits, each from 0 to 1; a frame flashed if its `flash` exceeds the last. Raises
-    ValueError: a limit out of range, or a mask of another shape or without two neighbouring pixels.
+    ``pictures``: the series. ``mask``: pixels that are inspected, shape [rows, columns]; None: all.
+    ``noise``: standard deviation of a pixel's noise [grey], if known. ``most_saturated``, ``least_contrast``,
+    ``flash_share``: limits, each from 0 to 1; a frame has a flash if its `flash` exceeds `flash_share`.
+    Raises ValueError: a limit out of range, or a mask of another shape or without two neighbouring pixels.
     """
     for name, limit in (("most_saturated", most_saturated), ("least_contrast", least_contrast)):
         if not 0.0 < limit <= 1.0:
@@ -98,21 +98,21 @@ def frame_health(
     saturated = np.where(statistics.top >= ceiling, statistics.at_top, np.where(readable, 0.0, np.nan))
     gain = statistics.middle / np.maximum(_around(statistics.middle), 1.0)
     above = _brighter(statistics.histograms, gain)
-    # a flash on a bright scene does not exceed its bright spots by much, but saturates
+    # a flash on a bright scene is only a little brighter than its bright spots, but saturates
     usual = _around(saturated)
     flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
     outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
     if (
         statistics.repeats.sum() <= MOST_REPEATS * pictures.n_frames
-    ):  # else the pictures have no noise to differ by
+    ):  # else the pictures have no noise and may be equal
         outcome[statistics.repeats] = int(FrameOutcome.REPEATED)
     typical = float(np.nanmedian(statistics.contrast)) if readable.any() else 0.0
     black = statistics.correlation < _LEAST_CORRELATION
     black |= statistics.contrast < max(noise, least_contrast * typical)
     outcome[black & readable] = int(FrameOutcome.BLACK)
     outcome[saturated > most_saturated] = int(FrameOutcome.SATURATED)
-    # Every grey value alike, below the largest: no light reached the sensor, or the file is no picture.
+    # All grey values equal, below the largest: no light reached the sensor, or the file is no picture.
     constant = (statistics.contrast == 0.0) & (statistics.correlation == 0.0)
     constant &= statistics.mean < 2**pictures.bits - 1
     outcome[constant] = int(FrameOutcome.BLACK)
@@ -151,13 +151,13 @@ _CURES = {
     "saturated": "expose shorter, or close the lens; declare bits where the camera has fewer than stored",
     "repeated": "export each frame once",
 }
-"""What a picture that cannot be used is, in a word -> the cure."""
+"""Fault of an unusable picture, in one word -> the cure."""
 
 
 def check_series(pictures: Pictures, health: FrameHealth) -> None:
-    """Refuse a series that cannot be correlated, before it is.
+    """Reject a series that cannot be correlated.
 
-    ``pictures``, ``health``: the series and what `frame_health` found in it. Raises PictureError, which names
+    ``pictures``, ``health``: the series and its health by `frame_health`. Raises PictureError, which names
     the first file or frame and the cause: a picture of another size or of other bits than the series, or
     fewer than two pictures that are readable and neither constant, black, saturated nor repeated.
     """
@@ -188,7 +188,7 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
     """Pixels at or above the ceiling, and those within `grow` pixels of one, shape [rows, columns].
 
     ``picture``: grey values, shape [rows, columns]. ``ceiling``: `FrameHealth.ceiling`, or 2**bits - 1.
-    ``grow``: how far a saturated pixel spoils its neighbours through interpolation [px].
+    ``grow``: distance up to which a saturated pixel affects its neighbours through interpolation [px].
     """
     from dic.basics import cv2
 
@@ -199,7 +199,7 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
 
 @dataclass(frozen=True)
 class _Scan:
-    """Numbers of one pass over the frames: one a frame, NaN where it cannot be read."""
+    """Statistics from one pass over the frames: one value per frame, NaN for an unreadable frame."""
 
     mean: FloatArray
     middle: FloatArray
@@ -208,15 +208,15 @@ class _Scan:
     top: FloatArray
     """Largest grey value."""
     at_top: FloatArray
-    """Share of the pixels that have it."""
+    """Share of the pixels with the largest grey value."""
     histograms: list[IntArray | None]
-    """Coarse ones, of at most 1024 bins: enough to see a flash."""
+    """Coarse histograms of at most 1024 bins, fine enough to detect a flash."""
     total: IntArray
     """Fine histogram of all frames."""
     unreadable: dict[int, str]
     mismatched: tuple[int, ...]
     repeats: NDArray[np.bool_]
-    """True where every pixel is as in the readable frame before."""
+    """True where every pixel equals that of the previous readable frame."""
 
 
 def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
@@ -262,14 +262,14 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
 
 
 def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:
-    """Share of each frame's pixels that are brighter than the brightest spots of the frames around."""
+    """Share of each frame's pixels that are brighter than the brightest spots of the surrounding frames."""
     bright = _around(np.array([_percentile(counts, _BRIGHT) for counts in histograms]))
     limits = _FLASH_ABOVE * bright * np.clip(gain, 0.5, 2.0)
     return np.array([_share_from(counts, limit) for counts, limit in zip(histograms, limits, strict=True)])
 
 
 def _shared(picture: NDArray[np.generic], used: NDArray[np.bool_]) -> tuple[float, float]:
-    """Standard deviation that neighbours share, and their correlation; noise of the pixels has no part."""
+    """Standard deviation that neighbouring pixels share, without noise, and their correlation."""
     grey = np.where(used, picture.astype(np.float64) - picture[used].mean(), 0.0)
     variance = float(np.sum(grey * grey) / used.sum())
     if variance == 0.0:
@@ -285,7 +285,7 @@ def _shared(picture: NDArray[np.generic], used: NDArray[np.bool_]) -> tuple[floa
 
 
 def _around(values: FloatArray) -> FloatArray:
-    """Median over the `AROUND` frames around each, those without a value left out."""
+    """Median over the `AROUND` frames around each frame; frames without a value are left out."""
     half = AROUND // 2
     with_ends = np.pad(values, half, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(with_ends, AROUND)
@@ -296,21 +296,21 @@ def _around(values: FloatArray) -> FloatArray:
 
 
 def _share_from(counts: IntArray | None, level: float) -> float:
-    """Share of the pixels in a bin or above."""
+    """Share of the pixels at or above a level."""
     if counts is None or np.isnan(level):
         return float("nan")
     return float(counts[min(int(np.ceil(level)), len(counts)) :].sum() / counts.sum())
 
 
 def _percentile(counts: IntArray | None, percent: float) -> float:
-    """Bin below which that share of the pixels lies."""
+    """Bin below which `percent` of the pixels lie."""
     if counts is None:
         return float("nan")
     return float(np.searchsorted(np.cumsum(counts), percent / 100.0 * counts.sum()))
 
 
 def _ceiling(counts: IntArray) -> int:
-    """Saturation level: a pile at the largest grey value that is far higher than what leads up to it."""
+    """Saturation level: a peak at the largest grey value, far higher than the counts just below it."""
     full = len(counts) - 1
     top = int(np.max(np.flatnonzero(counts), initial=0))
     band = counts[int(0.98 * top) : top]

@@ -1,9 +1,8 @@
-"""Numbered series of TIFF, PNG, JPEG and BMP pictures, one file a frame.
+"""Numbered series of TIFF, PNG, JPEG and BMP pictures, one file per frame.
 
-The frame number is the number in the name; the first number present is frame 0, and numbers count in the
-largest step that fits them all (0002, 0004, 0008: step 2). A missing number is a missing frame. OpenCV
-decodes truncated files and any size that a header states; hence size and completeness are read from the
-bytes first.
+The number in the name gives the frame: the first number is frame 0, and the step is the largest one that fits
+all numbers (0002, 0004, 0008: step 2). A missing number is a missing frame. OpenCV decodes truncated files
+and accepts any size stated in a header. Therefore size and completeness are checked in the bytes first.
 """
 
 import re
@@ -31,11 +30,11 @@ from dic.images.series import (
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_END_WITHIN = 65_536
-"""Largest distance of a JPEG's end mark from its end: cameras append notes [bytes]."""
+"""Largest distance of a JPEG's end mark from the end of the file, as cameras append notes [bytes]."""
 
 
 def _missing_end(data: bytes) -> str:
-    """Missing or damaged part of the bytes of a PNG, JPEG or BMP file; empty if none is seen."""
+    """Missing or damaged part of a PNG, JPEG or BMP file, in words; empty if none is found."""
     if data.startswith(_PNG):
         return _png(data)
     if data.startswith(b"\xff\xd8"):
@@ -47,7 +46,7 @@ def _missing_end(data: bytes) -> str:
 
 
 def _stated_size(data: bytes) -> tuple[int, int] | None:
-    """Rows and columns that the header gives; None if the file is of another kind or has no whole header."""
+    """Rows and columns stated in the header; None for another kind of file or an incomplete header."""
     if data.startswith(_PNG) and len(data) >= 24:
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns
@@ -59,7 +58,7 @@ def _stated_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Of the first frame header: the blocks before it are stepped over."""
+    """Rows and columns in the first frame header of a JPEG; the blocks before it are skipped."""
     place = 2
     while place + 9 <= len(data):
         if data[place] != 0xFF or data[place + 1] == 0xFF:
@@ -94,30 +93,30 @@ def _bmp(data: bytes) -> str:
         return "the BMP file is cut off in its header"
     start, header, width, height, _, bits, compression = struct.unpack_from("<IIiiHHI", data, 10)
     if header < 40 or compression != 0:
-        return ""  # an older header or run lengths: the decoder has to see
+        return ""  # an older header or run lengths: left to the decoder
     need = start + (abs(width) * bits + 31) // 32 * 4 * abs(height)
     return f"the BMP file is cut off: {len(data)} of {need} bytes are there" if len(data) < need else ""
 
 
 SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
-"""Endings of the files that a folder is searched for; a pattern may name others."""
+"""File name endings that are searched in a folder; a pattern may name others."""
 MOST_MISSING = 20
-"""Numbers a series may span for each picture that is there; more looks like time stamps."""
+"""Largest span of the numbers over the number of pictures; a larger one suggests time stamps."""
 WEIGHTS = "0.299 R + 0.587 G + 0.114 B"
-"""Grey value of three colours (ITU-R BT.601), as OpenCV weighs them; a TIFF with colours is refused."""
+"""Grey value of a colour pixel (ITU-R BT.601), with OpenCV's weights; a TIFF with colours is rejected."""
 LARGEST_FILE = 2**29
 """Largest picture file that is read [bytes]."""
 
 
 @dataclass(frozen=True)
 class NumberedPictures:
-    """Frames that are files of their own; see `dic.images.Pictures`."""
+    """Frames stored in separate files; see `dic.images.Pictures`."""
 
     path: Path
     files: tuple[Path | None, ...]
     """The file of each frame, None where the number is missing."""
     numbers: tuple[int, ...]
-    """The numbers of the frames, as the names give them."""
+    """The numbers in the files' names."""
     shape: tuple[int, int]
     bits: int
     crop_offset: tuple[float, float] = (0.0, 0.0)
@@ -125,18 +124,18 @@ class NumberedPictures:
     coloured: bool = False
     """Whether the first picture has pixels whose three colours differ."""
     stored: int = 0
-    """Bits in which each grey value is stored, 8 or 16; 0: not compared."""
+    """Bits in which each grey value is stored, 8 or 16; 0: not checked."""
     tripled: bool = False
-    """Whether the first picture has three equal colours, of which one is taken."""
+    """Whether the first picture has three equal colour channels, of which one is used."""
 
     @property
     def n_frames(self) -> int:
-        """Number of frames, the missing ones counted."""
+        """Number of frames, including missing ones."""
         return len(self.files)
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one file; a JPEG is turned as its EXIF says, three colours are weighted to one
-        grey value by `WEIGHTS`.
+        """Grey values of one file. A JPEG is rotated as stated in its EXIF; three colours are combined by
+        `WEIGHTS`.
         """
         file = self.files[checked_index(self.n_frames, index)]
         if file is None:
@@ -185,7 +184,8 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the order given; frame i is file i, a file that is not there a missing frame."""
+    """Open picture files in the given order; frame i is file i, and a file that does not exist is a missing
+    frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")
     return _opened(files[0].parent, list(files), tuple(range(len(files))))
@@ -244,7 +244,7 @@ def _only_series(path: Path) -> list[tuple[int, Path]]:
 
 
 def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
-    """Number and file of the names that fit a pattern."""
+    """Number and file of the names that match a pattern."""
     if pattern.count("*") != 1 or "/" in pattern:
         raise PictureError(
             path,
@@ -326,7 +326,7 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
 
 
 def _colours(data: bytes) -> tuple[bool, bool]:
-    """Whether a PNG, JPEG or BMP has three colours, and pixels in which they differ."""
+    """Whether a PNG, JPEG or BMP has three colours, and whether they differ in any pixel."""
     from dic.basics import cv2
 
     picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)

@@ -1,5 +1,4 @@
-"""Photron's raw pictures: `.mraw` of 8, 10, 12 or 16 bits, described by a `.cih` text or `.cihx` XML beside
-them."""
+"""Photron's raw pictures: `.mraw` of 8, 10, 12 or 16 bits, with a `.cih` text or `.cihx` XML header file."""
 
 import re
 from dataclasses import dataclass
@@ -37,11 +36,11 @@ _XML = {
     "Save Step": "frameInfo/skipFrame",
     "Camera Type": "deviceInfo/deviceName",
 }
-"""The fields that are read: their names in text, and their places in XML."""
+"""The fields that are read: name in the text form -> path in the XML form."""
 _SEGMENT = "Segment Position"
-"""Name of the place of the pictures on the sensor, "x, y" [px]."""
+"""Name of the field with the pictures' position on the sensor, "x, y" [px]."""
 _COLOUR_CAMERA = re.compile(r"\bC\b|colou?r|bayer", re.IGNORECASE)
-"""What the type of a camera with a colour mosaic has: "FASTCAM SA-Z type 2100K-C-32GB"."""
+"""Pattern in the type of a camera with a colour mosaic, e.g. "FASTCAM SA-Z type 2100K-C-32GB"."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def read_header(path: Path) -> Header:
 
 
 def _from_text(text: str) -> dict[str, str]:
-    """Fields of the text form; the first of a name counts."""
+    """Fields of the text form; of repeated names the first is used."""
     fields: dict[str, str] = {}
     for line in text.splitlines():
         name, colon, value = line.partition(":")
@@ -121,13 +120,13 @@ def _from_text(text: str) -> dict[str, str]:
 
 
 def _without_comments(data: bytes) -> bytes:
-    """XML without its comments; one that does not end stays."""
+    """XML without its comments; an unterminated comment is kept."""
     *ended, remainder = data.split(b"-->")
     return b"".join(part.partition(b"<!--")[0] for part in ended) + remainder
 
 
 def _from_xml(path: Path, data: bytes) -> dict[str, str]:
-    """Fields of the XML form, which stands between other bytes."""
+    """Fields of the XML form; other bytes before and after the XML are ignored."""
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     inside = data[start : end + len(b"</cih>")] if end > start else b""
     if b"<!" in _without_comments(inside):
@@ -166,7 +165,7 @@ class MrawPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one picture, shape [rows, columns].
 
-        Raises PictureError if it lies beyond the end of the file, or needs more bits than the header says.
+        Raises PictureError if it lies beyond the end of the file, or needs more bits than the header states.
         """
         index = checked_index(self.n_frames, index)
         rows, columns = self.shape
@@ -201,18 +200,19 @@ class MrawPictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """True if a file is one of the two of a Photron recording; raw pictures are known by name only."""
+    """True if a file is the header or the raw file of a Photron recording; the raw file is recognised by its
+    name."""
     return path.suffix.lower() in (".mraw", ".cih", ".cihx")
 
 
 def read(path: Path) -> MrawPictures:
     """Open a recording by its `.mraw` or its header.
 
-    The times are (Start Frame + i)/Record Rate, on the trigger's clock; none if the header gives no rate or a
-    step between saved frames that it does not define for both of its forms. `segmentPos` of the XML is the
-    crop offset. "Raw" are the grey values of a camera without a colour mosaic.
+    The times are (Start Frame + i)/Record Rate, on the trigger's clock; None if the header gives no rate, or
+    saves only every n-th frame, which its two forms do not define alike. `segmentPos` of the XML is the crop
+    offset. "Raw" means the grey values of a camera without a colour mosaic.
 
-    Raises PictureError if one of the two files is missing, or the header contradicts itself or promises
+    Raises PictureError if one of the two files is missing, the header is inconsistent, or the pictures have
     colours.
     """
     pixels, header = _pair(path)
@@ -262,7 +262,7 @@ def read(path: Path) -> MrawPictures:
 
 
 def _crop_offset(header: Header) -> tuple[float, float]:
-    """Where the top left pixel lies on the sensor (x, y) [px]."""
+    """Position of the top left pixel on the sensor (x, y) [px]."""
     text = header.fields.get(_SEGMENT)
     if not text:
         return 0.0, 0.0

@@ -1,7 +1,7 @@
 """Quality of pictures: noise of the grey values, speckle size and coverage, the predicted noise floor.
 
-The noise comes from frames in which nothing moves. Gradients are those of a picture's interpolating quintic
-B-spline. Speckle size comes from the autocorrelation and from the edges.
+The noise is measured in static frames. Gradients are those of a picture's interpolating quintic B-spline. The
+speckle size is measured by the autocorrelation and by the edges.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,11 @@ _LARGEST_WINDOW = 1024
 
 
 def _width_of_autocorrelation(detail: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
-    """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half."""
+    """Full width at half height of the autocorrelation along x and y [px]; NaN if it does not fall to one
+    half."""
     window = tuple(_middle(np.flatnonzero(used.any(axis=1 - axis))) for axis in (0, 1))
     detail, used = np.where(used, detail, 0.0)[window], used[window]
-    shape = [2 * side for side in detail.shape]  # zeros around: no wrap
+    shape = [2 * side for side in detail.shape]  # padded with zeros: no wrap-around
 
     def correlated(a: FloatArray) -> FloatArray:
         spectrum = np.fft.rfft2(a, s=shape)
@@ -40,7 +41,7 @@ def _width_of_autocorrelation(detail: FloatArray, used: Mask, sigma: float) -> t
 
 
 def _middle(places: NDArray[np.int64]) -> slice:
-    """The middle `_LARGEST_WINDOW` of what lies between the first and the last."""
+    """The middle `_LARGEST_WINDOW` pixels between the first and the last place."""
     low, high = int(places[0]), int(places[-1]) + 1
     spare = max(high - low - _LARGEST_WINDOW, 0)
     return slice(low + spare // 2, high - (spare - spare // 2))
@@ -57,10 +58,11 @@ def _half_width(line: FloatArray) -> float:
 
 
 def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
-    """Share of dark pixels, and diameter of discs thrown at random with the chords of the lesser phase [px].
+    """Share of dark pixels [-], and diameter of random discs with the chord lengths of the minor phase [px].
 
-    The picture over its illumination `level` is cut at Otsu's threshold. An edge counts where the grey value
-    goes from two standard deviations of the noise on one side to as far on the other.
+    The picture divided by its illumination `level` is binarised with Otsu's threshold. An edge is counted
+    where the grey value crosses the threshold by more than two standard deviations of the noise on both
+    sides.
     """
     from skimage.filters import threshold_otsu  # 0.4 s
 
@@ -84,7 +86,7 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
 
 
 def _changes(side: NDArray[np.int64], used: Mask) -> int:
-    """Number of changes of the rows between -1 and 1, zeros passed over, within the mask."""
+    """Number of changes between -1 and 1 along the rows within the mask; zeros are skipped."""
     decided = (side != 0) | ~used
     column = np.where(decided, np.arange(side.shape[1]), -1)
     last = np.maximum.accumulate(column, axis=1)
@@ -94,7 +96,7 @@ def _changes(side: NDArray[np.int64], used: Mask) -> int:
 
 
 def illumination(f: FloatArray, used: Mask) -> FloatArray:
-    """Illumination: Gaussian mean of the pixels that count, over a sixth of the field [grey]."""
+    """Illumination: Gaussian mean of the masked pixels, over a sixth of the field [grey]."""
     from dic.basics import cv2
 
     width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)
@@ -149,17 +151,17 @@ class GreyNoise:
     """Standard deviation of the grey values, and how it depends on them."""
 
     sigma: float
-    """Of one pixel of one frame, over the whole mask [grey]."""
+    """Standard deviation of one pixel of one frame, over the whole mask [grey]."""
     intercept: float
-    """Variance at grey value 0 by the straight line `intercept + slope * grey` [grey²]."""
+    """Variance at grey value 0 of the straight line `intercept + slope * grey` [grey²]."""
     slope: float
     """Growth of the variance with the grey value [grey]; photon noise makes it positive."""
     slope_sigma: float
     """Standard deviation of the slope [grey]."""
     gain: FloatArray
-    """Brightness of each frame relative to their mean, the flicker that was removed [-], shape [n_frames]."""
+    """Brightness of each frame relative to the mean of all (flicker); removed [-], shape [n_frames]."""
     motion: FloatArray
-    """Rigid motion (x, y) of each frame against their mean, removed too [px], shape [n_frames, 2]."""
+    """Rigid motion (x, y) of each frame relative to the mean of all; removed [px], shape [n_frames, 2]."""
 
     def variance(self, grey: NDArray[np.generic]) -> FloatArray:
         """Variance at given grey values [grey²], by the straight line, not below a tenth of `sigma²`."""
@@ -176,15 +178,15 @@ def grey_noise(
     """Measure the noise in static frames.
 
     Each frame k is compared with the mean M of all: ``f_k = b (M - u·∇M) + c + noise``, by least squares over
-    the mask. The gain b and offset c take the flicker away, u a rigid motion of a small part of a pixel. The
-    variance is that of the differences of neighbouring frames' remainders, halved: a slow change of the
-    picture does not count as noise. Its median over the pairs is ``sigma²``; the line is fitted to its mean
-    over pixels of like brightness, weighted by how well each is known.
+    the mask. The gain b and offset c remove flicker, u removes a rigid motion of a small part of a pixel. The
+    variance is half of that of the differences between successive frames' residuals, so that a slow change of
+    the picture is not taken as noise. Its median over the pairs is ``sigma²``. The line is fitted to its mean
+    over pixels of similar brightness, weighted by their precision.
 
     ``pictures``: a series, or pictures of shape [rows, columns]. ``frames``: numbers of the static frames, at
-    least two. ``mask``: the pixels that count, shape [rows, columns]; all if None. Leave saturated pixels
-    out. Raises ValueError: fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no
-    noise at all. Raises PictureError: a frame that cannot be read.
+    least two. ``mask``: pixels that are used, shape [rows, columns]; None: all. Exclude saturated pixels.
+    Raises ValueError: fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no noise
+    at all. Raises PictureError: a frame that cannot be read.
     """
     if len(frames) < 2:
         raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
@@ -201,7 +203,7 @@ def grey_noise(
     normal = np.linalg.pinv(columns.T @ columns)
     fitted = np.array([normal @ (columns.T @ frame[used]) for frame in stack])
     squares, levels = np.zeros(len(columns)), []
-    for k in range(len(stack) - 1):  # a pair at a time: the frames may be many and large
+    for k in range(len(stack) - 1):  # one pair at a time to save memory
         first, second = (stack[m][used] - columns @ fitted[m] for m in (k, k + 1))
         square = (second - first) ** 2 / 2.0  # the variance of one frame's noise
         squares += square / (len(stack) - 1)
@@ -237,39 +239,40 @@ def _line(grey: FloatArray, variance: FloatArray) -> tuple[float, float, float]:
 
 
 LARGEST_SUBSET = 101
-"""Largest subset that is tried for a wanted floor [px]."""
+"""Largest subset that is tried for a wanted noise floor [px]."""
 _LEAST_SHARE = 0.5
 _MOST_POINTS = 300_000
-"""Points at which the subset for a wanted floor is sought; larger pictures are sampled."""
+"""Largest number of points at which the subset for a wanted floor is computed; larger pictures are
+sampled."""
 
 
 @dataclass(frozen=True)
 class SpeckleQuality:
-    """A speckle pattern and what can be expected from it."""
+    """Properties of a speckle pattern and its predicted noise floor."""
 
     subset: int
-    """Side of the square subset that the floor is for [px]."""
+    """Side of the square subset for which the floor is predicted [px]."""
     size: tuple[float, float]
     """Speckle size along x and y: full width at half height of the autocorrelation [px]."""
     size_by_edges: float
-    """Speckle size from coverage and edges: the diameter of randomly thrown discs with as many edges, of the
-    phase that covers less [px]."""
+    """Speckle size from coverage and edges: the diameter of random discs with the same number of edges, for
+    the phase that covers less [px]."""
     coverage: float
-    """Share of the pixels on the dark side of Otsu's threshold, illumination evened out [-]."""
+    """Share of the pixels below Otsu's threshold, after correction of the illumination [-]."""
     mean_gradient: float
-    """Mean intensity gradient: mean of |∇f|, the noise's part taken off in the square [grey/px]."""
+    """Mean intensity gradient: mean of |∇f|, with the noise's contribution to |∇f|² subtracted [grey/px]."""
     noise: float
-    """Standard deviation of the noise used, its root mean square over the mask [grey]."""
+    """Standard deviation of the noise, root mean square over the mask [grey]."""
     floor: FloatArray
-    """Predicted standard deviation of a match in x and y at each pixel taken as a subset's centre [px],
-    shape [rows, columns, 2]; NaN where less than half of the subset lies in the mask, infinite where the
-    subset has no contrast."""
+    """Predicted standard deviation of a match in x and y, for a subset centred at each pixel [px], shape
+    [rows, columns, 2]; NaN where less than half of the subset lies in the mask, infinite where the subset has
+    no contrast."""
     wanted: float | None
-    """The floor that was asked for [px]."""
+    """The requested floor [px]; None if there was no request."""
     needed: IntArray | None
-    """Smallest subset that reaches the wanted floor, 0 where none up to `LARGEST_SUBSET` does or the floor
-    is NaN; shape [rows, columns], in large pictures the same over blocks of some pixels. None if no floor
-    was asked for."""
+    """Side of the smallest subset that reaches the wanted floor [px]; 0 where none up to `LARGEST_SUBSET`
+    does or the floor is NaN. Shape [rows, columns]; in large pictures constant over small blocks of pixels.
+    None if no floor was requested."""
 
     @property
     def median_floor(self) -> float:
@@ -279,8 +282,8 @@ class SpeckleQuality:
 
     @property
     def too_small(self) -> NDArray[np.bool_]:
-        """Places where the subset misses the wanted floor, shape [rows, columns]; none if none was asked
-        for."""
+        """Pixels where the subset does not reach the wanted floor, shape [rows, columns]; all False without a
+        wanted floor."""
         if self.wanted is None:
             return np.zeros(self.floor.shape[:2], dtype=bool)
         return np.asarray(np.any(self.floor > self.wanted, axis=2))
@@ -298,21 +301,21 @@ def speckle_quality(
     """Report on a speckle pattern.
 
     The floor follows from the sum of squared differences of two pictures with the same noise (Pan et al.,
-    Opt. Express 16, 7037, 2008; Wang et al., Strain 45, 160, 2009): with ``H = Σ ∇f ∇fᵀ`` over the subset
-    and the variance σ² of each pixel, ``cov = 2 H⁻¹ (Σ σ² ∇f ∇fᵀ) H⁻¹``. For constant σ and no cross
-    terms this is √(2σ²/ΣG²). The part of the noise in ∇f is taken off in the square. It holds for the
-    subset's middle and for rigid and affine shape functions; quadratic ones scatter more.
+    Opt. Express 16, 7037, 2008; Wang et al., Strain 45, 160, 2009): with ``H = Σ ∇f ∇fᵀ`` over the subset and
+    the variance σ² of each pixel, ``cov = 2 H⁻¹ (Σ σ² ∇f ∇fᵀ) H⁻¹``. For constant σ and no cross terms this
+    is √(2σ²/ΣG²). The noise's contribution to ∇f is subtracted in the square. The floor is valid at the
+    subset's centre for rigid and affine shape functions; quadratic ones scatter more.
 
-    The size by edges takes the pattern for discs of one diameter thrown at random, which may overlap
-    (Serra, Image Analysis and Mathematical Morphology, 1982, ch. XIII): with a share p covered, their
-    chords have the mean ``π d/4 · p/((1 - p) ln(1/(1 - p)))``.
+    The size by edges assumes randomly placed discs of one diameter, which may overlap (Serra, Image Analysis
+    and Mathematical Morphology, 1982, ch. XIII): if they cover a share p, the mean length of their chords is
+    ``π d/4 · p/((1 - p) ln(1/(1 - p)))``.
 
-    ``picture``: grey values, shape [rows, columns]; best the mean of static frames. ``mask``: the pixels of
-    the specimen, shape [rows, columns]; all if None. ``subset``: side of the square subset [px]: odd, 5 to
-    101. ``noise``: standard deviation of a pixel of one frame [grey], or how it depends on the grey value.
-    ``averaged``: how many frames the picture is the mean of. ``wanted``: floor to be reached [px]; asks for
-    `SpeckleQuality.needed`. Raises ValueError: a value outside its range, or a picture without contrast in
-    the mask.
+    ``picture``: grey values, shape [rows, columns]; preferably the mean of static frames. ``mask``: the
+    pixels of the specimen, shape [rows, columns]; None: all. ``subset``: side of the square subset [px]: odd,
+    5 to 101. ``noise``: standard deviation of a pixel of one frame [grey], or its dependence on the grey
+    value. ``averaged``: number of frames of which the picture is the mean. ``wanted``: floor to be reached
+    [px]; if given, `SpeckleQuality.needed` is computed. Raises ValueError: a value outside its range, or a
+    picture without contrast in the mask.
     """
     f = np.asarray(picture, dtype=np.float64)
     used = np.ones(f.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
@@ -334,7 +337,7 @@ def speckle_quality(
         raise ValueError(f"the picture has one grey value in the mask, {f[used][0]}: there are no speckles")
 
     sigma = float(np.sqrt(variance[used].mean()))
-    mean_noise = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
+    mean_noise = sigma / float(np.sqrt(averaged))  # noise of the averaged picture
     even = f - illumination(f, used)
     sums, steepness = _sums(f, used, variance, averaged)
     floor = _floor(sums, subset)

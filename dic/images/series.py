@@ -1,4 +1,4 @@
-"""A series of pictures of one camera: from a file, from memory, or decoded once; limits of all readers.
+"""A series of pictures of one camera: from a file, from memory, or decoded once; limits for all readers.
 
 Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps,
 most significant bit first, as in TIFF (12 bits), Photron's `.mraw` and Phantom's P10 and P12L: four values
@@ -21,7 +21,7 @@ from dic.files import one_line
 class PictureError(ValueError):
     """A picture file or one frame of it that cannot be read.
 
-    Its text names file, frame (if it is about one), what is wrong and the cure.
+    Its text names the file, the frame (if it concerns one), the fault and the cure.
     """
 
     def __init__(
@@ -36,12 +36,12 @@ class PictureError(ValueError):
 
 
 class PictureSizeError(PictureError):
-    """A picture of another size, or of other bits, than those of its series."""
+    """A picture whose size or bits differ from those of its series."""
 
 
 @runtime_checkable
 class Pictures(Protocol):
-    """Protocol of a picture series. Opening reads the headers; a frame is read when it is asked for."""
+    """Protocol of a picture series. Opening reads the headers only; each frame is read on request."""
 
     @property
     def path(self) -> Path:
@@ -49,7 +49,7 @@ class Pictures(Protocol):
 
     @property
     def n_frames(self) -> int:
-        """Number of frames that the headers promise."""
+        """Number of frames stated in the headers."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -61,11 +61,11 @@ class Pictures(Protocol):
 
     @property
     def crop_offset(self) -> tuple[float, float]:
-        """Place of the top left pixel on the sensor (x, y) [px]; (0, 0) if the file does not state it."""
+        """Position of the top left pixel on the sensor (x, y) [px]; (0, 0) if the file does not state it."""
 
     @property
     def times(self) -> NDArray[np.float64] | None:
-        """Times of the frames as the camera recorded them [s], shape [n_frames]; None if it did not."""
+        """Times of the frames as recorded by the camera [s], shape [n_frames]; None if not recorded."""
 
     def frame(self, index: int) -> NDArray[np.uint16] | NDArray[np.uint8]:
         """Grey values of one frame as recorded, shape [rows, columns].
@@ -82,17 +82,17 @@ Words = NDArray[np.uint16]
 Grey = Words | Bytes
 
 LARGEST_SIDE = 32_768
-"""Most rows or columns of a picture that are read [px]."""
+"""Largest number of rows or columns of a picture [px]."""
 MOST_PIXELS = 2**27
-"""Most pixels of a picture."""
+"""Largest number of pixels of a picture."""
 MOST_FRAMES = 10_000_000
-"""Most frames of a series."""
+"""Largest number of frames of a series."""
 
 
 def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
-    """Rows and columns, if a camera can have made them.
+    """Rows and columns, if they are within the limits.
 
-    Raises PictureError if either is not a whole number from 1 to `LARGEST_SIDE`, or they are more than
+    Raises PictureError if either is not a whole number from 1 to `LARGEST_SIDE`, or their product exceeds
     `MOST_PIXELS`.
     """
     if (
@@ -125,7 +125,7 @@ def checked_count(path: Path, frames: int) -> int:
 
 
 def checked_bits(path: Path, bits: int, container: int) -> int:
-    """The bits that carry the grey value, if they fit into a `container` of this many bits.
+    """The bits that carry the grey value, if they are not more than the `container` bits.
 
     Raises PictureError if they do not.
     """
@@ -152,7 +152,8 @@ def checked_index(n_frames: int, index: int) -> int:
 def checked_frame(
     path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int], bits: int
 ) -> Grey:
-    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of this many bits.
+    """One decoded frame, if it has the series' shape and its 8 or 16-bit grey values do not exceed the
+    series' bits.
 
     Raises PictureError if it does not.
     """
@@ -185,9 +186,9 @@ def checked_frame(
 class PicturesInMemory:
     """Arrays as a series; see `dic.images.Pictures`.
 
-    Floating-point pictures become 16-bit whole numbers, all of them with one scale: values from 0 to 1 times
-    65 535; of any other range the least value becomes 1 and the largest 65 534, so that no pixel counts as
-    saturated.
+    Floating-point pictures are converted to 16-bit whole numbers, with the same scale for all. Values from 0
+    to 1 are multiplied by 65 535. For any other range the smallest value becomes 1 and the largest 65 534, so
+    that no pixel counts as saturated.
 
     Raises ValueError: no pictures, one that is not of shape [rows, columns], or a floating-point value that
     is not finite.
@@ -212,7 +213,7 @@ class PicturesInMemory:
 
     @property
     def path(self) -> Path:
-        """Stands for a file in messages."""
+        """Name used in messages in place of a file."""
         return Path("arrays in memory")
 
     @property
@@ -253,17 +254,17 @@ def whole_numbers(pictures: Sequence[NDArray[np.generic]]) -> tuple[Words, ...]:
 
 
 MOST_DECODED = 128 * 2**20
-"""Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for. A large
-picture is decoded in a small part of the time in which its points are matched."""
+"""Largest memory for the pictures of one series [bytes]; further pictures are read again on each request.
+Decoding a large picture takes much less time than matching its points."""
 
 
 def decode_once(pictures: Pictures) -> "DecodedPictures":
-    """A series with its pictures kept; itself if they are already."""
+    """A series that keeps its decoded pictures; the series itself if it does so already."""
     return pictures if isinstance(pictures, DecodedPictures) else DecodedPictures(pictures)
 
 
 class DecodedPictures:
-    """The same series, for those who look at its pictures more than once; see `dic.images.Pictures`.
+    """A series that keeps decoded pictures in memory, for repeated use; see `dic.images.Pictures`.
 
     ``pictures``: the series. ``most``: memory that its pictures may take up [bytes].
     """
@@ -281,7 +282,7 @@ class DecodedPictures:
         return self._kept
 
     def hold(self, pictures: Mapping[int, Grey]) -> None:
-        """Take over pictures by frame that another process has read from the same series (`in_memory`)."""
+        """Store pictures, by frame, that another process has read from the same series (`in_memory`)."""
         for index, picture in pictures.items():
             self._keep(index, picture)
 
@@ -293,21 +294,21 @@ class DecodedPictures:
         return picture
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one frame, not to be written to, shape [rows, columns].
+        """Grey values of one frame, read-only, shape [rows, columns].
 
-        Raises PictureError as the series does; a frame that cannot be read is tried again when it is asked
-        for again.
+        Raises PictureError as the series does; reading an unreadable frame is tried again at the next
+        request.
         """
         picture = self._kept.get(index)
         if picture is None:
             picture = self.pictures.frame(index)
             if self._size + picture.nbytes <= self.most:
-                picture = self._keep(index, picture.copy())  # a memory map may change under the hand
+                picture = self._keep(index, picture.copy())  # the data of a memory map may change
         return picture
 
 
 def packed_size(values: int, bits: int) -> int:
-    """Bytes that this many grey values take, the last byte filled up with zeros."""
+    """Number of bytes of packed grey values; the last byte is padded with zeros."""
     return (values * bits + 7) // 8
 
 
@@ -315,7 +316,7 @@ def unpack(raw: Bytes, bits: int, values: int) -> Words:
     """The first `values` grey values of packed bytes, shape [values].
 
     ``raw``: the bytes, at least `packed_size` of them, shape [n]. ``bits``: bits of a grey value: 10 or 12.
-    ``values``: how many grey values to read. Raises ValueError: other bits, or fewer bytes than the values
+    ``values``: number of grey values to read. Raises ValueError: other bits, or fewer bytes than the values
     need.
     """
     if bits not in (10, 12):
@@ -323,7 +324,7 @@ def unpack(raw: Bytes, bits: int, values: int) -> Words:
     need = packed_size(values, bits)
     if raw.size < need:
         raise ValueError(f"{values} grey values of {bits} bits need {need} bytes, there are {raw.size}")
-    group = 5 if bits == 10 else 3  # bytes, the fewest that hold a whole number of values
+    group = 5 if bits == 10 else 3  # smallest number of bytes with a whole number of values
     groups = -(-need // group)
     padded = np.zeros(groups * group, dtype=np.uint8)
     padded[:need] = raw[:need]

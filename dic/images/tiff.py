@@ -1,8 +1,8 @@
-"""Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, a page a frame.
+"""Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, one page per frame.
 
-Opening reads the chain of page headers; a frame is decoded when it is asked for. A file that was cut off
-keeps the pages before the cut; the number of lost pages is known only from a description by tifffile or
-ImageJ. Both write uncompressed pages in one block, so that the grey values are found without page headers.
+Opening reads the chain of page headers; each frame is decoded on request. In a truncated file the pages
+before the cut are readable; the number of lost pages is known only from a description by tifffile or ImageJ.
+Both programs write uncompressed pages in one block, so that the grey values are found without page headers.
 """
 
 import logging
@@ -33,16 +33,18 @@ from dic.images.series import (
 if TYPE_CHECKING:
     import tifffile
 
-logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it finds becomes a `PictureError`
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # its findings become a `PictureError`
 _MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
 _MOST_TAGS = 4096
 _OWN_DECODERS = {1, 8, 32773, 32946}
-"""Compressions decoded without a further library: none, Deflate (twice), PackBits; OpenCV has the others."""
+"""Compressions decoded without another library: none, Deflate (two codes), PackBits; OpenCV decodes the
+others."""
 _DEFLATE = (8, 32946)
 _SLACK = 1_000_000
-"""What the strips of a page may hold beside its grey values: tiles reach beyond its edges [bytes]."""
+"""Allowed size of a page's strips beyond its grey values, because tiles extend past its edges [bytes]."""
 _HARMLESS = 200_000_000
-"""What strips may unpack to without a look before [bytes]; Deflate makes at most 1032 bytes of one."""
+"""Largest possible size of unpacked strips for which no check is made [bytes]; Deflate expands one byte to at
+most 1032."""
 _MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
 _FLOATING = 3
 """`SampleFormat` of floating-point numbers."""
@@ -59,7 +61,7 @@ class TiffPictures:
     offsets: tuple[int, ...]
     """Offsets of the pages' headers in the file [bytes]."""
     stack: tuple[int, str] | None = None
-    """Offset of the grey values of all pages [bytes] and their type, if only the first header is there."""
+    """Offset of the grey values of all pages [bytes] and their type, if only the first page has a header."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: NDArray[np.float64] | None = None
 
@@ -81,7 +83,7 @@ class TiffPictures:
             picture = _decode(self.path, index, self.offsets[index])
         except PictureError:
             raise
-        except Exception as error:  # whatever a decoder makes of a damaged page is the page's fault
+        except Exception as error:  # any exception of a decoder is due to a damaged page
             raise PictureError(
                 self.path, f"cannot be decoded ({error})", frame=index, cure="copy or export the file again"
             ) from error
@@ -102,7 +104,7 @@ class TiffPictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """True if a file that starts like this is a TIFF."""
+    """True if a file with these first bytes is a TIFF."""
     return start[:4] in _MAGIC
 
 
@@ -112,7 +114,7 @@ def read(path: Path) -> TiffPictures:
     The grey range is that of the stored numbers, unless the first page states a smaller one: in the
     `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
 
-    Raises PictureError if it is not a TIFF of grey pictures, or not even its first page's header is there.
+    Raises PictureError if it is not a TIFF of grey pictures, or the header of its first page is incomplete.
     """
     import tifffile
 
@@ -155,7 +157,7 @@ def read(path: Path) -> TiffPictures:
 
 
 def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
-    """Offsets of the page headers that are whole, and of the next if the chain was cut off before its end."""
+    """Offsets of the complete page headers, and of the next one if the chain is truncated."""
     offsets: dict[int, None] = {}
     with open(regular(path), "rb") as file:
         size = file.seek(0, 2)
@@ -189,7 +191,7 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
 def _stack(
     file: "tifffile.TiffFile", page: "tifffile.TiffPage", beyond: int | None
 ) -> tuple[int, str] | None:
-    """Start and type of the grey values if they follow the only header page after page."""
+    """Offset and type of the grey values if all pages follow a single header."""
     pages, bits = _promised(page.description), page.bitspersample
     if pages < 2 or page.compression != 1 or page.photometric != _MIN_IS_BLACK or bits not in (8, 16):
         return None
@@ -201,7 +203,7 @@ def _stack(
 
 
 def _promised(description: str) -> int:
-    """Number of pages in the description of the first one; 0 if it names none."""
+    """Number of pages stated in the description of the first page; 0 if it states none."""
     shaped = re.search(r'"shape": ?\[(\d+), ?\d+, ?\d+\]', description)
     imagej = re.search(r"^images=(\d+)$", description, re.MULTILINE) if "ImageJ=" in description else None
     counts = [int(match[1][:12]) for match in (shaped, imagej) if match]
@@ -209,7 +211,7 @@ def _promised(description: str) -> int:
 
 
 def _stated_bits(largest: object, description: str, stored: int) -> int:
-    """Bits that the header says carry the grey value: at most those stored."""
+    """Bits that carry the grey value according to the header, at most those stored."""
     significant = re.search(r'SignificantBits="(\d{1,2})"', description)
     if significant and 1 <= int(significant[1]) <= stored:
         return int(significant[1])
@@ -250,7 +252,8 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
 
 
 def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
-    """Refuse strips that hold, or unpack to, more than the page: a small file may unpack to any size."""
+    """Reject strips that contain, or unpack to, more data than the page: a small file may unpack to any
+    size."""
     most = page.imagelength * page.imagewidth * 2 + _SLACK
     if sum(page.databytecounts) > 2 * most:
         raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")
@@ -294,6 +297,6 @@ def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
     if not success or len(pictures) != 1:
         raise ValueError("neither tifffile nor OpenCV knows its compression")
     picture = np.asarray(pictures[0])
-    if picture.dtype == np.uint16 and bits < 16:  # OpenCV moves the bits of a short value to the top
+    if picture.dtype == np.uint16 and bits < 16:  # OpenCV shifts values of fewer bits to the top
         return np.right_shift(picture, 16 - bits)
     return picture

@@ -1,9 +1,10 @@
-"""Diagnosis of a stereo test whose rays do not meet: exchanged cameras, crop offset, synchronisation.
+"""Diagnosis of a stereo test with large epipolar distances: exchanged cameras, crop offset, synchronisation.
 
-Explanations are tried in the order of what a laboratory gets wrong; one holds if with it the epipolar
-distances are as small as expected. A crop offset is found by robust Gauss-Newton; components that the points
-do not determine stay zero. If camera 1 is late by τ frames, a point has the epipolar distance ``τ w``, w its
-motion across its epipolar line in one frame: τ is a robust slope with an intercept for each point.
+Explanations are tried in the order of their frequency in practice; one is accepted if it makes the epipolar
+distances as small as expected. A crop offset is found by robust Gauss-Newton; components that the points do
+not determine stay zero. If camera 1 is late by τ frames, a point has the epipolar distance ``τ w``, w its
+motion across its epipolar line in one frame. τ is estimated as a robust slope with an intercept for each
+point.
 """
 
 from dataclasses import dataclass, replace
@@ -21,40 +22,41 @@ from dic.stereo.geometry import Rays, epipolar_distance, epipolar_slopes, slopes
 from dic.tracking import Tracking, track
 
 OFFSET_POINTS = 4000
-"""Point pairs that are used at most, evenly taken from all."""
+"""Largest number of point pairs that are used, evenly spaced."""
 INDEPENDENT = 100
-"""Points that count at most for a standard deviation: neighbours share the errors of the calibration."""
+"""Largest number of independent points for a standard deviation, because neighbours share the errors of the
+calibration."""
 DETERMINED = 8.0
-"""Standard deviation up to which a component is determined [px]."""
+"""Largest standard deviation of a determined component [px]."""
 SURE, LEAST_FAINT = 3.5, 4.0
-"""An offset along the epipolar lines is at least this many standard deviations and pixels [-, px]."""
+"""Smallest reported offset along the epipolar lines, in standard deviations and in pixels [-, px]."""
 CALIBRATED = 2.0
-"""Standard deviation of such an offset that a good calibration leaves [px]."""
+"""Standard deviation of such an offset for a good calibration [px]."""
 REMAINING_SHARE = 0.5
-"""Most of the distances that it may leave, as a share."""
+"""Largest share of the distances that may remain after correction of the offset [-]."""
 FARTHEST = 4096.0
-"""Offset up to which one is sought [px]: the side of a large sensor."""
+"""Largest offset in the search [px]: the side of a large sensor."""
 
 HYPOTHESES = {
     "camera 1": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
     "both cameras": np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
 }
-"""Pixels that a wrong offset shifts: (x0, y0, x1, y1) per (dx, dy). One of camera 0 alone is, for the
-epipolar distances, the opposite one of camera 1."""
+"""Pixels that a wrong offset shifts: (x0, y0, x1, y1) per (dx, dy). For the epipolar distances, an offset of
+camera 0 only is equivalent to the opposite offset of camera 1."""
 
 
 @dataclass(frozen=True)
 class Offset:
-    """A crop offset that explains the epipolar distances, or does not."""
+    """A possible crop offset, with the epipolar distances before and after its correction."""
 
     where: str
     """A key of `HYPOTHESES`."""
     value: FloatArray
     """Shift to be added to the crop offset (x, y), whole pixels [px]; 0 where not determined."""
     sigma: FloatArray
-    """Standard deviation of each component, from the scatter that is left [px]; infinite if held at 0."""
+    """Standard deviation of each component, from the remaining scatter [px]; infinite if fixed at 0."""
     before: float
-    """Median absolute epipolar distance as it is [px]."""
+    """Median absolute epipolar distance without the offset [px]."""
     after: float
     """The same with the offset added [px]."""
 
@@ -66,7 +68,7 @@ class Offset:
 
 
 def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where: str) -> Offset:
-    """The whole-pixel crop offset under which the epipolar distances are least."""
+    """The whole-pixel crop offset that minimises the epipolar distances."""
     if len(pixels0) < 20:
         raise ValueError(f"an offset needs at least 20 point pairs, got {len(pixels0)}")
     step = -(-len(pixels0) // OFFSET_POINTS)
@@ -87,11 +89,11 @@ def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where
 
 
 def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Offset | None:
-    """An offset of one camera along the epipolar lines, from what is left of it across them.
+    """An offset of one camera along the epipolar lines, from its small effect across them.
 
-    Rays that miss each other by hundredths of a pixel pass as calibrated, but where what they miss by varies
-    over the field as perspective makes it, and half of it goes with one offset of whole pixels, the crop is
-    doubted: depths, and with them all lengths, follow it.
+    Epipolar distances of hundredths of a pixel are normal. But if they vary over the field in the way of a
+    crop offset with perspective, and an offset of whole pixels removes half of them, the crop is reported: it
+    affects depths and all lengths.
     """
     step = -(-len(pixels0) // OFFSET_POINTS)
     p0, p1 = pixels0[::step], pixels1[::step]
@@ -112,7 +114,8 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
 def _fit(
     rig: StereoRig, p0: FloatArray, p1: FloatArray, basis: FloatArray, fixed: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Offset and standard deviation, shapes [2]; 0 ± infinite where held, or where none is found."""
+    """Offset and standard deviation [px], shapes [2]; 0 ± infinite for fixed components, or if no offset is
+    found."""
     value, sigma = np.zeros(2), np.full(2, np.inf)
     free = ~fixed
     if not np.any(free):
@@ -121,10 +124,10 @@ def _fit(
         shift = basis @ value
         try:
             e, slope0, slope1 = epipolar_slopes(rig, p0 + shift[:2], p1 + shift[2:])
-        except ValueError:  # the lens folds back there: not an offset that a picture can have
+        except ValueError:  # the lens folds back there: an impossible offset
             return np.zeros(2), np.full(2, np.inf)
         J = np.concatenate([slope0, slope1], axis=-1) @ basis[:, free]
-        # All points count at first, which are far off together; those that stay behind lose their weight.
+        # At first all points have weight; points that remain far off then lose it.
         spread = 2.5 * MAD * float(np.median(np.abs(e - np.median(e)))) + 1e-9
         spread = max(spread, 2.5 * float(np.median(np.abs(e)))) if trial < 6 else spread
         weight = 1.0 / (1.0 + (e / spread) ** 2)
@@ -143,46 +146,46 @@ def _fit(
 
 
 LEAST_SYNCHRONISATION_PAIRS = 100
-"""Point pairs that a shift must leave to be judged."""
+"""Fewest point pairs for a tested shift."""
 LEAST_MOTION = 0.05
-"""Motion across the epipolar lines that tells one frame from the next [px/frame]: as much as the error of
-a calibration may vary along a path."""
+"""Smallest motion across the epipolar lines that distinguishes successive frames [px/frame]: as large as the
+variation of a calibration error along a path."""
 SYNCHRONISATION_POINTS = 500
-"""Points that are used at most, evenly taken from all."""
+"""Largest number of points that are used, evenly spaced."""
 
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """Time by which the cameras' frames are apart."""
+    """Time offset between the cameras' frames."""
 
     shifts: IntArray
-    """Frames by which camera 1 was assumed to be late, shape [n_shifts]."""
+    """Assumed delays of camera 1 [frames], shape [n_shifts]."""
     scatter: FloatArray
-    """Robust standard deviation of the epipolar distances for each shift, less what each point has in the
-    fifth of the frames with the least motion [px], shape [n_shifts]; infinite where fewer than `LEAST_PAIRS`
-    pairs are left."""
+    """Robust standard deviation of the epipolar distances for each shift, relative to each point's value in
+    the fifth of the frames with the least motion [px], shape [n_shifts]; infinite where fewer than
+    `LEAST_PAIRS` pairs remain."""
     motion: float
-    """Root mean square motion across the epipolar lines, each point's mean taken out [px/frame]."""
+    """Root mean square motion across the epipolar lines, minus each point's mean [px/frame]."""
     late: float
-    """Delay of camera 1, parts of a frame included [frames]; NaN if it cannot be told."""
+    """Delay of camera 1 with fractions of a frame [frames]; NaN if it cannot be determined."""
     late_sigma: float
-    """Standard deviation of `late` over the frames [frames]; NaN if it cannot be told."""
+    """Standard deviation of `late` over the frames [frames]; NaN if it cannot be determined."""
 
     @property
     def decided(self) -> bool:
-        """True if the motion across the epipolar lines is large enough to tell one frame from the next."""
+        """True if the motion across the epipolar lines is large enough to distinguish successive frames."""
         return bool(self.motion > LEAST_MOTION and self.late_sigma < 0.1)
 
 
 def synchronisation(
     rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, *, farthest: int = 2
 ) -> Synchronisation:
-    """Find by how many frames the two cameras are apart.
+    """Estimate the delay between the two cameras in frames.
 
     ``rig``: the cameras. ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px],
-    NaN where lost, shapes [n_frames, n_points, 2]. ``farthest``: shifts up to this many frames, either way,
-    are tried. Returns: its `late` means something where it is `decided`. Raises ValueError: shapes that do
-    not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
+    NaN where lost, shapes [n_frames, n_points, 2]. ``farthest``: largest shift that is tried in both
+    directions [frames]. Returns: the delay; `late` is meaningful only if `decided`. Raises ValueError: shapes
+    that do not match, fewer than `farthest` + 3 frames, a lens distortion that cannot be inverted.
     """
     if pixels0.shape != pixels1.shape or pixels0.ndim != 3:
         raise ValueError(
@@ -210,7 +213,7 @@ def synchronisation(
         if np.sum(np.isfinite(free)) >= LEAST_SYNCHRONISATION_PAIRS:
             scatter[i] = MAD * np.nanmedian(np.abs(free))
     late, late_sigma, motion = 0.0, float("nan"), 0.0
-    for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
+    for _ in range(3):  # w is the motion at the paired frame: pair again with the new shift
         best = int(np.clip(np.round(late), -farthest, farthest))
         e, _ = shifted[best]
         remainder, late_sigma, motion = _regression(e, _delayed(across, best))
@@ -222,7 +225,7 @@ def synchronisation(
 
 
 def _without_jumps(pixels: FloatArray) -> FloatArray:
-    """Pixels with NaN for those that lie far from the median of five frames around them."""
+    """Pixels, with NaN for those far from the median of the five surrounding frames."""
     padded = np.pad(pixels, ((2, 2), (0, 0), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0)
     off = np.abs(pixels - _median(windows, axis=-1)).max(axis=-1)
@@ -231,13 +234,13 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
-    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels."""
+    """Distances [n_frames, n_points] for camera 1 late by `shift`, and their derivatives by its pixels."""
     e, _, slope1 = slopes_between(rig, aim0, Rays(*(_delayed(part, shift) for part in aim1)))
     return e, slope1
 
 
 def _delayed(values: FloatArray, by: int) -> FloatArray:
-    """Row f holds what row f - by held; NaN where there is none."""
+    """Rows delayed by `by`: row f contains row f - by; NaN where that does not exist."""
     shifted = np.full_like(values, np.nan)
     if by >= 0:
         shifted[by:] = values[: len(values) - by]
@@ -247,8 +250,8 @@ def _delayed(values: FloatArray, by: int) -> FloatArray:
 
 
 def _median(values: FloatArray, axis: int) -> FloatArray:
-    """Medians of what is finite, NaN where nothing is."""
-    # NaN is sorted behind all numbers; `numpy.nanmedian` goes through the lines one by one
+    """Medians of the finite values; NaN where there are none."""
+    # NaN is sorted behind all numbers; `numpy.nanmedian` is slow, as it loops over the lines
     ordered = np.sort(np.where(np.isfinite(values), values, np.nan), axis=axis)
     count = np.sum(np.isfinite(values), axis=axis, keepdims=True)
     pair = [np.take_along_axis(ordered, k, axis) for k in (np.maximum(count - 1, 0) // 2, count // 2)]
@@ -263,7 +266,7 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
         return float("nan"), float("nan"), 0.0
     e, w = np.where(used, e, 0.0), np.where(used, w, 0.0)
     off = w - _median(np.where(used, w, np.nan), axis=1)[:, None]
-    # A false point moves unlike its frame, and as w would outweigh all others.
+    # A false point has a large motion w and would outweigh all others.
     trust = used & (np.abs(off) <= 4.0 * MAD * np.median(np.abs(off[used])))
     weight, slope = trust.astype(np.float64), 0.0
     for _ in range(20):
@@ -283,17 +286,17 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
 
 
 def _cauchy(values: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
-    """Weights that fall beyond 2.5 robust standard deviations."""
+    """Weights that decrease beyond 2.5 robust standard deviations."""
     spread = 2.5 * MAD * float(np.median(np.abs(values[used]))) + 1e-12
     return np.asarray(1.0 / (1.0 + (np.where(used, values, 0.0) / spread) ** 2))
 
 
 LEAST_PAIRS = 20
-"""Point pairs without which nothing is reported."""
+"""Fewest point pairs for a report."""
 
 
 LEAST_FAINT_COUNTS = 3, 60
-"""Frames and points without which nothing is reported of an offset along the epipolar lines."""
+"""Fewest frames and points for a report of an offset along the epipolar lines."""
 
 
 class Fault(IntEnum):
@@ -307,21 +310,21 @@ class Fault(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault that the epipolar distances show."""
+    """One fault identified from the epipolar distances."""
 
     fault: Fault
-    """Its name."""
+    """Name of the fault."""
     what: str
     """Description with numbers."""
     cure: str
     """Cure for a user."""
     before: float
-    """Epipolar distances as they are: median magnitude; for OUT_OF_STEP the scatter [px]."""
+    """Median absolute epipolar distance; for OUT_OF_STEP the scatter [px]."""
     after: float
-    """The same with the fault undone [px]; equal to `before` for CALIBRATION."""
+    """The same after correction of the fault [px]; equal to `before` for CALIBRATION."""
     value: tuple[float, ...]
-    """CROP_OFFSET: what to add to the offsets (x0, y0, x1, y1) [px]; OUT_OF_STEP: frames by which camera 1 is
-    late; else empty."""
+    """CROP_OFFSET: correction to add to the offsets (x0, y0, x1, y1) [px]; OUT_OF_STEP: delay of camera 1
+    [frames]; else empty."""
 
 
 def diagnose(
@@ -332,17 +335,17 @@ def diagnose(
     tolerance: float = 0.2,
     farthest: int = 2,
 ) -> tuple[Finding, ...]:
-    """Name what makes the epipolar distances of matched points too large.
+    """Identify the cause of too large epipolar distances of matched points.
 
     ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-    [n_frames, n_points, 2]; `Reconstruction.pixels` fits. The matches must not have been chosen by their
-    epipolar distance. ``tolerance``: median magnitude of the epipolar distances that a good calibration stays
-    below [px]. ``farthest``: shifts between the frames of the cameras that are tried, either way; the series
-    needs three frames more, and is not examined for them otherwise. Returns: empty if nothing is wrong that
-    epipolar distances show. They do not show a motion along the epipolar lines, or the exchange of cameras
-    that are aligned to `tolerance`; an offset along them of some pixels only from `LEAST_FAINT` on
-    (`dic.stereo.diagnose.faint_offset`). Raises ValueError: shapes that do not fit, fewer than 20 pairs, a
-    tolerance that is not positive, a lens distortion that cannot be undone.
+    [n_frames, n_points, 2], e.g. `Reconstruction.pixels`. The matches must not have been selected by their
+    epipolar distance. ``tolerance``: upper bound of the median absolute epipolar distance for a good
+    calibration [px]. ``farthest``: largest shift between the cameras' frames that is tried in both
+    directions; synchronisation is checked only if the series has at least three frames more. Returns: the
+    faults; empty if the epipolar distances show none. They do not reveal a motion along the epipolar lines,
+    or the exchange of cameras that are aligned to `tolerance`. An offset along the lines is reported only
+    from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`). Raises ValueError: shapes that do not match,
+    fewer than 20 pairs, a tolerance that is not positive, a lens distortion that cannot be inverted.
     """
     if not tolerance > 0.0:
         raise ValueError(f"tolerance must be positive, got {tolerance} px")
@@ -370,7 +373,7 @@ def diagnose(
 def _at_rest(
     pixels0: FloatArray, pixels1: FloatArray, still: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean places of the points in frames that hardly differ, as far as both cameras saw them, [n, 2]."""
+    """Mean positions of the points in frames with little motion, as far as both cameras saw them, [n, 2]."""
     count = still.sum(axis=0)
     defined = count > 0
     first, second = (
@@ -381,7 +384,7 @@ def _at_rest(
 
 
 def _stillest(pixels: FloatArray, pair: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The frames with the least motion to the next one that together hold enough pairs, shape [n_frames]."""
+    """The frames with the least motion to the next one that together have enough pairs, shape [n_frames]."""
     n = len(pixels)
     motion = np.full(n, np.inf)
     for f in range(n - 1):
@@ -398,7 +401,7 @@ def _stillest(pixels: FloatArray, pair: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _standing_faults(
     rig: StereoRig, p0: FloatArray, p1: FloatArray, tolerance: float
 ) -> tuple[list[Finding], StereoRig, tuple[FloatArray, FloatArray]]:
-    """Faults that are there without motion; then the rig and what to add to the pixels that undo them."""
+    """Faults that do not depend on motion, and the rig and the correction of the pixels that remove them."""
     none = (np.zeros(2), np.zeros(2))
     before = _size(rig, p0, p1)
     if before <= tolerance:
@@ -406,7 +409,7 @@ def _standing_faults(
     swapped = StereoRig((rig.cameras[1], rig.cameras[0]))
     try:
         after = _size(swapped, p0, p1)
-    except ValueError:  # where the other lens folds back, the other camera did not take this picture
+    except ValueError:  # the other lens folds back there: the other camera did not take this picture
         after = np.inf
     if after <= tolerance:
         return [_swap(before, after)], swapped, none
@@ -433,7 +436,7 @@ def _swap(before: float, after: float) -> Finding:
 
 
 def _size(rig: StereoRig, p0: FloatArray, p1: FloatArray) -> float:
-    """Median magnitude of the epipolar distances [px]."""
+    """Median absolute epipolar distance [px]."""
     return float(np.median(np.abs(epipolar_distance(rig, p0, p1))))
 
 
@@ -459,7 +462,7 @@ def _offset_finding(offset: Offset) -> Finding:
 
 
 def _out_of_step(sync: Synchronisation) -> Finding | None:
-    """A finding if the motion tells that the cameras are apart by a quarter of a frame or more."""
+    """A finding if the motion shows a delay between the cameras of a quarter of a frame or more."""
     if not sync.decided or abs(sync.late) < 0.25:
         return None
     before = float(sync.scatter[sync.shifts == 0][0])
@@ -476,7 +479,7 @@ def _out_of_step(sync: Synchronisation) -> Finding | None:
 
 
 MOST_POINTS = 150
-"""Points that are looked for: enough for a diagnosis."""
+"""Largest number of points that are matched, sufficient for a diagnosis."""
 
 
 def free_pairs(
@@ -488,15 +491,16 @@ def free_pairs(
     mask: BoolArray | None = None,
     device: str = "cpu",
 ) -> tuple[FloatArray, FloatArray]:
-    """Points of one camera found in the other without use of the cameras' parameters.
+    """Match points of one camera in the other without using the cameras' parameters.
 
-    Camera 1's picture is taken for a later one of camera 0, and searched by features and windows; only the
-    neighbours judge a match. On a strongly curved surface the middle of the view is found.
+    Camera 1's picture is treated as a later picture of camera 0 and searched by features and windows. Matches
+    are checked against their neighbours only. On a strongly curved surface only the middle of the view is
+    matched.
 
-    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``points``: places in
-    camera 0's picture [px], shape [n, 2]. ``tracking``: how subsets are matched; an affine shape function at
-    least is used. ``mask``: pixels of the body in camera 0's picture. Returns: the same points in both
-    pictures, NaN where not found, shape [1, n, 2].
+    ``pictures``: pictures of camera 0 and camera 1 at one instant, each of shape [rows, columns]. ``points``:
+    positions in camera 0's picture [px], shape [n, 2]. ``tracking``: settings of the match; the shape
+    function is at least affine. ``mask``: pixels of the body in camera 0's picture. Returns: the same points
+    in both pictures, NaN where not found, shape [1, n, 2].
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     subset = tracking.correlation
@@ -513,8 +517,8 @@ def free_pairs(
 def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:
     """Findings about cameras and crop offsets from the epipolar distances; none if there are too few pairs.
 
-    ``rig``: the cameras, for pictures with the crop of the series. ``pixels0``, ``pixels1``: the same points
-    in both cameras, NaN where lost [px], shape [n_frames, n_points, 2].
+    ``rig``: the cameras, for the cropped pictures of the series. ``pixels0``, ``pixels1``: the same points in
+    both cameras, NaN where lost [px], shape [n_frames, n_points, 2].
     """
     pairs = np.isfinite(pixels0).all(axis=-1) & np.isfinite(pixels1).all(axis=-1)
     if pairs.sum() < LEAST_PAIRS:

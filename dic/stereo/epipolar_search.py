@@ -1,14 +1,15 @@
-"""Candidates for a stereo match: a pair of pictures, templates compared along the whole epipolar curve.
+"""Candidates for a stereo match: templates of a pair of pictures, compared along whole epipolar curves.
 
-At every step of a point's epipolar curve the subset is deformed as a facet there would be seen, and
-correlated (ZNCC). The best place is an initial guess; the ratio to the second peak says how unique it is. No
+At every step of a point's epipolar curve the subset is deformed like a facet at that distance, and correlated
+(ZNCC). The best position is an initial guess; the ratio to the second peak measures its uniqueness. No
 neighbour or earlier match is used. The part of a curve inside the picture follows from linear inequalities of
 1/s, s the distance along the ray. A facet at X = C0 + s d with normal n is seen by camera 1 as ::
 
     A = s P B - s (P d) (qᵀ B),        B = ∂d/∂p,   P = ∂π1/∂X,   q = n / n·d
 
 (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 13.1, lens distortion included). The slope of
-a surface shows only along the epipolar line P d; across it all surfaces look alike, which tests any match.
+a surface affects A only along the epipolar line P d. Across it A is the same for all surfaces, which is a
+test of any match.
 """
 
 from dataclasses import dataclass, replace
@@ -43,25 +44,26 @@ class StereoSearch:
     """Nearest and farthest distance of the specimen along camera 0's rays [m]; None: wherever the
     epipolar curves lie in camera 1's picture."""
     stretching_turns: tuple[float, ...] = (-50.0, -25.0, 0.0, 25.0, 50.0)
-    """Turns of a small facet within the epipolar plane that are tried, from facing both cameras alike [°]."""
+    """Rotations of a facet within the epipolar plane that are tried, relative to one that faces both cameras
+    equally [°]."""
     shearing_turns: tuple[float, ...] = (-25.0, 0.0, 25.0)
-    """Turns of it out of the epipolar plane [°]."""
+    """Rotations of the facet out of the epipolar plane that are tried [°]."""
     seeds: int = 40
-    """Number of points, spread over all, that are looked for along their whole epipolar curve."""
+    """Number of points, spread over all, that are searched along their whole epipolar curve."""
     subset: int | None = None
     """Side of the subset for this search [px]; None: the match's, or 31 px if that is smaller."""
     least_zncc: float = 0.6
-    """A seed needs this correlation at its best place."""
+    """Smallest correlation of a seed at its best position."""
     distinct: float = 0.6
-    """A seed's ZNSSD must be below this share of that of the second peak."""
+    """Largest ratio of a seed's ZNSSD to that of the second peak."""
     neighbours: int = 8
     """Number of nearest points that may pass on a guess."""
     attempts: int = 3
-    """Number of neighbours' guesses that a point tries before it is given up."""
+    """Largest number of neighbours' guesses that a point tries."""
 
     @property
     def turns(self) -> NDArray[np.float64]:
-        """All pairs of turns within and out of the epipolar plane [rad], shape [n, 2]."""
+        """All pairs of rotations within and out of the epipolar plane [rad], shape [n, 2]."""
         return np.radians([(a, b) for a in self.stretching_turns for b in self.shearing_turns])
 
     def __post_init__(self) -> None:
@@ -88,28 +90,28 @@ class StereoSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class StereoGates:
-    """Gates that a match must pass; each by itself, none knows another's number.
+    """Gates that a match must pass; they are independent of each other.
 
     Raises ValueError: a value outside its range; the message names it.
     """
 
     sigmas: float = 4.0
-    """Standard deviations of the match that the distances below are widened by."""
+    """Number of standard deviations of the match by which the distances below are increased."""
     epipolar: float = 0.5
-    """Greatest distance from the epipolar line for an exact match: what the calibration leaves [px]."""
+    """Largest distance from the epipolar line for an exact match, due to calibration errors [px]."""
     facet: float = 1.0
-    """Greatest part of the subset's deformation that no piece of surface can cause, at its rim [px]."""
+    """Largest part of the subset's deformation that no surface can cause, at its border [px]."""
     back_match: float = 0.5
-    """Greatest distance from the point to where its match is found back in camera 0 [px]."""
+    """Largest distance of the point from its back match in camera 0 [px]."""
     neighbours: float = 0.5
-    """Greatest distance from where the neighbours' warps put the point, median over them [px]."""
+    """Largest distance from the position predicted by the neighbours' warps, median over them [px]."""
     distinct: float = 0.6
-    """Greatest share of the second peak's ZNSSD, in both directions."""
+    """Largest ratio of the ZNSSD to that of the second peak, in both directions."""
     unseen: float = 0.15
-    """Greatest share of the subset that a picture may miss: at a picture's rim the middle of a curved subset
-    is extrapolated. What a mask leaves out does not count."""
+    """Largest share of the subset outside a picture, because the centre of a curved subset is extrapolated at
+    the picture's border. Pixels outside the mask are not counted."""
     incidence: float = 75.0
-    """Greatest angle between a ray and the surface's normal, for both cameras [°]."""
+    """Largest angle between a ray and the surface's normal, for both cameras [°]."""
 
     def __post_init__(self) -> None:
         _check(
@@ -131,16 +133,17 @@ def _check(*checks: tuple[str, object, bool, str]) -> None:
 
 
 class FacetGeometry(NamedTuple):
-    """Facets' places in space and how both cameras' pixels depend on them; arrays of shape [..., n, n]."""
+    """Positions of facets in space and the derivatives of both cameras' pixels; arrays of shape [..., n,
+    n]."""
 
     X: FloatArray
-    """Places in the rig's frame [m], shape [..., 3]."""
+    """Positions in the rig's frame [m], shape [..., 3]."""
     d: FloatArray
     """Unit vectors from camera 0 to them, shape [..., 3]."""
     B: FloatArray
-    """Derivative of d by camera 0's pixel, up to multiples of d [1/px], shape [..., 3, 2]."""
+    """Derivative of d with respect to camera 0's pixel, up to multiples of d [1/px], shape [..., 3, 2]."""
     P: FloatArray
-    """Derivative of camera 1's pixel by X [px/m], shape [..., 2, 3]."""
+    """Derivative of camera 1's pixel with respect to X [px/m], shape [..., 2, 3]."""
 
 
 def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) -> FacetGeometry:
@@ -156,11 +159,11 @@ def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) ->
 
 
 def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
-    """Normals turned away from the one that faces both cameras alike.
+    """Normals rotated from the one that faces both cameras equally.
 
-    ``rig``: the cameras. ``X``: places of the facets in the rig's frame [m], shape [..., 3]. ``turns``:
-    angles within the epipolar plane, where they stretch what one camera sees against the other, and out of
-    it, where they shear it, shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
+    ``rig``: the cameras. ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``:
+    angles within the epipolar plane, which stretch one camera's view relative to the other, and out of it,
+    which shear it, shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
     """
     to = [_unit(camera.centre - X) for camera in rig.cameras]
     middle = _unit(to[0] + to[1])
@@ -173,7 +176,7 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
 
 
 def gradient(facet: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
-    """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
+    """A: derivative of camera 1's pixel of a facet by camera 0's [-], shape [..., 2, 2].
 
     ``facet``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
     facets' normals, shape [..., 3]; of any length, not across the ray.
@@ -184,22 +187,22 @@ def gradient(facet: FacetGeometry, distance: FloatArray, normal: FloatArray) -> 
 
 
 class FacetFit(NamedTuple):
-    """The facet that a measured gradient speaks of."""
+    """The facet that fits a measured gradient."""
 
     normal: FloatArray
     """Unit normal toward camera 0, shape [..., 3]."""
     incidence: tuple[FloatArray, FloatArray]
     """Angles between the normal and the rays of the two cameras [rad], each of shape [...]."""
     across: FloatArray
-    """Misfit that no facet can explain: the part of the gradient across the epipolar line that is wrong [-],
-    shape [...]."""
+    """Misfit that no facet can explain: the error of the gradient across the epipolar line [-], shape
+    [...]."""
 
 
 def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> FacetFit:
-    """The facet with the gradient `A` of camera 1's pixel by camera 0's, and how far it is from being one.
+    """The facet that fits the gradient `A` of camera 1's pixel by camera 0's, and its misfit.
 
-    ``rig``: the cameras. ``pixels0``: where camera 0 sees the facets [px], shape [n, 2]. ``distance``: along
-    camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
+    ``rig``: the cameras. ``pixels0``: pixels of the facets in camera 0 [px], shape [n, 2]. ``distance``:
+    along camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
     """
     facet = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]
@@ -232,20 +235,21 @@ def _unit(v: FloatArray) -> FloatArray:
 
 
 MARGIN = 0.5
-"""Distances found are widened on both sides by this share of their span in the search of second peaks ..."""
+"""For the search of second peaks, the range of distances is widened on both sides by this share of its span
+..."""
 LEAST_SUBSETS_ALONG = 2.0
 """... and by at least this many subsets along the curve."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Inputs of one stereo match; every point has a place in camera 0."""
+    """Inputs of one stereo match; every point has a position in camera 0."""
 
     rig: StereoRig
     pictures: tuple[NDArray[np.float32], NDArray[np.float32]]
-    """Their grey values, each of shape [rows, columns]."""
+    """Grey values of the pictures, each of shape [rows, columns]."""
     stacks: tuple[PictureStack, PictureStack]
-    """The same, prepared."""
+    """The prepared pictures."""
     points: FloatArray
     """Places in the material picture [px], shape [n, 2]."""
     reference: FloatArray
@@ -253,7 +257,7 @@ class Pair:
     mask: BoolArray | None
     """Pixels of the material picture that belong to the specimen."""
     settings: Correlation
-    """Of the match."""
+    """Settings of the match."""
     search: StereoSearch
     gates: StereoGates
 
@@ -263,7 +267,7 @@ class Pair:
         return warps.apply(self.points, self.reference)
 
     def correlate(self, rows: IntArray, guess: FloatArray, **changed: object) -> Match:
-        """Match the points of these rows from these guesses, with some of the settings changed."""
+        """Match the points of these rows from these guesses; ``changed``: settings to change."""
         return correlate(
             *self.stacks,
             self.points[rows],
@@ -274,7 +278,7 @@ class Pair:
         )
 
     def correlate_back(self, rows: IntArray, warp: FloatArray, guess: FloatArray, tolerance: float) -> Match:
-        """Match camera 1's subsets at `warp` in camera 0; found are total warps again."""
+        """Match camera 1's subsets at `warp` in camera 0; the results are total warps."""
         return correlate(
             *self.stacks[::-1],
             self.points[rows],
@@ -285,7 +289,7 @@ class Pair:
         )
 
     def epipolar(self, rows: IntArray, match: Match) -> tuple[FloatArray, FloatArray]:
-        """Epipolar distance and its sigma [px], shape [rows]; inf where the match is none."""
+        """Epipolar distance and its sigma [px], shape [rows]; inf without a valid match."""
         distance, sigma = np.full(len(rows), np.inf), np.zeros(len(rows))
         some = match.outcome == PointOutcome.VALID
         pixels = self.places[rows][some], warps.apply(self.points[rows], match.warp)[some]
@@ -294,12 +298,13 @@ class Pair:
         return distance, sigma
 
     def distances(self, rows: IntArray, warp: FloatArray) -> FloatArray:
-        """Of points matched by `warp`, along camera 0's rays [m], shape [rows]."""
+        """Distances along camera 0's rays of points matched by `warp` [m], shape [rows]."""
         places0, places1 = self.places[rows], warps.apply(self.points[rows], warp)
         return distance_along(self.rig, places0, midpoint(self.rig, places0, places1))
 
     def around(self, rows: IntArray, warp: FloatArray) -> tuple[float, float]:
-        """Nearest and farthest distance of matched points, with room for second peaks on either side [m]."""
+        """Smallest and largest distance of matched points, with a margin for second peaks on both sides
+        [m]."""
         distance = self.distances(rows, warp)
         near, far = float(distance.min()), float(distance.max())
         facet = facet_geometry(self.rig, self.places[rows], distance)
@@ -311,14 +316,15 @@ class Pair:
 Array = NDArray[np.floating[Any]]
 
 SAMPLES = 12
-"""A subset is sampled at about this many places each way, the picture smoothed to match."""
+"""A subset is sampled at about this many positions in each direction; the picture is smoothed accordingly."""
 ROWS = 4_000
-"""Subsets looked at in one go, to stay in the cache; OpenCV takes arrays of up to 32766 rows."""
+"""Number of subsets that are processed at once, to stay in the cache; OpenCV accepts arrays of up to 32766
+rows."""
 
 
 @dataclass(frozen=True)
 class Subsets:
-    """Templates, one a row."""
+    """Templates, one per row."""
 
     points: FloatArray
     """Places in the material picture [px], shape [n, 2]."""
@@ -327,7 +333,7 @@ class Subsets:
     xi: FloatArray
     """Offsets of the samples within the subset [px], shape [m, 2]."""
     template: NDArray[np.float32]
-    """Samples less their mean, over their norm; 0 outside mask and picture; shape [n, m]."""
+    """Samples minus their mean, divided by their norm; 0 outside mask and picture; shape [n, m]."""
     weight: NDArray[np.float32]
     """1 inside mask and picture, 0 outside, shape [n, m]."""
     stride: int
@@ -339,7 +345,7 @@ class Subsets:
         return warps.apply(self.points, self.reference)
 
     def take(self, rows: NDArray[np.int64]) -> "Subsets":
-        """Some of them."""
+        """The subsets of some rows."""
         points, reference = self.points[rows], self.reference[rows]
         return Subsets(points, reference, self.xi, self.template[rows], self.weight[rows], self.stride)
 
@@ -351,7 +357,8 @@ def subsets(
     subset: int,
     mask: BoolArray | None,
 ) -> Subsets:
-    """Templates of `subset` [px] about `points`; samples outside the mask of the material picture count 0."""
+    """Templates of side `subset` [px] around `points`; samples outside the mask of the material picture have
+    weight 0."""
     stride = max(1, round(subset / SAMPLES))
     steps = np.arange(-(subset // 2), subset // 2 + 1, stride, dtype=np.float64)
     xi = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
@@ -370,25 +377,26 @@ def subsets(
 
 
 def inside_picture(places: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """True where places [px] lie between a picture's outermost pixel centres, shape [...]; NaN does not."""
+    """True where positions [px] lie between a picture's outermost pixel centres, shape [...]; False for
+    NaN."""
     return np.asarray(np.all((places >= 0.0) & (places <= (shape[1] - 1.0, shape[0] - 1.0)), axis=-1))
 
 
 def in_mask(places: FloatArray, mask: BoolArray) -> BoolArray:
-    """True where the pixels nearest to places [px] belong to the mask, shape [...]."""
+    """True where the pixels nearest to positions [px] belong to the mask, shape [...]."""
     column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
     inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
     return np.asarray(inside & mask[np.where(inside, row, 0), np.where(inside, column, 0)])
 
 
 def smoothed(picture: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """The picture less its mean (for single precision), averaged over `stride` pixels each way."""
+    """The picture minus its mean (for single precision), averaged over `stride` pixels in each direction."""
     centred = np.asarray(picture - picture.mean(dtype=np.float64), dtype=np.float32)
     return centred if stride == 1 else np.asarray(cv2.blur(centred, (stride, stride)), dtype=np.float32)
 
 
 def sample(picture: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float32]:
-    """Grey values between pixels, bilinear, the edge continued, shape [n, m] as x and y."""
+    """Bilinear interpolation of grey values, constant beyond the border, shape [n, m] like x and y."""
     grey = np.empty(x.shape, dtype=np.float32)
     for a in range(0, len(x), ROWS):
         column, row = (np.ascontiguousarray(k[a : a + ROWS], dtype=np.float32) for k in (x, y))
@@ -399,15 +407,15 @@ def sample(picture: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float
 
 
 BORDER = 33
-"""Places on each side of a picture through which its border is followed."""
+"""Number of points on each side of a picture that represent its border."""
 BOX_ENLARGEMENT = 0.02
-"""What the box of ideal points is enlarged by, as a share of its size: the border bends between places."""
+"""Relative enlargement of the box of ideal points, because the border is curved between its points."""
 
 
 def visible_piece(
     rig: StereoRig, rays: FloatArray, shape1: tuple[int, int], limits: tuple[float, float]
 ) -> FloatArray:
-    """Inverse distances along camera 0's rays between which camera 1's picture can show them [1/m]."""
+    """Range of inverse distances along camera 0's rays that camera 1's picture can show [1/m]."""
     first, second = rig.cameras
     v = rays @ second.rotation.T
     e = second.rotation @ first.centre + second.translation
@@ -431,7 +439,7 @@ def visible_piece(
 
 
 def ideal_box(camera: Camera, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray] | None:
-    """Least and largest x, and y, of the ideal points that a picture shows [-]."""
+    """Smallest and largest x and y of the ideal points that a picture shows [-]."""
     along = np.linspace(0.0, 1.0, BORDER)
     ends = np.zeros(BORDER), np.ones(BORDER)
     border = np.concatenate([np.stack(p, axis=1) for end in ends for p in ((along, end), (end, along))])
@@ -445,7 +453,8 @@ def ideal_box(camera: Camera, shape: tuple[int, int]) -> tuple[FloatArray, Float
 
 
 RANGE = 20.0
-"""Nearest and farthest distance that a whole curve is walked through, over that of the crossing axes."""
+"""Ratio that limits the searched distances of a whole curve, relative to that of the crossing optical
+axes."""
 
 
 def fold(camera: Camera) -> float:
@@ -460,16 +469,16 @@ def fold(camera: Camera) -> float:
 
 
 class Candidates(NamedTuple):
-    """The best place of each point on its epipolar curve, and how it compares with the others."""
+    """The best position of each point on its epipolar curve, and its second peak."""
 
     warp: FloatArray
-    """Affine total warps to the best place, shape [n, 12]; NaN where the curve misses the picture."""
+    """Affine total warps to the best position, shape [n, 12]; NaN where the curve misses the picture."""
     zncc: FloatArray
     """Correlation there, shape [n]; -1 where the curve misses the picture."""
     second_peak: FloatArray
-    """Largest correlation outside the best place's own peak, shape [n]; -1 if there is no other place."""
+    """Largest correlation outside the peak of the best position, shape [n]; -1 if there is no other peak."""
     distance: FloatArray
-    """Of the best place along camera 0's ray [m], shape [n]."""
+    """Distance of the best position along camera 0's ray [m], shape [n]."""
 
 
 def search(
@@ -483,13 +492,13 @@ def search(
     device: str = "cpu",
     threads: int | None = None,
 ) -> Candidates:
-    """The best place of each subset on its epipolar curve, and the second peak.
+    """Find the best position of each subset on its epipolar curve, and the second peak.
 
-    ``picture1``: camera 1's picture, shape [rows, columns]. ``limits``: nearest and farthest distance along
-    camera 0's rays [m]; None: the whole curve. ``turns``: turns of the facet that are tried at every place
-    (`facet.normals`) [rad], shape [h, 2]. ``gradients``: instead of `turns`: the gradient of camera 1's pixel
-    by camera 0's, one for each point, shape [n, 2, 2], the same all along its curve. ``threads``: CPU
-    threads; None: all cores the process may use. A result does not depend on it. Returns: one row a point.
+    ``picture1``: camera 1's picture, shape [rows, columns]. ``limits``: smallest and largest distance along
+    camera 0's rays [m]; None: the whole curve. ``turns``: rotations of the facet that are tried at every
+    position (`normals`) [rad], shape [h, 2]. ``gradients``: instead of `turns`: the gradient of camera 1's
+    pixel by camera 0's for each point, shape [n, 2, 2], constant along its curve. ``threads``: CPU threads;
+    None: all cores that the process may use. The result does not depend on it. Returns: one row per point.
     """
     n, places = len(templates.points), templates.places
     if not n:
@@ -526,7 +535,7 @@ def search(
 
 
 def _numbers(rig: StereoRig) -> FloatArray:
-    """Camera 1 and camera 0's centre as the kernel reads them, shape [29]."""
+    """Parameters of camera 1 and camera 0's centre for the kernel, shape [29]."""
     first, second = rig.cameras
     grid = [second.fx, second.fy, second.cx, second.cy, second.skew, *second.distortion, fold(second)]
     return np.concatenate(
@@ -535,7 +544,7 @@ def _numbers(rig: StereoRig) -> FloatArray:
 
 
 def _axes_meet(rig: StereoRig) -> float:
-    """Distance before camera 0 at which the optical axes come nearest to each other [m]."""
+    """Distance in front of camera 0 at which the optical axes are closest to each other [m]."""
     first, second = rig.cameras
     centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
     meet = midpoint(rig, centres[0], centres[1])

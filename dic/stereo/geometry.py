@@ -28,7 +28,7 @@ def inverse(M: FloatArray) -> FloatArray:
 
 
 def largest_eigenvalue(M: FloatArray) -> FloatArray:
-    """The larger eigenvalues of matrices that have real ones, shape [...]."""
+    """The larger eigenvalue of matrices with real eigenvalues, shape [...]."""
     a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
     half = 0.5 * (a - d)
     # rounding must not make a double eigenvalue complex
@@ -36,36 +36,37 @@ def largest_eigenvalue(M: FloatArray) -> FloatArray:
 
 
 def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Unit vectors from the camera's centre toward what it sees at `pixels`, in the rig's frame [-].
+    """Unit vectors of the rays from the camera's centre through `pixels`, in the rig's frame [-].
 
-    ``camera``: the camera. ``pixels``: places in its picture (x, y) [px], shape [..., 2]. Returns: shape
-    [..., 3]; NaN where the pixel is. Raises ValueError if the lens distortion cannot be undone there.
+    ``camera``: the camera. ``pixels``: positions in its picture (x, y) [px], shape [..., 2]. Returns: shape
+    [..., 3]; NaN where the pixel is NaN. Raises ValueError if the lens distortion cannot be inverted there.
     """
     return towards(camera, inside(camera, pixels))
 
 
 def inside(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Ideal image points on the plane z = 1 of the camera's own frame, with that 1 [-], shape [..., 3]."""
+    """Ideal image points (x, y, 1) on the plane z = 1 of the camera's frame [-], shape [..., 3]."""
     ideal = camera.undistort(pixels)
     return np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
 
 
 def towards(camera: Camera, x: FloatArray) -> FloatArray:
-    """`directions` of what `inside` gave."""
+    """`directions` for a result of `inside`."""
     return np.asarray(x @ camera.rotation / np.linalg.norm(x, axis=-1, keepdims=True))
 
 
 def pixels_per_length(camera: Camera, X: FloatArray, direction: FloatArray) -> FloatArray:
-    """Motion of the pixel of a place that moves along a direction [px/m], shape [2].
+    """Motion of the pixel of a point that moves along a direction [px/m], shape [2].
 
-    ``camera``: the camera. ``X``: the place in the rig's frame, in front of the camera [m], shape [3].
+    ``camera``: the camera. ``X``: the point in the rig's frame, in front of the camera [m], shape [3].
     ``direction``: unit vector in the rig's frame, shape [3].
     """
     return np.asarray(projection_slope(camera, np.asarray(X)) @ direction)
 
 
 def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
-    """Derivative of the pixel by the ideal image point on the plane z = 1 [px], shape [..., 2, 2]."""
+    """Derivative of the pixel with respect to the ideal image point on the plane z = 1 [px], shape [..., 2,
+    2]."""
     slope = camera.distortion_slope(ideal)
     if camera.skew:
         return np.asarray(np.array([[camera.fx, camera.skew], [0.0, camera.fy]]) @ slope)
@@ -74,7 +75,7 @@ def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
 
 
 def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
-    """Derivative of `Camera.project` by the point [px/m], shape [..., 2, 3].
+    """Derivative of `Camera.project` with respect to the point [px/m], shape [..., 2, 3].
 
     ``camera``: the camera. ``X``: points in the rig's frame, in front of the camera [m], shape [..., 3].
     """
@@ -90,13 +91,13 @@ def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
 def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
     """Distance of camera 1's points from the epipolar curves of camera 0's, signed [px].
 
-    Positive toward larger y for cameras side by side, toward larger x for cameras one above the other. To
-    first order in the distance: exact on the curve, off it only as the curve bends and the lens's
-    magnification varies within the distance.
+    Positive toward larger y for cameras side by side, toward larger x for cameras one above the other. It is
+    correct to first order in the distance: exact on the curve; elsewhere the error is due to the curvature of
+    the curve and the variation of the lens's magnification within the distance.
 
-    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
-    [..., 2]. Returns: shape [...]; NaN where a pixel is. Raises ValueError if the cameras have one centre, or
-    a lens distortion cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
+    shapes [..., 2]. Returns: shape [...]; NaN where a pixel is NaN. Raises ValueError if the cameras have the
+    same centre, or a lens distortion cannot be inverted.
     """
     return epipolar_slopes(rig, pixels0, pixels1)[0]
 
@@ -108,10 +109,10 @@ def epipolar_sigma(
     covariance0: FloatArray,
     covariance1: FloatArray,
 ) -> FloatArray:
-    """Standard deviation of `epipolar_distance` that the noise of the pixels predicts [px], shape [...].
+    """Standard deviation of `epipolar_distance` due to the noise of the pixels [px], shape [...].
 
-    ``rig``, ``pixels0``, ``pixels1``: as for `epipolar_distance`. ``covariance0``, ``covariance1``: of the
-    pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
+    ``rig``, ``pixels0``, ``pixels1``: as for `epipolar_distance`. ``covariance0``, ``covariance1``:
+    covariances of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
     """
     _, slope0, slope1 = epipolar_slopes(rig, pixels0, pixels1)
     return sigma_of(slope0, slope1, covariance0, covariance1)
@@ -120,7 +121,7 @@ def epipolar_sigma(
 def sigma_of(
     slope0: FloatArray, slope1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
 ) -> FloatArray:
-    """`epipolar_sigma` where the slopes of `epipolar_slopes` are known."""
+    """`epipolar_sigma` from known slopes of `epipolar_slopes`."""
     variance = np.einsum("...i,...ij,...j->...", slope0, covariance0, slope0)
     return np.asarray(np.sqrt(variance + np.einsum("...i,...ij,...j->...", slope1, covariance1, slope1)))
 
@@ -137,30 +138,31 @@ def epipolar_slopes(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """`epipolar_distance` [px], shape [...], and its derivatives by the two pixels [-], shapes [..., 2].
 
-    The derivatives leave out how the direction of the line changes, a part of the order of the distance over
-    the focal length.
+    The derivatives neglect the change of the line's direction, a relative error of the order of distance over
+    focal length.
     """
     first, second = rig.cameras
     return slopes_between(rig, Rays.of(first, pixels0), Rays.of(second, pixels1))
 
 
 class Rays(NamedTuple):
-    """Rays of a camera's pixels, found once for all that they are compared with."""
+    """Rays of a camera's pixels, computed once for several comparisons."""
 
     x: FloatArray
-    """Ideal image points on the plane z = 1, with that 1 [-], shape [..., 3]."""
+    """Ideal image points (x, y, 1) on the plane z = 1 [-], shape [..., 3]."""
     slope: FloatArray
-    """Derivatives of the pixels by them [px], shape [..., 2, 2]."""
+    """Derivatives of the pixels with respect to `x` [px], shape [..., 2, 2]."""
 
     @classmethod
     def of(cls, camera: Camera, pixels: FloatArray) -> "Rays":
-        """That of `pixels` (x, y) [px], shape [..., 2]; a ValueError if the lens cannot be undone there."""
+        """Rays of `pixels` (x, y) [px], shape [..., 2]; ValueError if the lens distortion cannot be inverted
+        there."""
         x = inside(camera, pixels)
         return cls(x, pixel_slope(camera, x[..., :2]))
 
 
 def slopes_between(rig: StereoRig, aim0: Rays, aim1: Rays) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """`epipolar_slopes` of pixels whose `Rays` is known."""
+    """`epipolar_slopes` for pixels with known `Rays`."""
     R, t = rig.relative
     if not np.any(t):
         raise ValueError("both cameras have the same centre, 0 m apart: two views of one place give no depth")
@@ -174,25 +176,26 @@ def slopes_between(rig: StereoRig, aim0: Rays, aim1: Rays) -> tuple[FloatArray, 
 
 
 def _by_pixel(line: FloatArray, slope: FloatArray) -> FloatArray:
-    """Gradient of ``line . x`` by the pixel: (∂pixel/∂x)⁻ᵀ line, shape [..., 2]."""
+    """Gradient of ``line . x`` with respect to the pixel: (∂pixel/∂x)⁻ᵀ line, shape [..., 2]."""
     (a, b), (c, d) = np.moveaxis(slope, (-2, -1), (0, 1))
     l, m = line[..., 0], line[..., 1]
     return np.asarray(np.stack([d * l - c * m, a * m - b * l], axis=-1) / (a * d - b * c)[..., None])
 
 
 EXACT = 1e-10
-"""Variance that is added to all, so that a place which was chosen has a weight too [px²]: (1e-5 px)²."""
+"""Variance that is added to all, so that a chosen (exact) position has a finite weight [px²]: (1e-5 px)²."""
 STEPS = 10
-"""Gauss-Newton steps at most; two are enough unless the cameras disagree by many pixels."""
+"""Largest number of Gauss-Newton steps; two suffice unless the cameras disagree by many pixels."""
 
 
 class Triangulation(NamedTuple):
-    """Points in space, and what they rest on."""
+    """Points in space with their covariances and epipolar distances."""
 
     position: FloatArray
-    """In the rig's frame [m], shape [..., 3]; NaN where a pixel is, or where no point lies before both."""
+    """Position in the rig's frame [m], shape [..., 3]; NaN where a pixel is NaN, or no point lies in front of
+    both cameras."""
     covariance: FloatArray
-    """Of the position, from the noise of the pixels [m²], shape [..., 3, 3]."""
+    """Covariance of the position due to the noise of the pixels [m²], shape [..., 3, 3]."""
     epipolar: FloatArray
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [...]."""
     epipolar_sigma: FloatArray
@@ -200,10 +203,10 @@ class Triangulation(NamedTuple):
 
 
 def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
-    """The middle of the shortest connection of the two rays [m], shape [..., 3].
+    """Midpoint of the shortest segment between the two rays [m], shape [..., 3].
 
-    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
-    [..., 2]. Raises ValueError if a lens distortion cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
+    shapes [..., 2]. Raises ValueError if a lens distortion cannot be inverted.
     """
     first, second = rig.cameras
     return _middle(rig, directions(first, pixels0), directions(second, pixels1))
@@ -215,7 +218,7 @@ def _middle(rig: StereoRig, d0: FloatArray, d1: FloatArray) -> FloatArray:
     base = second.centre - first.centre
     c, a0, a1 = np.sum(d0 * d1, axis=-1), d0 @ base, d1 @ base
     parallel = 1.0 - c * c
-    with np.errstate(divide="ignore", invalid="ignore"):  # parallel lines meet nowhere: not finite
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel lines do not meet: not finite
         s0, s1 = (a0 - c * a1) / parallel, (c * a0 - a1) / parallel
         return np.asarray((first.centre + s0[..., None] * d0 + second.centre + s1[..., None] * d1) / 2.0)
 
@@ -229,11 +232,12 @@ def triangulate(
 ) -> Triangulation:
     """Points in space from points in two pictures, with covariances.
 
-    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
-    [..., 2]. ``covariance0``, ``covariance1``: of the pixels, independent between the cameras [px²], shapes
-    [..., 2, 2] or [2, 2], wherever the pixels are finite; zero for a place that was chosen, as a material
-    point's in its own picture. Returns: position, covariance, epipolar distance and its sigma. Raises
-    ValueError: shapes that do not fit, a covariance that is none, a lens distortion that cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
+    shapes [..., 2]. ``covariance0``, ``covariance1``: covariances of the pixels, independent between the
+    cameras [px²], shapes [..., 2, 2] or [2, 2], wherever the pixels are finite; zero for a chosen position,
+    e.g. a material point in the material picture. Returns: position, covariance, epipolar distance and its
+    sigma. Raises ValueError: shapes that do not match, an invalid covariance, a lens distortion that cannot
+    be inverted.
     """
     pixels0, pixels1 = (np.asarray(p, dtype=np.float64) for p in (pixels0, pixels1))
     if pixels0.shape != pixels1.shape or pixels0.shape[-1:] != (2,):
@@ -256,7 +260,7 @@ def triangulate(
 
 
 def _covariances(covariance: FloatArray, finite: NDArray[np.bool_], camera: int) -> FloatArray:
-    """Covariances of the pixels that were seen [px²], shape [n, 2, 2]."""
+    """Covariances of the finite pixels [px²], shape [n, 2, 2]."""
     covariance = np.asarray(covariance, dtype=np.float64)
     if covariance.shape not in ((2, 2), (*finite.shape, 2, 2)):
         raise ValueError(
@@ -281,7 +285,8 @@ def _nearest(
     pixels: tuple[FloatArray, FloatArray],
     weights: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions [n, 3] and covariances [n, 3, 3] by Gauss-Newton; NaN where no point lies before both."""
+    """Positions [n, 3] and covariances [n, 3, 3] by Gauss-Newton; NaN where no point lies in front of both
+    cameras."""
     X = start.copy()
     covariance = np.full((len(X), 3, 3), np.nan)
     searching = np.flatnonzero(_before(rig, X))
@@ -297,7 +302,7 @@ def _nearest(
         move = (covariance[searching] @ g[..., None])[..., 0]
         X[searching] += move
         in_front = _before(rig, X[searching])
-        small = np.sum(move * g, axis=-1) < 1e-12  # the step is a millionth of its own sigma
+        small = np.sum(move * g, axis=-1) < 1e-12  # the step is a millionth of its sigma
         settled[searching[in_front & small]] = True
         searching = searching[in_front & ~small]
         if not len(searching):

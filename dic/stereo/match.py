@@ -1,7 +1,7 @@
-"""Stereo match: points of camera 0 found in camera 1, guided by reliable neighbours, accepted by gates.
+"""Stereo match of camera 0's points in camera 1, guided by reliable neighbours and accepted by gates.
 
-After Pan (Reliability-guided digital image correlation, Applied Optics 48, 2009), in rounds: in a round every
-point with a matched neighbour tries the warp of the best correlated one, all points in one batch.
+The method follows Pan (Reliability-guided digital image correlation, Applied Optics 48, 2009), but in rounds:
+every point with matched neighbours tries the warp of the best correlated one, all points in one batch.
 """
 
 from collections.abc import Callable
@@ -33,11 +33,11 @@ from dic.stereo.epipolar_search import search as search_curves
 from dic.stereo.geometry import directions
 
 REACH = 3.0
-"""Neighbours lie within this many medians of the distance to the nearest point."""
+"""Largest distance of neighbours, over the median distance of nearest points [-]."""
 
 
 def neighbourhood(points: FloatArray, number: int) -> IntArray:
-    """The nearest other points of each, nearest first, shape [n, number]; -1 where there are fewer."""
+    """The nearest other points of each point, nearest first, shape [n, number]; -1 where there are fewer."""
     n = len(points)
     if n < 2:
         return np.full((n, number), -1, dtype=np.int64)
@@ -55,16 +55,16 @@ def propagate(
     attempt: Callable[[IntArray, FloatArray], tuple[Match, BoolArray]],
     matched: BoolArray,
 ) -> BoolArray:
-    """Match the points that are not found yet, from neighbours; `match` and `matched` are filled in place.
+    """Match points not found yet, starting from their neighbours; `match` and `matched` are filled in place.
 
-    ``match``: of all points; rows of points not found yet are overwritten by their last attempt. ``points``:
-    places in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points. ``attempts``:
-    guesses that a point tries before it is given up. ``attempt``: matches the points of these rows from these
-    guesses, and which of them are accepted. ``matched``: points that may propagate their warps, shape [n].
-    Returns: points that had a guess, shape [n].
+    ``match``: match of all points; rows of points not found yet are overwritten by their last attempt.
+    ``points``: positions in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points.
+    ``attempts``: largest number of guesses per point. ``attempt``: function that matches points (rows) from
+    guesses and returns which of them are accepted. ``matched``: points that may propagate their warps, shape
+    [n]. Returns: points that had a guess, shape [n].
     """
     guessed, spent = matched.copy(), np.zeros(len(points), dtype=np.int64)
-    used = near < 0  # neighbours that have been tried, or are not there
+    used = near < 0  # neighbours that have been tried or do not exist
     while True:
         ready = np.where(used | ~matched[near], -np.inf, match.zncc[near])
         rows = np.flatnonzero(~matched & (spent < attempts) & np.any(np.isfinite(ready), axis=1))
@@ -83,13 +83,14 @@ def propagate(
 
 
 MOST_SEARCHED = 31
-"""Smallest side of the subset that a whole epipolar curve is searched with by default [px]."""
+"""Smallest default side of the subset for the search of whole epipolar curves [px]."""
 
 
 def guided_match(pair: Pair) -> Match:
-    """Seeds, neighbours of matched points, and the last word of the shape function that was asked for.
+    """Match of seeds, then of neighbours of matched points, then of all points with the requested shape
+    function.
 
-    A point that nothing led to is NO_FIRST_GUESS; one that converged off its epipolar line or far from its
+    A point without any guess is NO_FIRST_GUESS; one that converged off its epipolar line or far from its
     guess is a STEREO_MISMATCH.
     """
     n = len(pair.points)
@@ -101,7 +102,7 @@ def guided_match(pair: Pair) -> Match:
     def attempt(rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
         return _attempt(pair, rows, guess)
 
-    while True:  # a region that no neighbour leads to gets seeds of its own
+    while True:  # a region without matched neighbours gets further seeds
         before = matched.sum()
         _seed(pair, match, matched)
         if matched.sum() == before:
@@ -117,12 +118,12 @@ def guided_match(pair: Pair) -> Match:
 
 
 def _seed(pair: Pair, match: Match, matched: BoolArray) -> None:
-    """Search whole curves for points spread over those not found yet."""
+    """Search whole curves for seed points, spread over the points not found yet."""
     rows = _spread_out(pair.points, ~matched, pair.search.seeds)
     side = pair.search.subset or max(pair.settings.subset, MOST_SEARCHED)
     templates = subsets(pair.pictures[0], pair.points[rows], pair.reference[rows], side, pair.mask)
     limits = pair.search.distances
-    if limits is None and matched.any():  # the rest of the surface is near what is known of it
+    if limits is None and matched.any():  # the rest of the surface is near the known part
         matched_rows = np.flatnonzero(matched)
         limits = pair.around(matched_rows, match.warp[matched_rows])
     candidates = search_curves(
@@ -142,7 +143,7 @@ def _seed(pair: Pair, match: Match, matched: BoolArray) -> None:
 
 
 def _attempt(pair: Pair, rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
-    """An affine match, and which of them may propagate their warps."""
+    """An affine match, and the mask of the points that may propagate their warps."""
     result = pair.correlate(rows, guess, shape=Shape.AFFINE)
     converged = result.outcome == PointOutcome.VALID
     shift = np.linalg.norm(result.warp[:, :2] - guess[:, :2], axis=1)
@@ -152,7 +153,7 @@ def _attempt(pair: Pair, rows: IntArray, guess: FloatArray) -> tuple[Match, Bool
 
 
 def _spread_out(points: FloatArray, candidates: BoolArray, number: int) -> IntArray:
-    """Rows of about `number` wanted points, one a cell of a grid over them."""
+    """Rows of about `number` candidates, one per cell of a grid over them."""
     rows = np.flatnonzero(candidates)
     if len(rows) <= number:
         return rows
@@ -174,43 +175,43 @@ def _write(match: Match, rows: IntArray, result: Match, which: BoolArray | slice
 Limits = tuple[float, float]
 
 LOOSE = 0.02
-"""Tolerance of the way back [px], which a gate of a few tenths judges; at a picture's rim, where pixels come
-and go between the steps, a finer one may never be met."""
+"""Tolerance of the back match [px], coarse because its gate is a few tenths. At a picture's border, where
+pixels enter and leave the subset between steps, a finer one may never be reached."""
 COARSE = 0.05
-"""Differences of 1 - ZNCC that mean nothing: what steps of a pixel and a slope that is off hide."""
+"""Insignificant differences of 1 - ZNCC, due to pixel steps and errors of the slope."""
 SUSPECT = 0.75
-"""Correlation of a second peak from which on the search is repeated with every slope; the first has the
-match's own."""
+"""Correlation of a second peak from which the search is repeated with all slopes; the first search uses the
+slope of the match."""
 
 
 @dataclass(frozen=True)
 class GateValues:
-    """Number behind each gate, one row a point; inf where it could not be had."""
+    """Value for each gate, one row per point; inf where it could not be computed."""
 
     sigma: FloatArray
-    """Standard deviation of the match there and back [px], shape [n]."""
+    """Standard deviation of forward and back match [px], shape [n]."""
     epipolar: FloatArray
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [n]."""
     epipolar_sigma: FloatArray
-    """Standard deviation of it by the noise of the match [px], shape [n]."""
+    """Its standard deviation due to the noise of the match [px], shape [n]."""
     facet: FloatArray
-    """Deformation at the subset's rim that no surface can cause [px], shape [n]."""
+    """Deformation at the subset's border that no surface can cause [px], shape [n]."""
     incidence: FloatArray
     """Larger angle between the surface's normal and the two rays [rad], shape [n]."""
     back_match: FloatArray
-    """Distance from the point to where its match is found back [px], shape [n]."""
+    """Distance of the point from the result of its back match [px], shape [n]."""
     neighbours: FloatArray
-    """Distance from where the neighbours put it [px], shape [n]."""
+    """Distance from the position predicted by the neighbours [px], shape [n]."""
     distinct: FloatArray
     """ZNSSD over that of the second peak, the worse of both directions [-], shape [n]."""
     distance: FloatArray
-    """Along camera 0's ray [m], shape [n]."""
+    """Distance along camera 0's ray [m], shape [n]."""
     unseen: FloatArray
-    """Share of the subset within the mask that a picture does not hold [-], shape [n]."""
+    """Share of the masked subset outside a picture [-], shape [n]."""
 
 
 def measure_gates(pair: Pair, match: Match) -> GateValues:
-    """Numbers of the gates for every match; a match that is not VALID has none."""
+    """Values of the gates for every match; inf for a match that is not VALID."""
     n = len(pair.points)
     valid = match.outcome == PointOutcome.VALID
     rows = np.flatnonzero(valid)
@@ -244,14 +245,15 @@ def measure_gates(pair: Pair, match: Match) -> GateValues:
 
 
 def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: BoolArray) -> FloatArray:
-    """Distance of each point from where its neighbours put it, median over them [px], shape [n].
+    """Distance of each point from the positions predicted by its neighbours, median over them [px], shape
+    [n].
 
-    A neighbour puts it at its own match plus the step between them, taken through the mean of both
-    gradients: exact for displacements of second order.
+    The prediction is the neighbour's match plus the step between the points, mapped by the mean of both
+    gradients. It is exact for quadratic displacements.
 
     ``points``: places in the material picture [px], shape [n, 2]. ``warp``: total warps, shape [n, 12].
-    ``near``: their neighbours, shape [n, k], -1 for none. ``valid``: points that are matched, shape [n]; only
-    those are asked. Returns: inf for a point that is not matched or has no matched neighbour.
+    ``near``: their neighbours, shape [n, k], -1 for none. ``valid``: matched points, shape [n]; only these
+    are used as neighbours. Returns: inf for a point that is not matched or has no matched neighbour.
     """
     step = points[:, None] - points[near]
     gradient = warp[:, 2:6].reshape(-1, 2, 2)
@@ -267,7 +269,7 @@ def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: Bo
 
 
 def slope(warp: FloatArray) -> FloatArray:
-    """Gradient of the warped place by ξ at the point [-], shape [n, 2, 2]."""
+    """Derivative of the warped position by ξ at the point [-], shape [n, 2, 2]."""
     return np.asarray(np.eye(2) + warp[..., 2:6].reshape(*warp.shape[:-1], 2, 2))
 
 
@@ -285,14 +287,14 @@ def _facing_away(pair: Pair, rows: IntArray, warp: FloatArray) -> FloatArray:
 
 
 def _match_forward(pair: Pair, rows: IntArray, A: FloatArray, limits: Limits) -> Candidates:
-    """Camera 0's subsets, looked for along camera 1's curves."""
+    """Search of camera 0's subsets along camera 1's curves."""
     reference = pair.reference[rows]
     templates = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
     return _search_twice(pair, pair.rig, templates, pair.pictures[1], limits, A)
 
 
 def _match_back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: Limits) -> Candidates:
-    """Camera 1's subsets, looked for along camera 0's curves, within the same span of space."""
+    """Search of camera 1's subsets along camera 0's curves, within the same range of space."""
     templates = subsets(pair.pictures[1], pair.points[rows], warp, pair.settings.subset, pair.mask)
     first, second = pair.rig.cameras
     rays = directions(first, pair.places[rows])
@@ -311,8 +313,8 @@ def _search_twice(
     limits: Limits,
     A: FloatArray,
 ) -> Candidates:
-    """Best places and second peaks of subsets deformed as matched; where a second peak comes near, of any
-    slope."""
+    """Best positions and second peaks of subsets deformed as in the match; if a second peak is close in
+    correlation, the search is repeated with all slopes."""
     device = pair.stacks[0].device
     candidates = search_curves(rig, templates, picture, limits=limits, gradients=A, device=device)
     rows = np.flatnonzero(candidates.second_peak > SUSPECT)
@@ -327,36 +329,38 @@ def _search_twice(
 
 
 def _reach(pair: Pair) -> float:
-    """Distance up to which places on a curve count as the same [px]: a few of its steps."""
+    """Distance up to which positions on a curve count as equal [px]: a few of its steps."""
     return 2.0 + 2.0 * max(1, round(pair.settings.subset / SAMPLES))
 
 
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
-    """ZNSSD of the best place over that of the second peak; inf if the best place is not the match's."""
+    """ZNSSD of the best position over that of the second peak; inf if the best position is not that of the
+    match."""
     at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
     share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.second_peak, 1e-9)
     return np.where(at_home, share, np.inf)
 
 
 class Gate(IntFlag):
-    """Gates of a stereo match; several may be failed."""
+    """Gates of a stereo match; a match may fail several."""
 
     CORRELATION = 1
-    """No match in the first place: its outcome says why."""
+    """The correlation failed: the outcome gives the reason."""
     EPIPOLAR = 2
-    """The two rays pass each other too far apart."""
+    """The distance of the two rays is too large."""
     FACET = 4
-    """The subset deforms as no piece of surface seen by these cameras can, or one seen too obliquely."""
+    """The deformation of the subset is impossible for a surface seen by these cameras, or the surface is seen
+    too obliquely."""
     BACK_MATCH = 8
-    """Looked for from camera 1, the point is found elsewhere in camera 0, or not at all."""
+    """The back match from camera 1 finds another position in camera 0, or none."""
     NEIGHBOURS = 16
-    """The neighbours' warps put the point elsewhere, or there are none."""
+    """The neighbours' warps predict another position, or there are no neighbours."""
     UNIQUENESS = 32
-    """Another place on the epipolar line looks nearly as much alike, or more."""
+    """Another position on the epipolar line correlates nearly as well, or better."""
     DISTANCE = 64
     """The point lies outside the declared distances."""
     VIEW = 128
-    """A camera's picture holds too little of the subset: its outcome is OUT_OF_VIEW."""
+    """A camera's picture contains too little of the subset: its outcome is OUT_OF_VIEW."""
 
 
 def failed_gates(
@@ -364,7 +368,7 @@ def failed_gates(
 ) -> IntArray:
     """Gates that each match fails, as a sum of `Gate` members, shape [n]."""
     near, far = distances if distances is not None else (0.0, np.inf)
-    with np.errstate(invalid="ignore"):  # inf, where there is no evidence, passes no comparison
+    with np.errstate(invalid="ignore"):  # inf (no evidence) fails every comparison
         noise = np.where(np.isfinite(gate_values.sigma), gates.sigmas * gate_values.sigma, 0.0)
         passes = (
             (
@@ -387,22 +391,23 @@ def failed_gates(
 
 @dataclass(frozen=True)
 class StereoMatch:
-    """Places of camera 0's points in camera 1, one row a point; rows not VALID hold the last try."""
+    """Positions of camera 0's points in camera 1, one row per point; rows that are not VALID hold the last
+    attempt."""
 
     points: FloatArray
     """Places in the material picture (x, y) [px], shape [n, 2]."""
     warp: FloatArray
     """Total warps from the material picture to camera 1's, shape [n, 12]."""
     covariance: FloatArray
-    """Of the position in camera 1 from the noise of both pictures [px²], shape [n, 2, 2]."""
+    """Covariance of the position in camera 1 due to the noise of both pictures [px²], shape [n, 2, 2]."""
     zncc: FloatArray
     """Zero-normalised cross-correlation, shape [n]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
     failed: IntArray
-    """Gates not passed, a sum of `Gate` members, shape [n]."""
+    """Failed gates, a sum of `Gate` members, shape [n]."""
     gate_values: GateValues
-    """The number behind each gate."""
+    """The value for each gate."""
 
     @property
     def valid(self) -> BoolArray:
@@ -428,12 +433,11 @@ def match_stereo(
     gates: StereoGates | None = None,
     device: str = "cpu",
 ) -> StereoMatch:
-    """Find points of camera 0's picture in camera 1's, and judge every match by gates of their own.
+    """Match points of camera 0's picture in camera 1's, and check every match by gates.
 
-    A few seeds are looked for along their whole epipolar curves, their subsets deformed as facets of several
-    slopes would be seen; the other points follow from neighbours, the most reliable first, with affine
-    shape functions; the shape function of `settings` has the last word. See
-    :ref:`theory-stereo-matching`.
+    A few seeds are searched along their whole epipolar curves; their subsets are deformed like facets of
+    several slopes. The other points follow from their neighbours, the most reliable first, with affine shape
+    functions. The final match uses the shape function of `settings`. See :ref:`theory-stereo-matching`.
 
     Parameters
     ----------
@@ -444,7 +448,7 @@ def match_stereo(
     rig
         The cameras, for these pictures (`StereoRig.cropped`).
     settings
-        Of the match; its shape function must be AFFINE or QUADRATIC.
+        Settings of the match; its shape function must be AFFINE or QUADRATIC.
     noise
         Standard deviation of a grey value, of both pictures or of each [grey].
     reference_warp
@@ -453,22 +457,22 @@ def match_stereo(
     mask
         Pixels of the material picture that belong to the specimen, shape [rows, columns]; None: all.
     search
-        Where first guesses are looked for.
+        Settings of the search for first guesses.
     gates
-        What a match must pass.
+        Gates that a match must pass.
     device
-        Where pictures are correlated, "cpu" or "cuda".
+        Device of the correlation, "cpu" or "cuda".
 
     Returns
     -------
     StereoMatch
-        One row a point. A point that fails a gate is a STEREO_MISMATCH, one that was not matched in the first
-        place keeps the outcome of the match.
+        The match, one row per point. A point that fails a gate is a STEREO_MISMATCH; a point whose
+        correlation failed keeps the outcome of the correlation.
 
     Raises
     ------
     ValueError
-        A rigid shape function, shapes that do not fit, points or pictures that are not finite.
+        A rigid shape function, shapes that do not match, points or pictures that are not finite.
     """
     search, gates = search or StereoSearch(), gates or StereoGates()
     if settings.shape < Shape.AFFINE:
@@ -503,7 +507,7 @@ def match_stereo(
 
 
 def _judged(pair: Pair) -> StereoMatch:
-    """The match of a pair, and the verdict of its gates."""
+    """The match of a pair, checked by the gates."""
     match = guided_match(pair)
     gate_values = measure_gates(pair, match)
     valid = match.outcome == PointOutcome.VALID
@@ -516,7 +520,7 @@ def _judged(pair: Pair) -> StereoMatch:
 
 
 def _spread(part: StereoMatch, points: FloatArray, finite: BoolArray) -> StereoMatch:
-    """The result for all points: those that camera 0 has lost had nothing to start from."""
+    """The result for all points; points that camera 0 has lost have no first guess."""
     if finite.all():
         return part
 

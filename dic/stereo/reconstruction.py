@@ -1,9 +1,10 @@
-"""Positions in space from two tracks of the same points, and the errors that positions share.
+"""Positions in space from two tracks of the same points, and the common errors of positions.
 
-A wrong calibration moves every position by S δθ, S = ∂X/∂θ: ``S C_θ Sᵀ`` does not average out over points.
-Errors that neighbours in space and time share are found from the epipolar distances, which nothing else
-moves. About its mean over time a point's distance has the covariance ``s² exp(-(r / l)²) exp(-|dt| / tau)``
-between points r apart and frames dt apart; points whose subsets share pixels are not compared.
+A calibration error shifts every position by S δθ, S = ∂X/∂θ: ``S C_θ Sᵀ`` does not average out over points.
+Errors that are correlated in space and time are estimated from the epipolar distances, which contain no
+motion. Relative to its mean over time, a point's distance has the covariance ``s² exp(-(r / l)²) exp(-|dt| /
+tau)`` between points at distance r and frames at time lag dt. Points whose subsets share pixels are not
+compared.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -22,30 +23,30 @@ from dic.stereo.geometry import Triangulation, inverse, largest_eigenvalue, proj
 from dic.tracking.inputs import Track
 
 MOST_COMMON = 0.9
-"""Share of a camera's noise, in any direction, that it may have in common with the other."""
+"""Largest share of a camera's noise, in any direction, that is common to both cameras."""
 GATE, GATE_SIGMAS = 0.5, 5.0
-"""Epipolar distance that a calibration is allowed [px], and that noise is, in its standard deviations."""
+"""Allowed epipolar distance due to the calibration [px], and due to noise, in standard deviations."""
 AT_ONCE = 20_000
-"""Points of some frames that are reconstructed at once, which bounds the memory; few enough for the threads
-to end together."""
+"""Number of points of some frames that are reconstructed at once. It limits the memory and balances the load
+of the threads."""
 THREADS = 4
-"""Threads at most that do so side by side: what lies between takes some 80 MB in each."""
+"""Largest number of threads; each needs about 80 MB for intermediate results."""
 TINY = 1e-10
-"""Variance that stands for none [px²]: that of triangulation for places that were chosen."""
+"""Variance that represents zero [px²], as in the triangulation of chosen positions."""
 
 
 @dataclass(frozen=True)
 class Reconstruction:
     """Material points in the rig's frame, through the frames.
 
-    NaN where the outcome is not VALID; but distances remain where both cameras found a point that does not
-    meet, and pixels where that camera found it.
+    NaN where the outcome is not VALID, with two exceptions: epipolar distances are kept where both cameras
+    found a point whose rays do not meet, and pixels where the camera found the point.
     """
 
     position: FloatArray
-    """Places in the rig's frame [m], shape [n_frames, n_points, 3]."""
+    """Positions in the rig's frame [m], shape [n_frames, n_points, 3]."""
     covariance: FloatArray
-    """Of the places, from the noise of the matches [m²], shape [n_frames, n_points, 3, 3]."""
+    """Covariance of the positions due to the noise of the matches [m²], shape [n_frames, n_points, 3, 3]."""
     epipolar: FloatArray
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px],
     shape [n_frames, n_points]."""
@@ -54,8 +55,8 @@ class Reconstruction:
     outcome: IntArray
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
     epipolar_sigma: FloatArray | None = None
-    """Standard deviation of `epipolar` from the noise of the matches [px], NaN where that is,
-    shape [n_frames, n_points]; None: not known."""
+    """Standard deviation of `epipolar` due to the noise of the matches [px], shape [n_frames, n_points]; NaN
+    where `epipolar` is NaN. None: not known."""
 
 
 def reconstruct(
@@ -67,44 +68,44 @@ def reconstruct(
     gate_sigmas: float = GATE_SIGMAS,
     common: FloatArray | None = None,
 ) -> Reconstruction:
-    """Positions in space of points that both cameras followed.
+    """Reconstruct positions in space of points that were tracked in both cameras.
 
-    A point that a camera lost ends with that camera's outcome, camera 0's first. One whose epipolar distance
-    exceeds both `gate` and `gate_sigmas` of its own predicted standard deviation, or that would lie behind a
-    camera, ends as STEREO_MISMATCH.
+    A point that a camera lost has that camera's outcome, camera 0's first. A point is a STEREO_MISMATCH if
+    its epipolar distance exceeds both `gate` and `gate_sigmas` predicted standard deviations, or if it would
+    lie behind a camera.
 
-    Both tracks begin with one template, camera 0's material picture. Its noise makes them follow a place ε
-    beside the one that was chosen, both the same one: with the deformation gradients F₀ and F₁ they are off
-    by F₀ ε and F₁ ε, which moves the reconstructed point along the surface and not off it. What `common`
-    says of ε is therefore taken out of the cameras' own noise, and comes back as the motion
-    ``(G₀ F₀ + G₁ F₁) ε``, G the derivatives of the position by the pixels.
+    Both tracks begin with the same template, from camera 0's material picture. Due to its noise both tracks
+    follow the same point at a distance ε from the chosen one. With the deformation gradients F₀ and F₁ their
+    errors are F₀ ε and F₁ ε, which shift the reconstructed point along the surface, not off it. Therefore the
+    covariance `common` of ε is subtracted from the cameras' noise. It is added again as the error ``(G₀ F₀ +
+    G₁ F₁) ε`` of the position, G its derivatives by the pixels.
 
     Parameters
     ----------
     rig
-        The cameras, for pictures with the crop of the tracks.
+        The cameras, for the cropped pictures of the tracks.
     track0, track1
-        The same material points in the same frames, a row each, in camera 0 and in camera 1.
+        Tracks of the same material points in the same frames, in camera 0 and in camera 1.
     gate
-        Epipolar distance that a calibration is allowed [px]; infinite for none.
+        Allowed epipolar distance due to the calibration [px]; infinite: no limit.
     gate_sigmas
-        Epipolar distance that noise is allowed, in its standard deviations [-].
+        Allowed epipolar distance due to noise, in standard deviations [-].
     common
-        Covariance of ε in the material picture [px²], zero where the tracks have no template in common,
-        shape [n_frames, n_points, 2, 2]; None: the tracks are independent. What exceeds a camera's whole
-        noise in any direction is scaled down to it.
+        Covariance of ε in the material picture [px²], shape [n_frames, n_points, 2, 2]; zero where the tracks
+        have no common template. None: the tracks are independent. It is scaled down where it exceeds a
+        camera's total noise in any direction.
 
     Returns
     -------
     Reconstruction
-        Its positions and covariances are NaN where the outcome is not VALID. Its epipolar distances remain
-        wherever both cameras found a point, its pixels wherever that camera did: what `diagnose` reads.
+        Positions and covariances are NaN where the outcome is not VALID. Epipolar distances are kept where
+        both cameras found a point, and pixels where the camera found it; `diagnose` uses them.
 
     Raises
     ------
     ValueError
-        Tracks of different shape, a gate that is not positive, a VALID point without a pixel or covariance,
-        a lens distortion that cannot be undone.
+        Tracks of different shape, a gate that is not positive, a VALID point without a pixel or covariance, a
+        lens distortion that cannot be inverted.
     """
     if not (gate > 0.0 and gate_sigmas > 0.0):
         raise ValueError(f"gate and gate_sigmas must be positive, got {gate} px and {gate_sigmas}")
@@ -123,7 +124,7 @@ def reconstruct(
         epipolar_sigma=(sigma := np.full(shape, np.nan)),
     )
     frames = max(1, AT_ONCE // max(shape[1], 1))
-    # some at a time: what lies between is ten times the result
+    # in parts: intermediate results take ten times the memory
     parts = [slice(first, first + frames) for first in range(0, shape[0], frames)]
 
     def fill(part: slice) -> None:
@@ -138,9 +139,10 @@ def reconstruct(
 
 
 def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
-    """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
+    """Narrow the gates of a reconstruction in place, with the same result as `reconstruct` with these gates.
 
-    ``reconstruction``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there.
+    ``reconstruction``: a result of `reconstruct`. ``gate``, ``gate_sigmas``: as for `reconstruct`, not
+    larger.
     """
     if reconstruction.epipolar_sigma is None:
         raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")
@@ -151,9 +153,9 @@ def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: fl
 
 
 def end_points(reconstruction: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
-    """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
+    """Set the outcome of points of a reconstruction in place, which saves the memory of a copy.
 
-    ``points``: which points of which frames, shape [n_frames, n_points].
+    ``points``: mask of points and frames, shape [n_frames, n_points].
     """
     reconstruction.position[points], reconstruction.covariance[points] = np.nan, np.nan
     reconstruction.outcome[points] = int(outcome)
@@ -167,7 +169,7 @@ def _reconstruct_part(
     gates: tuple[float, float],
     common: FloatArray | None,
 ) -> FloatArray:
-    """Fill in some frames of a result; the standard deviations of the epipolar distances there [px]."""
+    """Fill in some frames of a result; returns the standard deviations of their epipolar distances [px]."""
     valid_by_camera = [track.outcome[part] == PointOutcome.VALID for track in tracks]
     for camera, track in enumerate(tracks):
         result.pixels[camera][part] = _pixels(track, part, valid_by_camera[camera], camera)
@@ -200,7 +202,7 @@ Pair = tuple[FloatArray, FloatArray]
 
 
 def _apart(noise: Pair, slopes: Pair, common: FloatArray) -> tuple[Pair, FloatArray]:
-    """The cameras' own noise without what they have in common [px²], and the latter in the material picture,
+    """The cameras' noise without the common part [px²], and the common part in the material picture [px²],
     each of shape [n, 2, 2]."""
     inside = [F @ common @ np.swapaxes(F, -1, -2) for F in slopes]
     most = np.zeros(len(common))
@@ -212,7 +214,7 @@ def _apart(noise: Pair, slopes: Pair, common: FloatArray) -> tuple[Pair, FloatAr
 
 
 def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> FloatArray:
-    """Motion of the positions with their places in the material picture [m/px], shape [n, 3, 2]."""
+    """Derivative of the positions by their coordinates in the material picture [m/px], shape [n, 3, 2]."""
     total = np.zeros((len(met.position), 3, 2))
     for camera, covariance, F in zip(rig.cameras, noise, slopes, strict=True):
         J = projection_slope(camera, met.position)
@@ -234,9 +236,10 @@ def _pixels(track: Track, part: slice, valid: NDArray[np.bool_], camera: int) ->
 
 
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
-    """The rig with its parameters changed by a little; camera 0's pose, the frame of all points, stays.
+    """The rig with slightly changed parameters; camera 0's pose, which defines the frame, is unchanged.
 
-    ``rig``: the cameras. ``change``: by `StereoRig.parameter_names` [px, -, rad, m], shape [26].
+    ``rig``: the cameras. ``change``: changes in the order of `StereoRig.parameter_names` [px, -, rad, m],
+    shape [26].
     """
     n = len(PARAMETERS)
     first = _changed(rig.cameras[0], change[:n])
@@ -249,10 +252,10 @@ def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
 
 
 def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
-    """Derivatives of positions by the rig's parameters at fixed pixels, by central differences.
+    """Derivatives of positions with respect to the rig's parameters at fixed pixels, by central differences.
 
-    ``rig``: the cameras. ``points``: positions in the rig's frame, before both cameras [m], shape [..., 3].
-    Returns: S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
+    ``rig``: the cameras. ``points``: positions in the rig's frame, in front of both cameras [m], shape [...,
+    3]. Returns: S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
     """
     points = np.asarray(points, dtype=np.float64)
     pixels = [camera.project(points) for camera in rig.cameras]
@@ -270,12 +273,13 @@ def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
 
 
 def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
-    """Standard deviations of positions that the calibration's covariance alone causes, common to all points.
+    """Standard deviations of positions due to the calibration's covariance; the error is common to all
+    points.
 
-    ``rig``: the cameras, with a covariance. ``points``: positions in the rig's frame, before both cameras
-    [m], shape [..., 3]. The result is smooth over the field and the same in all frames: the places of one
-    frame, or some of them, tell all. Returns: by component [m], shape [..., 3]. Raises ValueError: a rig
-    without a covariance, or one of another size than its parameters.
+    ``rig``: the cameras, with a covariance. ``points``: positions in the rig's frame, in front of both
+    cameras [m], shape [..., 3]. The result is smooth over the field and equal in all frames, so some points
+    of one frame suffice. Returns: by component [m], shape [..., 3]. Raises ValueError: a rig without a
+    covariance, or one of another size than its parameters.
     """
     n = len(rig.parameter_names)
     if rig.covariance is None:
@@ -307,7 +311,7 @@ def _rotation(r: FloatArray) -> FloatArray:
 
 
 def _steps(rig: StereoRig) -> FloatArray:
-    """Steps of the differences, shape [26]: each moves a pixel by some hundredths, far above round-off."""
+    """Steps of the differences, shape [26]: each shifts a pixel by a few hundredths, far above round-off."""
     baseline = float(np.linalg.norm(rig.relative[1]))
     steps = []
     for camera in rig.cameras:
@@ -316,41 +320,42 @@ def _steps(rig: StereoRig) -> FloatArray:
 
 
 MOST_POINTS = 200
-"""Points that are compared with one another, even over the grid."""
+"""Largest number of points that are compared with each other, evenly spaced over the grid."""
 FEWEST_POINTS, FEWEST_FRAMES = 6, 12
-"""With fewer nothing is reported."""
+"""Fewest points and frames for an estimate of the shared error."""
 NEAR = 2.0
-"""Pairs up to this many subsets apart tell the memory [-]."""
+"""Largest distance of point pairs for the estimate of the memory, in subsets [-]."""
 LAGS = 0.4
 """Longest lag over the number of frames [-]."""
 STEPS = 25
-"""Memories and lengths that are tried, evenly in their logarithms."""
+"""Number of memories and lengths that are tried, on a logarithmic scale."""
 
 
 @dataclass(frozen=True)
 class SharedError:
-    """What neighbours and successive frames have in common of the epipolar distance's error."""
+    """Part of the epipolar distance's error that is correlated between neighbouring points and successive
+    frames."""
 
     sigma: float
     """Standard deviation s of the epipolar distance [px]; 0 if none was found."""
     length: float
     """Distance l at which the correlation is 1/e [px]."""
     memory: float
-    """Time tau after which it is 1/e [frames]."""
+    """Time lag tau at which the correlation is 1/e [frames]."""
 
 
 NONE = SharedError(0.0, 1.0, 1.0)
-"""No error in common."""
+"""No shared error."""
 
 
 def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, subset: float) -> SharedError:
-    """Find the size, the length and the memory of what the errors of matches have in common.
+    """Estimate size, correlation length and memory of the shared error of matches.
 
     ``epipolar``: signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape
-    [n_frames, n_points]. ``valid``: which of them are known, same shape. ``points``: places in the material
-    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]: points nearer than that, across
-    and along, share their noise. Returns: `NONE` where too few points were followed, or their distances have
-    nothing in common.
+    [n_frames, n_points]. ``valid``: mask of the known ones, same shape. ``points``: positions in the material
+    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]; points closer than that, across
+    and along, share noise. Returns: `NONE` if too few points were tracked, or their distances are not
+    correlated.
     """
     steady = np.flatnonzero(valid.mean(axis=0) > 0.5)
     steady = steady[:: max(-(-steady.size // MOST_POINTS), 1)]
@@ -373,9 +378,9 @@ def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, 
 
 
 def demeaned(n: int, memory: float) -> FloatArray:
-    """Covariances by lag of n values of a unit process with memory about their own mean, shape [n].
+    """Covariances by lag of n values of a unit process with memory, relative to their mean, shape [n].
 
-    The mean of n values of covariance exp(-|i - j| / memory) takes a part of the process with it.
+    Subtracting the mean of n values with covariance exp(-|i - j| / memory) removes a part of the process.
     """
     at = np.arange(n)
     R = np.exp(-np.abs(at[:, None] - at) / memory)
@@ -385,7 +390,7 @@ def demeaned(n: int, memory: float) -> FloatArray:
 
 
 def _memory(D: FloatArray, V: FloatArray, near: FloatArray) -> float | None:
-    """Memory of what near points have in common [frames]; None if that is nothing."""
+    """Memory of the error shared by near points [frames]; None if there is none."""
     n = len(D)
     last = max(int(LAGS * n), 2)
     mates, counts = D @ near, V @ near
@@ -405,8 +410,8 @@ def _memory(D: FloatArray, V: FloatArray, near: FloatArray) -> float | None:
 
 
 def _length(D: FloatArray, V: FloatArray, apart: FloatArray, free: BoolArray) -> tuple[float, float] | None:
-    """Length over which points have errors in common [px], and their covariance at no distance [px²]; None if
-    they have none."""
+    """Correlation length of the points' errors [px], and their covariance at zero distance [px²]; None if
+    there is no shared error."""
     pairs = V.T @ V
     use = free & (pairs > 0.5 * len(D))
     if not use.any():

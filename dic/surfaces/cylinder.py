@@ -1,8 +1,9 @@
-"""The circular cylinder that fits measured points best, and the test frame on it.
+"""Best-fit circular cylinder of measured points, and the test frame on it.
 
-The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of
-the axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. From a
-part of the circumference radius and depth of the axis are known nearly only together; the covariance says so.
+The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of the
+axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. If only part
+of the circumference is visible, radius and depth of the axis are strongly correlated; the covariance includes
+this.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from dic.camera import Camera, StereoRig
 
 
 def _candidate_axes(X: FloatArray) -> list[FloatArray]:
-    """Directions worth starting a fit from, unit vectors."""
+    """Initial directions of the axis for the fit, unit vectors."""
     _, vectors = np.linalg.eigh(X.T @ X)
     normal, first, second = vectors.T
     size = float(np.sqrt(np.mean(X**2)))
@@ -39,7 +40,7 @@ def circle(u: FloatArray, v: FloatArray) -> tuple[float, float, float]:
 
 
 def _complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatArray:
-    """Rows e1, e2, `axis`, orthonormal and right-handed; e1 as near as can be to `near`, shape [3, 3]."""
+    """Rows e1, e2, `axis`, orthonormal and right-handed; e1 as close as possible to `near`, shape [3, 3]."""
     if near is None:
         near = np.eye(3)[np.argmin(np.abs(axis))]
     e1 = near - (near @ axis) * axis
@@ -49,7 +50,7 @@ def _complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatAr
 
 
 Shape = tuple[FloatArray, FloatArray, float]
-"""Basis with the axis in its last row, a point of the axis, the radius."""
+"""Basis with the axis in its last row, a point of the axis, and the radius."""
 
 
 def _fit_shape(
@@ -90,7 +91,7 @@ def _fit_shape(
 
 
 def slopes(X: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """Distances from the surface [m]; their change by a growth of shifts, tilts, radius, [n, 5]."""
+    """Distances from the surface [m], and their derivatives by shifts, tilts and radius, [n, 5]."""
     basis, point, R = shape
     distance, normal = distances(X, point, basis)
     cos, sin, s = normal @ basis[0], normal @ basis[1], (X - point) @ basis[2]
@@ -120,34 +121,34 @@ def _from_axis(X: FloatArray, point: FloatArray, basis: FloatArray) -> FloatArra
 
 FEWEST_POINTS = 6
 FLATTEST = 50.0
-"""Largest radius over the extent of the points across the axis that still counts as a cylinder."""
+"""Largest accepted radius over the extent of the points across the axis; flatter surfaces are no cylinder."""
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A circular cylinder and how well its points determine it."""
+    """A circular cylinder and its covariance."""
 
     point: FloatArray
-    """The point of the axis beside the centroid of the data [m], shape [3]."""
+    """The point of the axis nearest to the centroid of the data [m], shape [3]."""
     basis: FloatArray
     """Rows e1, e2 across the axis and the axis itself, right-handed, shape [3, 3]."""
     radius: float
     """Radius [m]."""
     covariance: FloatArray
-    """Of shift along e1 and e2 [m], tilt of the axis toward e1 and e2 [rad], radius [m]; shape [5, 5].
-    `noise_scale` is in it; the rows of a radius that was held exactly are zero."""
+    """Of shift along e1 and e2 [m], tilt of the axis toward e1 and e2 [rad], radius [m]; shape [5, 5]. It
+    includes `noise_scale`; row and column of a fixed radius are zero."""
     residual: FloatArray
     """Distance of every point from the surface, outward positive [m], shape [n]."""
     used: BoolArray
-    """Points the fit rests on; the others lie too far off, shape [n]."""
+    """True for points used in the fit; the others were rejected as outliers, shape [n]."""
     chi2_per_dof: float
-    """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
+    """Sum of squared residuals over their declared variances, per degree of freedom [-]."""
     noise_scale: float
     """Noise used over noise declared, at least 1 [-]."""
 
     @property
     def axis(self) -> FloatArray:
-        """Unit vector along the axis; its sign means nothing, shape [3]."""
+        """Unit vector along the axis, shape [3]; its sign is arbitrary."""
         return self.basis[2]
 
     @property
@@ -173,12 +174,12 @@ def fit_cylinder(
     """Fit a cylinder to points by weighted orthogonal distances.
 
     ``positions``: points on the surface [m], shape [n, 3]; any frame. ``covariance``: of the points [m²],
-    shape [n, 3, 3]. ``radius``: a radius known beforehand [m]; None to leave it free. ``radius_sigma``: its
-    standard uncertainty [m]; 0 holds the radius exactly. ``overlap``: variance factors of points whose
-    subsets overlap, `overlap_factor`, shape [n]. ``reject``: points farther off than this many
-    sigmas, or this many robust standard deviations if the scatter is larger than the sigmas say, are left out
-    and marked in `Cylinder.used` [-]. Raises ValueError: fewer than 6 points, shapes that do not fit, a
-    number that is not finite or positive, points that lie on a plane rather than a cylinder.
+    shape [n, 3, 3]. ``radius``: a known radius [m]; None: the radius is estimated. ``radius_sigma``: its
+    standard uncertainty [m]; 0 fixes the radius. ``overlap``: variance factors of points whose subsets
+    overlap, `overlap_factor`, shape [n]. ``reject``: points farther from the surface than this many sigmas
+    are left out and marked in `Cylinder.used` [-]; if the scatter exceeds the sigmas, robust standard
+    deviations are used. Raises ValueError: fewer than 6 points, shapes that do not match, a number that is
+    not finite or positive, points on a plane rather than a cylinder.
     """
     X, C = _checked(positions, covariance, radius, radius_sigma, reject)
     factor = np.ones(len(X)) if overlap is None else np.asarray(overlap, dtype=np.float64)
@@ -218,7 +219,7 @@ def _checked(
 
 
 def _start(X: FloatArray, radius: float | None) -> list[tuple[Shape, float]]:
-    """A rough fit from each candidate axis, with its mean squared distance; X about its centroid."""
+    """A rough fit from each candidate axis, with its mean squared distance; X is relative to its centroid."""
     thin = X[:: max(1, len(X) // 500)]
     unit = np.full(len(thin), float(np.sqrt(np.mean(thin**2))))
     fits = []
@@ -289,7 +290,7 @@ WIDEST_ANGLE = 45.0
 
 @dataclass(frozen=True)
 class SpecimenFrame:
-    """A frame (x, y, Z) placed in the rig's, and how well it is known."""
+    """A frame (x, y, Z) within the rig's frame, and its covariance."""
 
     rotation: FloatArray
     """Rows x, y, Z as unit vectors of the rig's frame, shape [3, 3]."""
@@ -300,15 +301,15 @@ class SpecimenFrame:
     The rotation about y is fixed by the cameras and has no variance."""
 
     def positions(self, X: FloatArray) -> FloatArray:
-        """Points of the rig's frame in this one [m], shape [..., 3]."""
+        """Points of the rig's frame, transformed to this frame [m], shape [..., 3]."""
         return np.asarray((X - self.origin) @ self.rotation.T)
 
     def in_rig(self, x: FloatArray) -> FloatArray:
-        """Points of this frame in the rig's [m], shape [..., 3]."""
+        """Points of this frame, transformed to the rig's frame [m], shape [..., 3]."""
         return np.asarray(x @ self.rotation + self.origin)
 
     def covariances(self, C: FloatArray) -> FloatArray:
-        """Covariances of the rig's frame in this one [m²], shape [..., 3, 3]."""
+        """Covariances in the rig's frame, transformed to this frame [m²], shape [..., 3, 3]."""
         return np.asarray(self.rotation @ C @ self.rotation.T)
 
     def variances(self, C: FloatArray) -> FloatArray:
@@ -316,7 +317,8 @@ class SpecimenFrame:
         return np.einsum("ij,...jk,ik->...i", self.rotation, C, self.rotation)
 
     def sigma(self, x: FloatArray) -> FloatArray:
-        """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
+        """Standard deviation of positions due to the uncertainty of the frame; the error is common to all
+        points.
 
         ``x``: points in this frame [m], shape [..., 3]. Returns: standard uncertainties by component [m],
         shape [..., 3].
@@ -340,16 +342,16 @@ def test_frame(
 ) -> SpecimenFrame:
     """Place the test frame on the cylinder of the undeformed specimen.
 
-    y runs along the axis, positive toward the side declared by `toward_flyer`. Z is the part across the
-    axis of the direction from the axis to the midpoint between the cameras. The origin lies on the axis
-    in the plane y = 0.
+    y runs along the axis, positive toward the side declared by `toward_flyer`. Z is perpendicular to the axis
+    and points from the axis to the midpoint between the cameras. The origin lies on the axis in the plane y =
+    0.
 
-    ``cylinder``: of the undeformed specimen, from points in the rig's frame. ``rig``: the cameras the points
-    were measured with. ``toward_flyer``: direction from the transmission side toward the flyer in camera 0's
+    ``cylinder``: of the undeformed specimen, from points in the rig's frame. ``rig``: the cameras that
+    measured the points. ``toward_flyer``: direction from the transmission side toward the flyer in camera 0's
     picture (right, down), of any length; (0, -1) is up. ``zero``: a point of the plane y = 0, the
     transmission platen's face, in the rig's frame [m], shape [3]; `on_cylinder` finds it from a pixel.
-    ``zero_sigma``: standard uncertainty of its place along the axis [m]. Raises ValueError: a direction that
-    the axis does not have in camera 0's picture within 45°, or numbers that are not finite.
+    ``zero_sigma``: standard uncertainty of its position along the axis [m]. Raises ValueError: the axis in
+    camera 0's picture deviates from the declared direction by more than 45°, or numbers are not finite.
     """
     zero = np.asarray(zero, dtype=np.float64)
     declared = np.asarray(toward_flyer, dtype=np.float64)
@@ -383,8 +385,9 @@ test_frame.__test__ = False  # type: ignore[attr-defined]  # a name that test ru
 def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatArray:
     """The point of the cylinder that a camera sees at a pixel [m], in the rig's frame, shape [3].
 
-    ``camera``: one camera of the rig that measured the cylinder. ``pixel``: place in its picture (x, y) [px].
-    ``cylinder``: where the pixel's ray meets it first. Raises ValueError if the ray passes the cylinder by.
+    ``camera``: one camera of the rig that measured the cylinder. ``pixel``: position in its picture (x, y)
+    [px]. ``cylinder``: the cylinder; the first intersection of the pixel's ray is returned. Raises ValueError
+    if the ray misses the cylinder.
     """
     ideal = camera.undistort(np.asarray(pixel, dtype=np.float64))
     ray = camera.rotation.T @ np.array([ideal[0], ideal[1], 1.0])

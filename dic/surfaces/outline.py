@@ -1,8 +1,8 @@
-"""Outline of an axisymmetric specimen with its uncertainty, and the error that a highlight makes of it.
+"""Outline of an axisymmetric specimen with its uncertainty, and its error due to a highlight.
 
-A body of revolution has one radius at one height. A highlight in the middle of the strip moves the matches
-there by tenths of a pixel, while its residual is no larger than elsewhere; the surface beside it has another
-radius, which shows the error.
+A body of revolution has one radius at each height. A highlight in the middle of the strip shifts the matches
+there by tenths of a pixel, but its residual is no larger than elsewhere. The surface on both sides of the
+highlight then shows a different radius, which reveals the error.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 
 def rows_of(surface: SurfaceHistory, points: ArrayLike) -> IntArray:
-    """Number of the row across the axis that each point of the grid lies in, by increasing y."""
+    """Row number of each point of the grid; rows run across the axis and are counted by increasing y."""
     grid = np.asarray(points, dtype=np.float64)
     y = surface.X[:, 1]
     terms = np.column_stack([np.ones(len(y)), grid])
@@ -37,19 +37,19 @@ def outline(
     axis_x: float = 0.0,
     axis_Z: float = 0.0,
 ) -> CentrePoints:
-    """Outline from the points near the centre line, one mean a row of the grid.
+    """Outline from the points near the centre line, one mean per row of the grid.
 
-    Every point is carried round the circle to the centre line as in `dic.centre_line`; the points of a
-    row are then averaged with the inverse squares of their sigmas. The sigma of a mean counts that
-    subsets which overlap share pixels (`dic.correlation.subsets.overlap_correlation`), so that more columns
-    of the same pixels promise nothing.
+    Every point is rotated about the axis to the centre line as in `dic.centre_line`. The points of a row are
+    then averaged, weighted with the inverse squares of their sigmas. The sigma of a mean takes into account
+    that overlapping subsets share pixels (`dic.correlation.subsets.overlap_correlation`), so that a finer
+    grid does not reduce it.
 
-    ``surface``: the measured surface. ``points``: places of its points in the material picture, on a grid
+    ``surface``: the measured surface. ``points``: positions of its points in the material picture, on a grid
     along the axis [px], shape [n_points, 2]. ``half_width``: points within this distance of the centre plane
     in their frame are used [m]. ``subset``: side of the subsets in the material picture [px]. ``shape``:
-    shape function of the matches, of tracking and stereo that of the higher order. ``axis_x``, ``axis_Z``:
-    where the specimen's axis lies in the surface's frame [m]. Returns: frame by frame, in each frame by
-    increasing y of the rows at rest. `left_out` counts the points that are not valid and whose reference
+    shape function of the matches, the one of higher order of tracking and stereo. ``axis_x``, ``axis_Z``:
+    position of the specimen's axis in the surface's frame [m]. Returns: the outline frame by frame; within a
+    frame the rows are ordered by increasing y at rest. `left_out` counts the invalid points whose reference
     position lies in the strip. Raises ValueError: `half_width` or `subset` not positive, `points` of another
     shape, or a valid point of the strip that is not on the camera side of the axis.
     """
@@ -100,7 +100,7 @@ def _means(
     radius: FloatArray,
     sigma: FloatArray,
 ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
-    """Frames, weighted means of y and radius, and sigma of the latter; one tuple a row."""
+    """Frames, weighted means of y and radius, and sigma of the radius; one tuple per row."""
     for number in range(int(row.max(initial=-1)) + 1):
         members = np.flatnonzero(row == number)
         members_used = used[:, members]
@@ -122,27 +122,27 @@ def _means(
 
 
 LATERAL = 1.5, 3.5
-"""Distances from the centre plane between which points lie beside the strip, in its half widths [-]: clear of
-it, and where the radius is still seen nearly along itself."""
+"""Range of distances from the centre plane for lateral points, in half widths of the strip [-]: outside the
+strip, and where the radius still points nearly toward the cameras."""
 FEWEST_POINTS = 2
-"""Points of a row on one side that give its radius there."""
+"""Fewest points of a row on one side for a lateral radius."""
 FEWEST_ROWS = 3
-"""Rows on each side that tell the radius between them."""
+"""Fewest rows on each side for an interpolated lateral radius."""
 
 
 def departures(
     surface: SurfaceHistory, points: ArrayLike, line: CentrePoints, *, half_width: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Outline less the mean of the radii beside it, to the left and to the right, at the same height.
+    """Outline minus the mean of the lateral radii, left and right of the strip, at the same height.
 
-    An axis that lies off to one side adds to one radius what it takes from the other. Rows beside the strip
-    are joined by straight lines.
+    A lateral error of the axis increases one of the two radii and decreases the other by the same amount. The
+    lateral radii are interpolated linearly between rows.
 
-    ``surface``: the measured surface; its axis is that of its frame. ``points``: places of its points in the
-    material picture, on a grid along the axis [px], shape [n_points, 2]. ``line``: the outline.
-    ``half_width``: half width of the strip that it is from [m]. Returns: of each row of the outline [m],
-    shape [n]; NaN where the surface beside it is not known. Returns: its standard deviation [m], shape [n]:
-    points of a row beside the strip share their pixels and are counted as one.
+    ``surface``: the measured surface; its axis is that of its frame. ``points``: positions of its points in
+    the material picture, on a grid along the axis [px], shape [n_points, 2]. ``line``: the outline.
+    ``half_width``: half width of the outline's strip [m]. Returns: the difference for each row of the outline
+    [m], shape [n]; NaN where the lateral surface is not known. Returns: its standard deviation [m], shape
+    [n]: the lateral points of a row share their pixels and count as one.
     """
     row = rows_of(surface, points)
     position = surface.position
@@ -168,7 +168,8 @@ def departures(
 def _at_heights(
     used: BoolArray, row: IntArray, y: FloatArray, radius: FloatArray, noise: FloatArray, heights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Radius and its standard deviation at some heights, by the row means of some points; NaN beyond them."""
+    """Radius and its standard deviation at given heights, interpolated between the row means; NaN outside
+    them."""
     count = np.bincount(row[used])
     full = np.flatnonzero(count >= FEWEST_POINTS)
     if full.size < FEWEST_ROWS:
@@ -181,12 +182,13 @@ def _at_heights(
 
 
 def beyond_noise(departure: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Pattern of the outline's error that the departures show, one standard deviation [m], shape [n].
+    """Pattern of the outline's error from its departures, one standard deviation [m], shape [n].
 
-    It is the departures, smaller by so much that their mean square over their variances is what noise leaves
-    of it: its own 1 is taken off. 0 where none is known, and everywhere if they are no larger than noise.
+    The departures are scaled down to remove the contribution of noise: their mean square over their variances
+    is reduced by 1. The pattern is 0 where a departure is not known, and everywhere if the departures do not
+    exceed the noise.
 
-    ``departure``, ``sigma``: as `departures` gives them [m], shape [n].
+    ``departure``, ``sigma``: as returned by `departures` [m], shape [n].
     """
     finite = np.isfinite(departure)
     if not finite.any():

@@ -1,9 +1,10 @@
-"""Strains on a surface from a local least-squares fit over a virtual strain gauge, each with its uncertainty.
+"""Strains on a surface, with uncertainties, from local least-squares fits over a virtual strain gauge.
 
-Places of a point's neighbours, at rest and now, are fitted by polynomials of their places in the material
-picture, over the same window: with the slopes A0 at rest and A now, the surface's deformation gradient is
-``F = A M⁻¹``, ``M = Bᵀ A0``, B the tangent vectors at rest. What the fit makes of the curvature is the
-same at rest and now and cancels; a homogeneous deformation comes out exactly, one-sided windows included.
+The positions of a point's neighbours, in the reference and in the current state, are fitted by polynomials in
+their coordinates of the material picture, over the same window. With the slopes A0 (reference) and A
+(current) the surface's deformation gradient is ``F = A M⁻¹``, ``M = Bᵀ A0``, B the tangent vectors of the
+reference. The effect of curvature on the fit is the same in both states and cancels. A homogeneous
+deformation is reproduced exactly, also by one-sided windows.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from dic.surfaces.surface_history import SurfaceHistory
 
 @dataclass(frozen=True)
 class Strain:
-    """A symmetric tensor in the tangent plane at rest: around the axis (1), along it (2), shear (12)."""
+    """A symmetric tensor in the reference tangent plane: around the axis (1), along it (2), shear (12)."""
 
     value: FloatArray
     """Components 11, 22, 12 [-], shape [n_frames, n_points, 3]."""
@@ -33,7 +34,7 @@ class Strain:
 
 @dataclass(frozen=True)
 class StrainHistory:
-    """The surface's deformation gradient at points and frames, and what follows from it.
+    """The surface's deformation gradient at points and frames, and the strains derived from it.
 
     NaN where the outcome is not VALID.
     """
@@ -41,18 +42,18 @@ class StrainHistory:
     t: FloatArray
     """Frame times on the shot's clock [s], shape [n_frames]."""
     F: FloatArray
-    """Images of the tangent vectors at rest: columns around and along [-], in the test frame's
-    components, shape [n_frames, n_points, 3, 2]."""
+    """Deformed images of the reference tangent vectors: columns around and along [-], in components of the
+    test frame, shape [n_frames, n_points, 3, 2]."""
     basis: FloatArray
-    """Unit tangent vectors at rest, columns around (with x) and along (with y), same shape."""
+    """Unit tangent vectors of the reference, columns around (with x) and along (with y), same shape."""
     covariance: FloatArray
-    """Of the components 11, 22, 12 of C = FᵀF [-], shape [n_frames, n_points, 3, 3]."""
+    """Covariance of the components 11, 22, 12 of C = FᵀF [-], shape [n_frames, n_points, 3, 3]."""
     outcome: IntArray
     """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
     share: FloatArray
-    """Points used over points of the full window [-], shape [n_frames, n_points]."""
+    """Number of points used over that of the full window [-], shape [n_frames, n_points]."""
     centre: FloatArray
-    """Mean place of the points used beside the point itself, in the material picture [steps], shape
+    """Mean position of the points used relative to the point itself, in the material picture [steps], shape
     [n_frames, n_points, 2]; (0, 0) is a centred gauge."""
     gauge: float
     """Side of the virtual strain gauge in the material picture [px]."""
@@ -86,8 +87,8 @@ class StrainHistory:
     def principal_angle(self) -> tuple[FloatArray, FloatArray]:
         """Angle of the larger stretch from around toward along, in (-π/2, π/2] [rad], and its sigma.
 
-        The sigma is first order: where the two stretches are equal within their noise it exceeds a right
-        angle, and there is no direction. Shapes [n_frames, n_points].
+        The sigma is a first-order estimate. Where the two stretches are equal within their noise it exceeds a
+        right angle: the direction is then undefined. Shapes [n_frames, n_points].
         """
         c, Q = self._principal()
         angle = np.arctan2(Q[..., 1, 0], Q[..., 0, 0])
@@ -116,7 +117,7 @@ class StrainHistory:
     def _isotropic(
         self, f: Callable[[FloatArray], FloatArray], slope: Callable[[FloatArray], FloatArray]
     ) -> Strain:
-        """f(C) and its sigma: in principal axes dC_ab goes over with the divided difference f[c_a, c_b]."""
+        """f(C) and its sigma: in principal axes dC_ab is multiplied by the divided difference f[c_a, c_b]."""
         c, Q = self._principal()
         a, b = c[..., :, None], c[..., None, :]
         near = np.abs(a - b) < 1e-6 * (a + b)
@@ -137,7 +138,7 @@ FEWEST = {1: 4, 2: 8}
 
 
 class StrainOutcome(Outcome):
-    """The end of the strain at one point in one frame."""
+    """Outcome of the strain at one point in one frame."""
 
     VALID = 0, "a strain was fitted", "nothing to do"
     POINT_LOST = 1, "the point itself was not found", "see the point's own outcome"
@@ -150,16 +151,16 @@ class StrainOutcome(Outcome):
 
 @dataclass(frozen=True)
 class StrainGauge:
-    """A virtual strain gauge: the square of the material picture that one strain is fitted over."""
+    """A virtual strain gauge: the square of the material picture over which a strain is fitted."""
 
     window: int
     """Points along one side, odd."""
     step: float
-    """Distance of neighbouring points [px]."""
+    """Distance of adjacent points [px]."""
     subset: float
     """Side of the subsets [px]."""
     order: int = 1
-    """Of the polynomial: 1 or 2."""
+    """Order of the polynomial: 1 or 2."""
 
     def __post_init__(self) -> None:
         if self.window < 3 or self.window % 2 == 0:
@@ -176,9 +177,9 @@ class StrainGauge:
 
 
 MOST_SENT = 400_000
-"""Points times frames whose strains forks work out and send back: some 80 MB."""
+"""Largest number of points times frames whose strains are computed in forks: about 80 MB are sent back."""
 THINNEST = 0.3
-"""Least spread of a window's points in any direction [steps, root mean square]."""
+"""Smallest spread of a window's points in any direction [steps, root mean square]."""
 
 
 def strains(
@@ -196,20 +197,20 @@ def strains(
     surface
         The surface in the test frame; strains refer to its reference positions.
     points
-        Places of its points in the material picture [px], shape [n_points, 2].
+        Positions of its points in the material picture [px], shape [n_points, 2].
     gauge
-        The virtual strain gauge. Near an edge or beside lost points the window is one-sided, never moved.
+        The virtual strain gauge. Near an edge or lost points the window becomes one-sided; it is not shifted.
     regions
-        Label of the body each point lies on, shape [n_points]; a window does not reach across. None: one
-        body.
+        Label of the body of each point, shape [n_points]; a window contains points of one body only. None:
+        one body.
     reference_sigma
-        Standard uncertainties of the reference positions, independent of the frames' [m], shape
-        [n_points, 3]; None takes them as exact: they say which points are meant.
+        Standard uncertainties of the reference positions, independent of those of the frames [m], shape
+        [n_points, 3]. None: the reference positions are exact, because they define the points.
 
     Returns
     -------
     StrainHistory
-        With an outcome per point and frame.
+        The strains, with an outcome per point and frame.
 
     Raises
     ------
@@ -248,7 +249,7 @@ def strains(
                 fits.append(window)
         return fits
 
-    # what forks send back is some 200 bytes a point and frame
+    # forks send back about 200 bytes per point and frame
     processes = parts() if frames * n <= MOST_SENT else 1
     works = [partial(fitted, range(part, n, processes)) for part in range(processes)]
     for each in run_parallel(works, processes=processes):
@@ -262,7 +263,7 @@ def strains(
 
 @dataclass(frozen=True)
 class _Positions:
-    """Places at rest and in every frame, their sigma, and whether they are known."""
+    """Reference and current positions, their sigmas, and whether they are known."""
 
     X: FloatArray
     position: FloatArray
@@ -271,8 +272,8 @@ class _Positions:
 
 
 _Window = tuple[int, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""A point, the frames in which its window has enough points, and in these the gradient, its basis, the
-covariance, the share of the window's points and their centre."""
+"""A point, the frames in which its window has enough points, and for these frames the gradient, its basis,
+the covariance, the share of the window's points and their centre."""
 
 
 def _fit_window(
@@ -283,7 +284,7 @@ def _fit_window(
     i: int,
     near: IntArray,
 ) -> _Window | None:
-    """Strains at point `i` from the points `near` it; None if they are too few in all frames."""
+    """Strains at point `i` from the points `near` it; None if there are too few points in all frames."""
     q = (grid[near] - grid[i]) / gauge.step
     used = positions.valid[:, near] & positions.valid[:, i, None]
     k, weights = _slopes(q, used, gauge.order)
@@ -303,8 +304,8 @@ def _fit_window(
 
 
 def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, FloatArray]:
-    """Frames whose points [n_frames, m] are enough, and the weights [n_enough, 2, m] that give the
-    slopes at the window's own point."""
+    """Frames with enough points (`used`: [n_frames, m]), and the weights [n_enough, 2, m] of the slopes at
+    the window's centre point."""
     terms = [np.ones(len(q)), q[:, 0], q[:, 1]]
     if order == 2:
         terms += [q[:, 0] ** 2, q[:, 0] * q[:, 1], q[:, 1] ** 2]
@@ -333,7 +334,7 @@ def _tangents(A0: FloatArray) -> FloatArray:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products of rows, shape [n, 3]: `numpy.cross` with a fifth of its time, for few rows."""
+    """Cross products of rows, shape [n, 3]; for few rows five times as fast as `numpy.cross`."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
@@ -341,9 +342,9 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def _covariance(
     F: FloatArray, B: FloatArray, g: FloatArray, rho: FloatArray, noise: FloatArray, start_sigma: FloatArray
 ) -> FloatArray:
-    """Covariance of (C11, C22, C12), C = FᵀF, by first order; shape [n_frames, 3, 3].
+    """First-order covariance of (C11, C22, C12), C = FᵀF; shape [n_frames, 3, 3].
 
-    A place changed by δ along k changes C_ab by (F_ka g_b + F_kb g_a) δ.
+    A change δ of a position along k changes C_ab by (F_ka g_b + F_kb g_a) δ.
     """
     C = np.swapaxes(F, 1, 2) @ F
     total = np.zeros((len(F), 3, 3))

@@ -15,11 +15,11 @@ from dic.views import ResultViews
 
 @dataclass(frozen=True)
 class SurfaceHistory(ResultViews):
-    """Points of a surface followed through the frames of a test.
+    """Points of a surface, tracked through the frames of a test.
 
-    Components are (x, y, Z): y the compression axis from the transmission platen toward the flyer,
-    Z toward the cameras, x to complete a right-handed frame. A point that was lost in a frame keeps
-    its row: `outcome` says why, and its `u` and `sigma` there mean nothing (NaN by custom).
+    Components are (x, y, Z): y the compression axis from the transmission platen toward the flyer, Z toward
+    the cameras, x to complete a right-handed frame. A point that was lost in a frame keeps its entry:
+    `outcome` gives the reason, and its `u` and `sigma` are to be ignored (normally NaN).
 
     Raises
     ------
@@ -100,7 +100,7 @@ class SurfaceHistory(ResultViews):
 
 @dataclass(frozen=True)
 class CentrePoints:
-    """The outline on the camera side: valid points only, one row a point of a frame."""
+    """The outline on the camera side: valid points only, one entry per point and frame."""
 
     t: FloatArray
     """Time of the point's frame on the shot's clock [s], shape [n]."""
@@ -113,7 +113,7 @@ class CentrePoints:
     sigma: FloatArray
     """Standard deviation of Z [m], shape [n]."""
     left_out: Mapping[PointOutcome, int]
-    """Number of points of the strip left out, over all frames, by outcome (no entry: none)."""
+    """Number of omitted points of the strip, over all frames, by outcome (no entry: none)."""
 
 
 def centre_line(
@@ -121,12 +121,11 @@ def centre_line(
 ) -> CentrePoints:
     """Outline of an axisymmetric specimen from the points near its centre line.
 
-    Exactly on the centre line x = `axis_x` the out-of-plane position is the radius, Z = r. A point
-    a little off it, at distance d = x - `axis_x`, lies on the same circle but nearer to the axis
-    plane: its Z is short by d²/(2 r). Each point is therefore carried round the circle to the
-    centre line, ``Z = sqrt(d² + (Z - axis_Z)²)``, with its sigma propagated to first order for
-    independent components. This holds for a body of revolution about the line (axis_x, y, axis_Z),
-    barrelled or not; a tilted or eccentric specimen shows as a Z that depends on d.
+    Exactly on the centre line x = `axis_x` the out-of-plane position is the radius, Z = r. A point at a small
+    distance d = x - `axis_x` lies on the same circle, but its Z is smaller by d²/(2 r). Each point is
+    therefore rotated about the axis to the centre line, ``Z = sqrt(d² + (Z - axis_Z)²)``; its sigma is
+    propagated to first order for independent components. This is valid for any body of revolution about the
+    line (axis_x, y, axis_Z), also a barrelled one. If the specimen is tilted or eccentric, Z depends on d.
 
     Parameters
     ----------
@@ -135,13 +134,13 @@ def centre_line(
     half_width
         Points within this distance of the centre plane in their frame are used [m].
     axis_x, axis_Z
-        Where the specimen's axis lies in the surface's frame [m].
+        Position of the specimen's axis in the surface's frame [m].
 
     Returns
     -------
     CentrePoints
-        Frame by frame, in each frame by increasing y. A point that is not valid has no current
-        position; it counts as left out of the strip if its reference position lies in it.
+        The points, frame by frame, in each frame by increasing y. An invalid point has no current position;
+        it is counted in `left_out` if its reference position lies in the strip.
 
     Raises
     ------
@@ -189,12 +188,12 @@ def referenced(reconstruction: Reconstruction, reference: Sequence[int] = (0,)) 
 def static_mean(
     reconstruction: Reconstruction, frames: Sequence[int], *, shared: float = 0.5
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean positions over frames in which nothing moves, and their covariances.
+    """Mean positions over static frames, and their covariances.
 
-    The noise of the material picture is the same in every frame and does not average out. In a match of
-    two pictures of the same noise it is half the variance.
+    The noise of the material picture is the same in every frame and does not average out. For two pictures of
+    equal noise it makes up half of the variance of a match.
 
-    ``shared``: share of the variance that all frames have in common [-]. Returns: positions [m], shape
+    ``shared``: share of the variance that is common to all frames [-]. Returns: positions [m], shape
     [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
     [n_points, 3, 3]; likewise. Raises ValueError: no frames, or `shared` outside [0, 1].
     """
@@ -219,11 +218,12 @@ def to_surface(
     """Express reconstructed points in the test frame.
 
     ``reconstruction``: points in the rig's frame. ``frame``: the test frame. ``t``: times of the frames on
-    the shot's clock [s], shape [n_frames]. ``reference``: frames, static ones, whose mean gives the reference
-    positions. ``points``: which points to take, shape [n_points]; None takes all. `referenced` tells which
-    can be taken. Returns: with the noise of the matches as sigma; what all points have in common through the
-    frame is `SpecimenFrame.sigma`, and through the calibration the covariance of the rig. Raises ValueError
-    if a point has no valid position in any reference frame, or shapes do not fit.
+    the shot's clock [s], shape [n_frames]. ``reference``: static frames whose mean gives the reference
+    positions. ``points``: mask of the points to use, shape [n_points]; None: all. `referenced` returns the
+    points that can be used. Returns: the surface, with the noise of the matches as sigma. Errors common to
+    all points are not included: see `SpecimenFrame.sigma` for the frame, and the covariance of the rig for
+    the calibration. Raises ValueError if a point has no valid position in any reference frame, or shapes do
+    not match.
     """
     defined = referenced(reconstruction, reference)
     selected = np.ones(defined.size, dtype=bool) if points is None else np.asarray(points, dtype=bool)
@@ -241,7 +241,7 @@ def to_surface(
     variance = frame.variances(reconstruction.covariance[:, selected])
     outcome = reconstruction.outcome[:, selected]
     lost_here = (outcome != PointOutcome.VALID)[..., None]
-    with np.errstate(invalid="ignore"):  # a negative variance becomes NaN, which a valid point may not have
+    with np.errstate(invalid="ignore"):  # a negative variance gives NaN, which is rejected below
         sigma = np.sqrt(np.where(lost_here, np.nan, variance))
     return SurfaceHistory(
         t=np.asarray(t, dtype=np.float64),
@@ -253,29 +253,29 @@ def to_surface(
 
 
 SMALLEST_SERIES = 3
-"""Static frames that a noise floor needs."""
+"""Fewest static frames for a noise floor."""
 
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Apparent motion of points that rest; each by component (x, y, Z) [m], shape [3].
+    """Apparent motion of points at rest; each by component (x, y, Z) [m], shape [3].
 
-    A picture's own noise shows in `time` and `space` alike. A bias that a point keeps through all frames, as
-    from interpolation or the lens, shows in neither: it is part of the static reference position.
+    The noise of the pictures contributes to both `time` and `space`. A bias that is constant over all frames,
+    e.g. from interpolation or the lens, contributes to neither: it is part of the static reference position.
     """
 
     n_frames: int
-    """Static frames it is from."""
+    """Number of static frames used."""
     n_points: int
-    """Points that were valid in all of them."""
+    """Number of points that were valid in all of them."""
     time: FloatArray
-    """Standard deviation of a point through the frames, root mean square over the points."""
+    """Standard deviation of a point over the frames, root mean square over the points."""
     space: FloatArray
     """Standard deviation over the points of a frame, root mean square over the frames."""
     common: FloatArray
-    """Standard deviation through the frames of the mean of all points: motion of the cameras or the bench."""
+    """Standard deviation over the frames of the mean of all points: motion of the cameras or the bench."""
     sigma: FloatArray
-    """Prediction of the matches: root mean square of `SurfaceHistory.sigma`."""
+    """Noise predicted by the matches: root mean square of `SurfaceHistory.sigma`."""
 
     @property
     def ratio(self) -> FloatArray:
@@ -303,7 +303,7 @@ def noise_floor(surface: SurfaceHistory, static: NDArray[np.bool_]) -> NoiseFloo
     count = frames.size
     variance = np.sum(off**2, axis=0) / (count - 1)
     mean = off.mean(axis=1)
-    apart = (off - mean[:, None]) * np.sqrt(count / (count - 1))  # the mean through the frames took its share
+    apart = (off - mean[:, None]) * np.sqrt(count / (count - 1))  # the mean uses one degree of freedom
     return NoiseFloor(
         n_frames=count,
         n_points=int(points.sum()),

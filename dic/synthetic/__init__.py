@@ -1,1 +1,1 @@
-"""Pictures computed with a known answer, to test what measures them."""
+"""Synthetic pictures with known motion, for tests of the measurement."""

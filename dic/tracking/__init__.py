@@ -1,6 +1,7 @@
-"""Tracking of points through the frames of one camera, with updates of their references.
+"""Tracking of points through the frames of one camera, with updates of the reference pictures.
 
-A reference moves forward when a point no longer correlates with it, and back when it correlates again.
+A point gets a later reference when the correlation with its reference is too low, and returns to an earlier
+one when it correlates with that one again.
 """
 
 from collections.abc import Callable
@@ -28,39 +29,40 @@ from dic.tracking.matcher import (
 )
 
 JOIN = 0.7
-"""Points that have come this far toward a change of reference (in ln stretch) join one that changes: fewer
-pictures are kept and the neighbours keep a common reference."""
+"""Share of the limit of stretch (in ln stretch) from which a point changes its reference together with
+others. Fewer pictures are then stored, and neighbours keep a common reference."""
 QUORUM = 0.02
-"""References change when this share of the points found asks for it ..."""
+"""References are changed when at least this share of the points found needs a change ..."""
 URGENT = 1.5
-"""... or one has gone this far beyond the limit (in ln stretch)."""
+"""... or when one point exceeds the limit by this factor (in ln stretch)."""
 DROP = 0.05
-"""A poor correlation asks for a new reference only if it has fallen by this much since the last change."""
+"""A poor correlation calls for a new reference only if it has fallen by this much since the last change."""
 GROWTH_STEP = 1.2
-"""A growing subset grows by this factor at a time."""
+"""Factor of one growth step of a growing subset."""
 LARGEST = 101
 """Largest subset of the match [px]."""
 PROBATION = 5
-"""Frames that a point must do with a reference taken in a hurry before it may take another one so."""
+"""Number of frames for which a point keeps an emergency reference before it may take the next one."""
 
 
 @dataclass(frozen=True)
 class LatestFrame:
-    """The latest frame with a picture, as a reference that a point may need in a hurry."""
+    """The latest frame with a picture, as an emergency reference for lost points."""
 
     frame: int
     warp: FloatArray
     """Total warps, shape [n, 12]."""
     carried: FloatArray
-    """Covariance that a chain through this frame carries [px²], shape [n, 2, 2]."""
+    """Covariance of a chain of references through this frame [px²], shape [n, 2, 2]."""
     valid: BoolArray
-    """Points found in it, shape [n]."""
+    """Points found in this frame, shape [n]."""
     excess: FloatArray
     """Largest excess of the residuals in the chain that ends there [-], shape [n]."""
 
 
 def enlarged_subset(subset: int, warp: FloatArray, limit: float) -> IntArray:
-    """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
+    """Side of the subset with which a flattened subset keeps its shortest side in the picture [px], shape
+    [n].
 
     ``subset``: side of the subset at rest [px]. ``warp``: total warps, shape [n, 12]. ``limit``: largest
     growth [-].
@@ -82,11 +84,11 @@ class _ReferenceUpdates:
         n = len(references.level)
         self.references, self.settings = references, settings
         self.low = np.zeros(n, dtype=bool)
-        """Points whose correlation was poor in the frame before, shape [n]."""
+        """Points whose correlation was poor in the previous frame, shape [n]."""
         self.fresh = np.full(n, np.nan)
         """Correlation in the first frame after the reference was taken, shape [n]."""
         self.hurried = np.full(n, -PROBATION)
-        """Frame, counted from the first, of the last change of reference in a hurry, shape [n]."""
+        """Frame, counted from the first, of the last emergency change of reference, shape [n]."""
         self.steps = 0
 
     def _template(
@@ -103,7 +105,8 @@ class _ReferenceUpdates:
         return matcher.template(rows, frame, warp[rows], carried[rows], subset, excess[rows])
 
     def match_last_frame(self, current: FrameMatch, last: LatestFrame | None) -> None:
-        """Match lost points with the frame before as their reference; those found so keep it."""
+        """Match lost points with the previous frame as reference; points found in this way keep that
+        reference."""
         if last is None:
             return
         calm = self.steps - self.hurried >= PROBATION
@@ -120,8 +123,8 @@ class _ReferenceUpdates:
         current.propagate()
 
     def forward(self, current: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
-        """Give the points that ask for it this frame as their reference."""
-        # a reference taken in a hurry that does not last shall not be what the point is searched with later
+        """Use this frame as the reference of the points that need a new one."""
+        # an emergency reference that fails soon must not be used for later searches
         failed = np.flatnonzero(~current.valid & (self.steps - self.hurried < PROBATION))
         self.references.go_back(failed[self.references.level[failed] > 0])
         self.hurried[failed] = -PROBATION
@@ -149,7 +152,7 @@ class _ReferenceUpdates:
         self.low = low
 
     def back(self, current: FrameMatch) -> None:
-        """Return points to an earlier reference that they look like again, and match them with it."""
+        """Return points to an earlier reference with which they correlate again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return
@@ -190,7 +193,7 @@ def _compose_points(current: FrameMatch) -> tuple[FloatArray, FloatArray, FloatA
 
 
 MATERIAL = -1
-"""Frame number under which a material picture of another series is kept."""
+"""Frame number under which a material picture of another series is stored."""
 
 
 def track(
@@ -208,44 +211,45 @@ def track(
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> Track:
-    """Follow points through a series of pictures, read one at a time.
+    """Track points through a series of pictures, which are read one at a time.
 
-    A frame without a usable picture and a point that is not found are outcomes; the rest goes on.
+    A frame without a usable picture and a point that is not found get an outcome; tracking continues.
 
     Parameters
     ----------
     pictures
-        The series; an array of shape [n_frames, rows, columns] will do.
+        The series, or an array of shape [n_frames, rows, columns].
     points
-        Places (x, y) in the material picture [px], shape [n_points, 2].
+        Positions (x, y) in the material picture [px], shape [n_points, 2].
     settings
-        How to match and when to change references; None: `Tracking()`.
+        Settings of matching and of the changes of reference; None: `Tracking()`.
     noise
-        Standard deviation of a grey value, or `dic.correlation.Noise` where it grows with it [grey].
+        Standard deviation of a grey value [grey], or `dic.correlation.Noise` if it depends on the grey value.
     mask
         Pixels of the material picture that belong to the surface, shape [rows, columns]; None: all.
     start
-        Total warps of the points in frame `first`, shape [n_points, 12]; None: they have not moved. Without
-        `material` they are taken as they are, with it as the first guess.
+        Total warps of the points in frame `first`, shape [n_points, 12]; None: no displacement. With
+        `material` they are the initial guess; without it they are used unchanged.
     start_covariance
-        Of the places that `start` gives, as the match that found them tells [px²], shape [n_points, 2, 2].
+        Covariance of the positions given by `start`, from the match that found them [px²], shape [n_points,
+        2, 2].
     material
-        The material picture, shape [rows, columns], if it is not a frame of this series (of another camera,
-        say); None: frame `first` is the first reference.
+        The material picture, shape [rows, columns], if it is not a frame of this series (e.g. of another
+        camera); None: frame `first` is the first reference.
     first
-        Frame from which the points are followed, forward to the end and then back to the beginning.
+        Frame in which tracking starts, forward to the end and then back to the beginning.
     frame_outcome
-        `dic.FrameOutcome` of the frames where the caller knows better, shape [n_frames]; frames that are not
-        VALID there are skipped.
+        `dic.FrameOutcome` of the frames from the caller, shape [n_frames]; frames that are not VALID are
+        skipped. None: pictures are checked here.
     device
-        Where the matches are computed.
+        Device on which the matches are computed.
     progress
-        Called with the frames done and their number.
+        Called with the number of frames done and their total.
 
     Raises
     ------
     ValueError
-        Points, mask, warps or frame numbers that do not fit the pictures; no picture in frame `first`.
+        Points, mask, warps or frame numbers that do not match the pictures; no picture in frame `first`.
     """
     chosen = settings or Tracking()
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -299,7 +303,7 @@ def _check(
 
 
 class _Run:
-    """A tracking under way."""
+    """State of a tracking run."""
 
     def __init__(
         self,
@@ -353,7 +357,7 @@ class _Run:
         start_covariance: FloatArray | None,
         material: Picture | None,
     ) -> None:
-        """Take in the first reference, and match it with itself to learn which of its subsets are of use."""
+        """Store the first reference, and match it with itself to find which of its subsets can be used."""
         n = len(self.points)
         warp = identity(n) if start is None else np.array(start, dtype=np.float64)
         none = np.zeros((n, 2, 2))
@@ -375,7 +379,7 @@ class _Run:
         self.references.start(self._root(first, warp, none, own=uncorrelated))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
-        template = 0.5 * match.covariance  # of a picture with itself: the other half is that searched in
+        template = 0.5 * match.covariance  # match with itself: the other half is from the searched picture
         if start_covariance is not None:
             before = inherited_covariance(np.asarray(start_covariance), template, warp)
             self.references.start(self._root(first, warp, before, own=uncorrelated))
@@ -391,7 +395,7 @@ class _Run:
         track.reference[first] = first
 
     def turn(self, first: int) -> None:
-        """Start again at frame `first`, to go back in time."""
+        """Restart at frame `first`, to track backward in time."""
         started = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
         self.predictor, self.retries = Predictor(len(self.points)), RetrySchedule(len(self.points))
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
@@ -402,7 +406,7 @@ class _Run:
         self.last = None
 
     def step(self, frame: int) -> None:
-        """Find the points in one frame."""
+        """Match the points in one frame."""
         picture = self.frames.read(frame)
         if self.declared is not None and self.declared[frame] != int(FrameOutcome.VALID):
             outcome = FrameOutcome(int(self.declared[frame]))
@@ -437,7 +441,8 @@ class _Run:
         self.references.tidy(keep=frame)
 
     def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
-        """The first reference of all points; `own` if the noise of its template is part of their sigma."""
+        """The first reference of all points; ``own``: whether the noise of its template is part of their
+        sigma."""
         n = len(self.points)
         subset = np.full(n, self.settings.correlation.subset)
         root = self.matcher.template(np.arange(n), frame, warp, before, subset, np.zeros(n))

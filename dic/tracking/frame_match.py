@@ -1,4 +1,4 @@
-"""Match of all points in one frame: initial guesses by prediction, from neighbours, and by search."""
+"""Match of all points in one frame; initial guesses from prediction, neighbours and search."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,30 +15,32 @@ from dic.tracking.inputs import Picture, Tracking
 from dic.tracking.matcher import Matcher, Template, gradient, relative
 
 ORDERS = (0, 1, 2)
-"""At rest, constant velocity, constant acceleration."""
+"""Orders of extrapolation: constant position, constant velocity, constant acceleration."""
 JURY = 300
-"""Points that decide about the order, about."""
+"""Approximate number of points from which the order is chosen."""
 PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
-"""Displacement, its first and its second derivatives: the noisier, the lower the order that serves."""
+"""Parameters with a common order: displacement, first derivatives, second derivatives. The noisier they are,
+the lower is the best order."""
 
 
 class Predictor:
     """Extrapolates the warps of the last three frames in which each point was found.
 
-    The order of the extrapolation is that which would have predicted the last frame best, by the median over
-    the points, for displacements and their derivatives each: a series that starts from rest, moves steadily
-    or is shaken chooses its own. A point with too short a past takes the highest order it has.
+    The order of extrapolation is the one that would have predicted the last frame best, by the median over
+    the points; it is chosen separately for displacements and their derivatives. So the order adapts to a
+    series at rest, in steady motion or with vibration. A point with too few earlier frames uses the highest
+    possible order.
     """
 
     def __init__(self, n: int) -> None:
         self.frame = np.zeros((3, n), dtype=np.int64)
-        """Latest first, shape [3, n]."""
+        """Frames in which each point was found, latest first, shape [3, n]."""
         self.warp = np.zeros((3, n, 12))
         """Warps in those frames, shape [3, n, 12]."""
         self.known = np.zeros(n, dtype=np.int64)
-        """Number of them that are filled, shape [n]."""
+        """Number of filled entries, shape [n]."""
         self.order = [0] * len(PARTS)
-        """Order in use for each of `PARTS`."""
+        """Current order for each of `PARTS`."""
         self._foretold: dict[int, FloatArray] = {}
 
     def predict(self, frame: int) -> FloatArray:
@@ -50,7 +52,7 @@ class Predictor:
         return guess
 
     def add(self, frame: int, rows: IntArray, warp: FloatArray) -> None:
-        """Take in that points `rows` were found in `frame` with these warps, shape [len(rows), 12]."""
+        """Add the warps of points `rows` that were found in `frame`, shape [len(rows), 12]."""
         highest = min(int(np.max(self.known[rows], initial=0)) - 1, max(ORDERS))
         if self._foretold and highest > 0:
             past = np.flatnonzero(self.known[rows] > highest)
@@ -70,11 +72,11 @@ class Predictor:
         self.known[advanced] = np.minimum(self.known[advanced] + 1, 3)
 
     def _extrapolated(self, frame: int) -> dict[int, FloatArray]:
-        """Lagrange's polynomials through the latest order + 1 frames of each point, or as many as it has, at
-        `frame`; of each of `ORDERS`, shape [n, 12]."""
+        """Value at `frame` of Lagrange's polynomial through the latest order + 1 frames of each point, or
+        through as many as it has; by order, each of shape [n, 12]."""
         by_order = {0: self.warp[0].copy()}
         for order in ORDERS[1:]:
-            by_order[order] = by_order[order - 1].copy()  # of a point with a shorter past
+            by_order[order] = by_order[order - 1].copy()  # for points with fewer frames
             available = self.known > order
             rows = slice(None) if available.all() else np.flatnonzero(available)
             times = self.frame[: order + 1, rows].astype(np.float64)
@@ -92,13 +94,13 @@ class Predictor:
 RATIO = 0.8
 """A feature's best match must be this much nearer than its second best (Lowe 2004)."""
 NEAREST_FEATURES = 16
-"""Features around a point whose motion is asked for an affine consensus."""
+"""Number of features around a point from which an affine motion is estimated."""
 CONSENSUS = 6
-"""Features that must agree with it, to `AGREE`."""
+"""Fewest features that must agree with the affine motion within `AGREE`."""
 AGREE = 2.0
 """Distance within which a feature agrees with the affine motion [px]."""
 FEATURES = 4000
-"""Features looked for in a picture."""
+"""Largest number of features detected in a picture."""
 
 
 def spread(points: FloatArray, rows: IntArray, n: int) -> IntArray:
@@ -124,10 +126,10 @@ def correlate_windows(
     half: int,
     search: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Places of windows of one picture in another, by normalised cross-correlation (FFT), to a pixel.
+    """Positions of windows of one picture in another, to one pixel, by normalised cross-correlation (FFT).
 
-    The window is cut out of the reference picture as the guess says that it looks in the deformed one, and
-    searched for around its guessed place.
+    The window of the reference picture is deformed according to the guess, and searched in the deformed
+    picture around its guessed position.
     """
     f, g = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (reference, deformed))
     places, score = np.full((len(origin), 2), np.nan), np.full(len(origin), -1.0)
@@ -169,7 +171,7 @@ def _eight_bits(picture: Picture) -> NDArray[np.uint8]:
 
 
 def match_features(reference: Picture, deformed: Picture) -> tuple[FloatArray, FloatArray]:
-    """Places that look alike in two pictures (SIFT with Lowe's ratio test) [px], each of shape [m, 2]."""
+    """Matching features of two pictures (SIFT with Lowe's ratio test) [px], each of shape [m, 2]."""
     sift = cv2.SIFT.create(nfeatures=FEATURES)
     keys, descriptors = [], []
     for picture in (reference, deformed):
@@ -188,7 +190,7 @@ def match_features(reference: Picture, deformed: Picture) -> tuple[FloatArray, F
 def affine_consensus(
     places0: FloatArray, places1: FloatArray, origin: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Local affine motions that the matched features around points agree on (RANSAC)."""
+    """Local affine motions around points, fitted to the matched features (RANSAC)."""
     places = np.full((len(origin), 2), np.nan)
     F = np.full((len(origin), 2, 2), np.nan)
     if len(places0) < CONSENSUS:
@@ -207,9 +209,9 @@ def affine_consensus(
 
 
 NEIGHBOUR_COUNT = 8
-"""Neighbours looked for: those around a point of a square grid."""
+"""Number of neighbours: those around a point of a square grid."""
 REACH = 3.0
-"""A neighbour farther than this many times the median distance of the nearest one is none."""
+"""Largest distance of a neighbour, over the median distance of nearest neighbours [-]."""
 
 
 @dataclass(frozen=True)
@@ -217,15 +219,15 @@ class Neighbours:
     """The nearest points of every point in the material picture."""
 
     index: IntArray
-    """Rows of the neighbours, nearest first, shape [n, k]; where `exists` is False the point itself."""
+    """Rows of the neighbours, nearest first, shape [n, k]; the point itself where `exists` is False."""
     step: FloatArray
-    """From the neighbours to the point [px], shape [n, k, 2]."""
+    """Vectors from the neighbours to the point [px], shape [n, k, 2]."""
     exists: BoolArray
     """True where there is such a neighbour, shape [n, k]."""
 
     @cached_property
     def _across(self) -> FloatArray:
-        """The steps' x and y, each in one piece, shape [2, n, k]."""
+        """x and y components of the steps, each contiguous in memory, shape [2, n, k]."""
         return np.ascontiguousarray(np.moveaxis(self.step, -1, 0))
 
     @classmethod
@@ -237,7 +239,7 @@ class Neighbours:
             empty = np.zeros((n, 1), dtype=np.int64)
             return cls(empty, np.zeros((n, 1, 2)), np.zeros((n, 1), dtype=bool))
         distance, index = cKDTree(points).query(points, k=k + 1)
-        # a point that coincides with another need not be its own nearest one
+        # of coincident points, each may have the other as nearest point
         itself = index == np.arange(n)[:, None]
         itself[~itself.any(axis=1), -1] = True
         distance, index = distance[~itself].reshape(n, k), index[~itself].reshape(n, k)
@@ -246,14 +248,14 @@ class Neighbours:
         return cls(index, points[:, None, :] - points[index], close)
 
     def guesses(self, warp: FloatArray, rows: IntArray) -> FloatArray:
-        """The warps that the neighbours of points `rows` suggest for them, shape [len(rows), k, 12]."""
+        """Warps of points `rows`, extrapolated from each neighbour, shape [len(rows), k, 12]."""
         return neighbour_warp(warp[self.index[rows]], self.step[rows])
 
     def best(self, warp: FloatArray, zncc: FloatArray, usable: BoolArray, rows: IntArray) -> FloatArray:
-        """The warps that the neighbours with the best correlation suggest, shape [len(rows), 12].
+        """Warps extrapolated from the neighbours with the best correlation, shape [len(rows), 12].
 
         ``warp``: warps of all points, shape [n, 12]. ``zncc``: their correlations, shape [n]. ``usable``:
-        which of them have been found, shape [n]. ``rows``: points with at least one neighbour among those.
+        points that have been found, shape [n]. ``rows``: points with at least one usable neighbour.
         """
         index = self.index[rows]
         score = np.where(self.exists[rows] & usable[index], zncc[index], -np.inf)
@@ -268,14 +270,14 @@ class Neighbours:
     def votes(
         self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
     ) -> tuple[IntArray, IntArray]:
-        """Number of neighbours that agree with the places of points `rows`.
+        """Number of neighbours that agree with the positions of points `rows`.
 
-        ``warp``, ``usable``, ``rows``: as in `best`. ``gate``: largest distance [px]. Returns: neighbours
-        that agree, and neighbours that have been found, shape [len(rows)] each.
+        ``warp``, ``usable``, ``rows``: as in `best`. ``gate``: largest distance [px]. Returns: numbers of
+        neighbours that agree and of neighbours that have been found, shape [len(rows)] each.
         """
         index = self.index[rows]
         x, y = self._across[:, rows]
-        # column by column: half the time of rows of six numbers
+        # column by column: twice as fast as rows of six numbers
         shift, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
         u = near[0] + near[2] * x + near[3] * y - shift[:, :1]
         v = near[1] + near[4] * x + near[5] * y - shift[:, 1:]
@@ -284,42 +286,44 @@ class Neighbours:
         return np.count_nonzero(agree, axis=1), np.count_nonzero(counted, axis=1)
 
     def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
-        """Points that lie where two of their neighbours put them, shape [len(rows)].
+        """Points whose positions agree with at least two of their neighbours, shape [len(rows)].
 
-        Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
-        fewer than three neighbours found has nobody to contradict it and agrees. Parameters as in `votes`.
+        Two neighbours suffice, because at the border of two bodies most neighbours may belong to the other
+        body. A point with fewer than three neighbours found is not checked and agrees. Parameters as in
+        `votes`.
         """
         votes, voters = self.votes(warp, usable, rows, gate)
         return np.asarray((votes >= 2) | (voters < 3))
 
 
 TRIES = 4
-"""Frames in a row in which a point is searched for before it is left alone for a while."""
+"""Number of successive frames in which a lost point is searched before it is skipped."""
 EVERY = 8
-"""From then on it is searched for in each such frame only, or as soon as a neighbour has come back."""
+"""After that it is searched only in every n-th frame of this number, or as soon as a neighbour is found
+again."""
 
 
 class RetrySchedule:
-    """Schedule of retries of lost points: counts the frames for which each has been lost."""
+    """Schedule of searches for lost points; counts the frames since each point was lost."""
 
     def __init__(self, n: int) -> None:
         self.lost = np.zeros(n, dtype=np.int64)
-        """Frames with a picture since the point was found last, shape [n]."""
+        """Number of frames with a picture since the point was last found, shape [n]."""
 
     @property
     def skipped(self) -> BoolArray:
-        """Points that the next frame does not try, shape [n]."""
+        """Points that are not searched in the next frame, shape [n]."""
         return np.asarray((self.lost >= TRIES) & (self.lost % EVERY != 0))
 
     def add(self, valid: BoolArray, neighbours: Neighbours) -> None:
-        """Take in which points a frame found, shape [n]."""
+        """Update the counts with the points found in a frame, shape [n]."""
         back = valid & (self.lost > 0)
         self.lost = np.where(valid, 0, self.lost + 1)
         self.lost[~valid & neighbours.any(back)] = 0
 
 
 SEEDS = 40
-"""Points searched for when a frame is started from nothing."""
+"""Number of points that are searched when a frame has no usable guesses."""
 
 
 @dataclass
@@ -327,28 +331,28 @@ class FrameMatch:
     """State of the match of n points in one frame."""
 
     picture: Picture
-    """As recorded, shape [rows, columns]."""
+    """The picture as recorded, shape [rows, columns]."""
     stack: PictureStack
-    """The same, prepared."""
+    """The prepared picture."""
     matcher: Matcher
     neighbours: Neighbours
     settings: Tracking
     guess: FloatArray
-    """Total warps expected, shape [n, 12]."""
+    """Predicted total warps, shape [n, 12]."""
     warp: FloatArray
-    """Total warps found, or the latest iterate, shape [n, 12]."""
+    """Total warps found, or the last iterate, shape [n, 12]."""
     template: Template
     """References of the points."""
     covariance: FloatArray
-    """Of the last match alone [px²], shape [n, 2, 2]."""
+    """Covariance of the last match only [px²], shape [n, 2, 2]."""
     zncc: FloatArray
     """Correlations, shape [n]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
     skipped: BoolArray
-    """Lost points that this frame leaves alone (`dic.tracking.frame_match`), shape [n]."""
+    """Lost points that are not searched in this frame (`RetrySchedule`), shape [n]."""
     propagated: FloatArray
-    """The guess that each point was handed last by a neighbour; NaN: none yet, shape [n, 12]."""
+    """The last guess of each point from a neighbour, shape [n, 12]; NaN: none yet."""
 
     @classmethod
     def begin(
@@ -363,9 +367,9 @@ class FrameMatch:
         skipped: BoolArray,
         before: IntArray,
     ) -> "FrameMatch":
-        """Match the points with a guess (`predicted`, shape [n]), then all that these lead to.
+        """Match the points with a guess (`predicted`, shape [n]), then their neighbours by propagation.
 
-        Points `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
+        Points in `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
         """
         n = len(guess)
         match = cls(
@@ -394,7 +398,7 @@ class FrameMatch:
     def attempt(self, rows: IntArray, guess: FloatArray, template: Template | None = None) -> IntArray:
         """Match points `rows` from these guesses, shape [len(rows), 12]; returns the rows that were found.
 
-        What is found but lies where the neighbours do not expect it is LOW_CORRELATION.
+        A point whose position contradicts its neighbours ends as LOW_CORRELATION.
         """
         if len(rows) == 0:
             return rows
@@ -414,9 +418,8 @@ class FrameMatch:
     def propagate(self) -> None:
         """Propagate the warps of found points to their neighbours, round by round (reliability-guided).
 
-        The neighbour with the best correlation gives the guess. A round takes all points at the front at
-        once, and a point is tried again only when one of its neighbours has been found since and has another
-        guess than the last.
+        The neighbour with the best correlation gives the guess. A round matches all points at the front at
+        once. A point is tried again only if a neighbour found since then gives a different guess.
         """
         fresh = self.valid
         while True:
@@ -434,7 +437,7 @@ class FrameMatch:
     def confirm(self) -> None:
         """Reject points that neither their neighbours nor their prediction confirm.
 
-        In a picture of another scene single subsets find something alike; they lie where nobody expects them.
+        In a picture of another scene a few subsets may correlate by chance, but at unexpected positions.
         """
         valid = np.flatnonzero(self.valid)
         gate = self.settings.neighbour_gate
@@ -445,7 +448,7 @@ class FrameMatch:
         self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
 
     def seed(self) -> None:
-        """Search for some of the points far from where they were expected, by features and by windows."""
+        """Search some of the points far from their predicted positions, by features and by windows."""
         references = self.matcher.references
         failed = np.flatnonzero(~self.valid)
         rows = spread(self.matcher.points, failed, SEEDS)

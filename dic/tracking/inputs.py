@@ -28,22 +28,22 @@ class Tracking:
     correlation: Correlation = field(default_factory=Correlation)
     """Settings of the match of one subset."""
     update_stretch: float = 1.5
-    """A point whose subset has been stretched or flattened by this factor since its reference takes the
-    picture at hand as the new one; above 1."""
+    """A point gets the current picture as its new reference when its subset has been stretched or flattened
+    by this factor since the last reference; above 1."""
     update_zncc: float = 0.9
-    """A point whose correlation stays below this in two successive frames takes a new reference too."""
+    """A point also gets a new reference when its correlation is below this value in two successive frames."""
     growth: float = 1.0
-    """A subset that is flattened in the picture may grow in the material by up to this factor, at changes of
-    reference, so that its shortest side in the picture stays what it was; 1: it keeps its material."""
+    """Largest growth of a flattened subset in the material picture. It grows at changes of reference, so that
+    its shortest side in the current picture is kept. 1: no growth."""
     return_every: int = 5
-    """Frames between attempts to go back to an earlier reference that fits again; 0: never."""
+    """Number of frames between attempts to return to an earlier reference; 0: never."""
     search: int = 24
-    """Range about its guess in which a point is searched for by cross-correlation when all else fails, half
-    the width of the search window [px]; 0: no search."""
+    """Half width of the window around its guess in which a point is searched by cross-correlation, if all
+    other guesses fail [px]; 0: no search."""
     neighbour_gate: float = 1.0
-    """A point lies within this distance of where at least two of its neighbours put it [px]."""
+    """Largest distance of a point from the position predicted by at least two of its neighbours [px]."""
     least_valid: float = 0.2
-    """A frame in which a smaller share of the points is found is searched anew with seeds."""
+    """A frame in which a smaller share of the points is found is searched again with seeds."""
 
     def __post_init__(self) -> None:
         checks = (
@@ -62,44 +62,44 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Track:
-    """Subsets followed through a series, material picture and points fixed for the whole of it."""
+    """Subsets tracked through a series; material picture and points are the same in all frames."""
 
     points: FloatArray
-    """Places in the material picture (x, y) [px], shape [n_points, 2]."""
+    """Positions in the material picture (x, y) [px], shape [n_points, 2]."""
     warp: FloatArray
     """Total warps, shape [n_frames, n_points, 12]; meaningful where the outcome is VALID."""
     covariance: FloatArray
-    """Of the position, noise of the match and of all reference updates before it [px²],
-    shape [n_frames, n_points, 2, 2]."""
+    """Covariance of the position: noise of the match and of all earlier reference updates [px²], shape
+    [n_frames, n_points, 2, 2]."""
     zncc: FloatArray
     """Correlation with the reference used, shape [n_frames, n_points]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
     reference: IntArray
-    """Frame whose picture served as the reference, shape [n_frames, n_points]."""
+    """Frame whose picture was the reference, shape [n_frames, n_points]."""
     frame_outcome: IntArray | None = None
-    """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if nobody judged them."""
+    """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if they were not checked."""
     excess: FloatArray | None = None
-    """Variance of the residual beyond that of the noise, over the latter, the largest of all matches from the
-    material picture on through the references used [-], shape [n_frames, n_points]; NaN where not found, None
-    if nobody asked."""
+    """Excess of the residual's variance over that of the noise, relative to the noise; the largest one of all
+    matches in the chain of references from the material picture [-], shape [n_frames, n_points]; NaN where
+    not found, None if not computed."""
     root: FloatArray | None = None
-    """Covariance that the noise of the first reference alone gives the places, in the material picture [px²],
-    shape [n_points, 2, 2]; NaN where it has no template, None where it is not known."""
+    """Covariance of the positions due to the noise of the first reference only, in the material picture
+    [px²], shape [n_points, 2, 2]; NaN for points without a template, None if not known."""
 
 
 Picture = NDArray[Any]
 Series = Pictures | Sequence[Picture] | Picture
-"""A series of pictures: of a file, or arrays [rows, columns] in memory."""
+"""A series of pictures: from a file, or arrays [rows, columns] in memory."""
 
 CONTRAST = 0.1
 """A picture with less than this share of the material picture's contrast is black."""
 ROUGHNESS = 0.8
-"""Noise alone has neighbouring pixels that differ as much as any two: this share of it is noise."""
+"""In pure noise neighbouring pixels differ as much as distant ones; a picture above this ratio is noise."""
 THINNED = 4
-"""Every this many rows and columns are enough to see whether neighbours differ."""
+"""Stride of rows and columns in the comparison of neighbouring pixels."""
 CLIPPED = 0.5
-"""Share of the pixels at the largest grey value from which a picture is saturated."""
+"""A picture is saturated if at least this share of its pixels has the largest grey value."""
 
 
 def count(pictures: Series) -> int:
@@ -109,9 +109,9 @@ def count(pictures: Series) -> int:
 
 def read(pictures: Series, index: int) -> Picture | None:
     """One frame, shape [rows, columns]; None if it cannot be read."""
-    frame = getattr(pictures, "frame", None)  # whether it has all of `Pictures` takes longer than to read it
+    frame = getattr(pictures, "frame", None)  # faster than isinstance with a protocol
     if frame is None:
-        return np.asarray(pictures[index])  # type: ignore[index]  # no series of a file
+        return np.asarray(pictures[index])  # type: ignore[index]  # arrays in memory
     try:
         return np.asarray(frame(index))
     except (PictureError, OSError):
@@ -135,11 +135,11 @@ class Scene:
 
     @classmethod
     def of(cls, picture: Picture) -> "Scene":
-        """That of a picture, shape [rows, columns]."""
+        """Mean and contrast of a picture, shape [rows, columns]."""
         return cls(*_mean_and_spread(np.asarray(picture, dtype=np.float32)))
 
     def judge(self, picture: Picture | None) -> FrameOutcome:
-        """Outcome of a picture: whether it shows a scene.
+        """Outcome of a picture: whether it shows the specimen.
 
         A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and
         that lies above the mean of the material picture. It is black if its contrast is below a tenth of the
@@ -172,24 +172,25 @@ class Block:
     """Some frames, read and prepared."""
 
     pictures: dict[int, Picture | None]
-    """By frame; None: it cannot be read."""
+    """Pictures by frame; None: unreadable."""
     stack: PictureStack | None
-    """Those that can be prepared."""
+    """The prepared pictures."""
     place: dict[int, int]
-    """Where in the stack a frame is."""
+    """Index in the stack by frame."""
 
 
 class FramesAhead:
-    """Frames of a series, read and prepared when they are asked for, or a block of them ahead.
+    """Frames of a series, read and prepared on request or one block in advance.
 
-    On a GPU the pictures of a block are sent and filtered in one go, and the next block is read, decoded and
-    sent by a thread while the frames of this one are searched. On a CPU the thread would only take the cores
-    that search.
+    On a GPU the pictures of a block are sent and filtered together, and a thread reads, decodes and sends the
+    next block while the frames of this one are searched. On a CPU the thread would only compete with the
+    search for cores.
 
     ``pictures``: the series. ``noise``: standard deviation of a grey value, or `dic.correlation.Noise`
-    [grey]. ``prefilter``: standard deviation of the Gaussian before the match [px]. ``device``: where the
-    matches are computed. ``border``: outermost pixels that are left out of what is prepared. ``together``:
-    size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU, else 0.
+    [grey]. ``prefilter``: standard deviation of the Gaussian before the match [px]. ``device``: device on
+    which the matches are computed. ``border``: width of the border that is cut off before the preparation
+    [px]. ``together``: size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU,
+    else 0.
     """
 
     def __init__(
@@ -212,13 +213,13 @@ class FramesAhead:
         self._worker = ThreadPoolExecutor(1) if self.together else None
 
     def expect(self, frames: Sequence[int]) -> None:
-        """Have these frames read ahead, which will be asked for in this order."""
+        """Announce the frames that will be requested, in this order, to read them ahead."""
         if self._worker is not None:
             self._to_come = list(frames)
             self._begin()
 
     def close(self) -> None:
-        """Read no more frames ahead."""
+        """Stop reading frames ahead."""
         if self._worker is not None:
             self._worker.shutdown(cancel_futures=True)
 
@@ -232,7 +233,7 @@ class FramesAhead:
         return read(self.pictures, frame)
 
     def prepared(self, frame: int, picture: Picture) -> PictureStack:
-        """A frame that was `read`, prepared.
+        """Prepare a frame that was returned by `read`.
 
         Raises ValueError as `PictureStack.prepare`.
         """
@@ -256,7 +257,7 @@ class FramesAhead:
 
     def _read_block(self, frames: list[int], shape: tuple[int, ...]) -> Block:
         pictures = {frame: read(self.pictures, frame) for frame in frames}
-        # whatever else is prepared, or refused, when it is asked for
+        # all others are prepared, or rejected, on request
         fit = [
             frame
             for frame, picture in pictures.items()

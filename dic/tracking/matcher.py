@@ -1,14 +1,15 @@
-"""Matches of one frame, each point with its own reference, and their uncertainty.
+"""Matches of one frame, with a separate reference for each point, and their uncertainty.
 
-A point's references form a chain from the material picture. The noise of a reference in the middle enters the
-matches before and after it with opposite signs, so that to first order the chain has the error of one match::
+A point's references form a chain from the material picture. The noise of an intermediate reference enters the
+matches before and after it with opposite signs. To first order the chain therefore has the error of a single
+match::
 
     Σ ∇T_A (T_A − T_B) = 0  and  Σ ∇T_B (T_B − T_C) = 0   give   Σ ∇T (T_A − T_C) ≈ 0
 
-Carried along is the covariance from the root's template, mapped by the deformation; added is that of the
-picture searched in. Where speckles are flattened to a pixel the residual e beyond the noise counts: the
-covariance grows by ``1 + κ e``, κ = `ALONG` in the flattened direction and `ACROSS` at right angles, both
-from `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
+The covariance from the root's template is carried along the chain, mapped by the deformation; that of the
+searched picture is added. Where speckles are flattened to about a pixel, the excess residual e matters: the
+covariance grows by ``1 + κ e``, κ = `ALONG` in the flattened direction and `ACROSS` at right angles; both
+equal `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -21,7 +22,7 @@ from dic.correlation.subsets import Correlation, apply, gradient
 from dic.tracking.inputs import Picture
 
 DEPTH = 8
-"""References kept of a point: the root and the latest ones."""
+"""Largest number of references stored per point: the root and the latest ones."""
 
 
 def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
@@ -55,29 +56,29 @@ def stretch(F: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Template:
-    """References of points: pictures by frame, and the points' places in them."""
+    """References of points: frames of the pictures, and the points' positions in them."""
 
     frame: IntArray
     """Frames of the references, shape [m]."""
     warp: FloatArray
-    """Total warps there, shape [m, 12]."""
+    """Total warps in the references, shape [m, 12]."""
     before: FloatArray
-    """Covariance that the chain of references carries [px²], shape [m, 2, 2]."""
+    """Covariance of the chain of references [px²], shape [m, 2, 2]."""
     root: BoolArray
     """True if the reference is the root of its chain, shape [m]."""
     subset: IntArray
     """Side of the subset in the material picture [px], shape [m]."""
     variance: FloatArray
-    """Of the grey values around the points in their references [grey²], shape [m]."""
+    """Variance of the grey values around the points in their references [grey²], shape [m]."""
     excess: FloatArray
     """Largest excess of the residuals of the matches that led to the references [-], shape [m]."""
 
     def take(self, rows: IntArray) -> "Template":
-        """Those of some points."""
+        """References of the points `rows`."""
         return Template(*[getattr(self, name)[rows] for name in NAMES])
 
     def put(self, rows: IntArray, source: "Template") -> None:
-        """Overwrite those of points `rows` in place."""
+        """Overwrite the references of points `rows` in place."""
         for name in NAMES:
             getattr(self, name)[rows] = getattr(source, name)
 
@@ -87,13 +88,13 @@ NAMES = tuple(field.name for field in fields(Template))
 
 
 class References:
-    """The chains of n points and the pictures that they use."""
+    """The chains of references of n points, and the pictures that they use."""
 
     def __init__(self, n: int, templates: Templates | None = None) -> None:
         self.templates = templates
-        """Templates of the points in their current references, if they are kept."""
+        """Templates of the points in their current references, if they are stored."""
         self.level = np.zeros(n, dtype=np.int64)
-        """Place of the current reference in the chain, 0 the root, shape [n]."""
+        """Index of the current reference in the chain (0: the root), shape [n]."""
         self._chain = Template(
             np.zeros((DEPTH, n), dtype=np.int64),
             np.zeros((DEPTH, n, 12)),
@@ -109,12 +110,12 @@ class References:
         """Pictures by frame, as recorded."""
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
-        """Keep a picture that points may take as their reference."""
+        """Store a picture that points may use as their reference."""
         self._stacks[frame], self.pictures[frame] = stack, picture
         self._forget(frame)
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
-        """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
+        """A stack with the pictures of these frames, and their indices in it, shape of `frames`."""
         frame_set = set(frames.tolist())
         if self._joined is None or not frame_set <= set(self._joined[1].tolist()):
             available = sorted(self._stacks)  # all: it serves until a point takes a later one
@@ -126,12 +127,12 @@ class References:
         return stack, np.searchsorted(kept_frames, frames)
 
     def _forget(self, frame: int) -> None:
-        """Let go of the joined stack if it has this frame."""
+        """Discard the joined stack if it contains this frame."""
         if self._joined is not None and frame in self._joined[1]:
             self._joined = None
 
     def start(self, template: Template) -> None:
-        """Give all points the root of their chains."""
+        """Set the root of all points' chains."""
         self.restart()
         for name in NAMES:
             getattr(self._chain, name)[0] = getattr(template, name)
@@ -151,7 +152,7 @@ class References:
         return Template(*[getattr(self._chain, name)[level, rows] for name in NAMES])
 
     def renew(self, rows: IntArray, template: Template) -> None:
-        """Give points `rows` new references; the oldest but the root is forgotten in a full chain."""
+        """Give points `rows` new references; in a full chain the oldest one after the root is dropped."""
         full = rows[self.level[rows] == DEPTH - 1]
         self.level[full] -= 1
         self.level[rows] += 1
@@ -162,12 +163,12 @@ class References:
             chain[self.level[rows], rows] = getattr(template, name)
 
     def go_back(self, rows: IntArray) -> None:
-        """Return points `rows` to the reference before."""
+        """Return points `rows` to their previous reference."""
         self.level[rows] -= 1
         self._changed(rows)
 
     def tidy(self, keep: int) -> None:
-        """Let go of the pictures that no chain uses any more, other than frame `keep`."""
+        """Discard the pictures that no chain uses, except frame `keep`."""
         used = {keep, *self._in_use()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
@@ -178,15 +179,15 @@ class References:
 
 
 ALONG = 6.0
-"""κ in the direction of the smallest principal stretch, where that is half or less."""
+"""κ in the direction of the smallest principal stretch, if that is one half or less."""
 ACROSS = 1.0
-"""κ in the direction of the largest one, there."""
+"""κ in the direction of the largest principal stretch, in the same case."""
 EVEN = 0.5
 """κ in both directions of a subset that is not flattened (`populations.dic_sigmas`, scenes "chosen")."""
 
 
 def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArray:
-    """Variance of the grey values in squares around places [grey²], shape [n]."""
+    """Variance of the grey values in squares around positions [grey²], shape [n]."""
     grey = np.asarray(picture, dtype=np.float64)
     grey = grey - grey.mean()
     mean, square = (cv2.boxFilter(values, -1, (side, side)) for values in (grey, grey * grey))
@@ -196,10 +197,10 @@ def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArra
 
 
 def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) -> FloatArray:
-    """Excess of the residual's variance over that of the noise, over the latter [-], shape [n].
+    """Excess of the residual's variance over that of the noise, relative to the noise [-], shape [n].
 
-    ``zncc``: correlations, shape [n]. ``variance``: of the templates' grey values [grey²], shape [n].
-    ``noise``: of the pictures. ``grey``: mean grey value [grey].
+    ``zncc``: correlations, shape [n]. ``variance``: variance of the templates' grey values [grey²], shape
+    [n]. ``noise``: noise of the pictures. ``grey``: mean grey value [grey].
     """
     expected = noise.floor**2 + noise.gain * grey
     if expected <= 0.0:
@@ -208,12 +209,12 @@ def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) ->
 
 
 def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArray:
-    """Covariances with the share that an excess residual adds [px²], shape [n, 2, 2].
+    """Covariances, enlarged for the excess of the residuals [px²], shape [n, 2, 2].
 
-    ``covariance``: of matches, scaled by 1 + e [px²], shape [n, 2, 2]. ``F``: deformation gradients from the
-    material picture, shape [n, 2, 2]. ``by``: excess of the residuals, shape [n].
+    ``covariance``: covariance of matches, scaled by 1 + e [px²], shape [n, 2, 2]. ``F``: deformation
+    gradients from the material picture, shape [n, 2, 2]. ``by``: excess of the residuals, shape [n].
     """
-    # the principal directions as the picture shows them are those of F Fᵀ
+    # the principal directions in the current picture are those of F Fᵀ
     B = F @ np.swapaxes(F, -1, -2)
     largest = 0.5 * np.arctan2(2.0 * B[:, 0, 1], B[:, 0, 0] - B[:, 1, 1])
     flat = np.clip(1.0 / np.maximum(principal(F)[1], 1e-6) - 1.0, 0.0, 1.0)
@@ -228,8 +229,9 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
 
 
 RESIDUE = 2.0
-"""Share of a match's own variance that a change of reference leaves in the chain, over the variance of the
-match in the material times its samples; measured (verification page of the tracking)."""
+"""Empirical factor of the variance that a change of reference leaves in the chain: share of the match's
+variance, over the variance of the match in the material times its samples (verification page of the
+tracking)."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +239,7 @@ class Matcher:
     """Matches points of one series against their references."""
 
     points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
+    """Positions in the material picture [px], shape [n, 2]."""
     settings: Correlation
     references: References
     mask: BoolArray | None
@@ -279,10 +281,10 @@ class Matcher:
         *,
         current: bool = False,
     ) -> Match:
-        """Find points `rows` in a picture.
+        """Match points `rows` in a picture.
 
         ``rows``: points, shape [m]. ``guess``: total warps to start from, shape [m, 12]. ``current``: whether
-        those are the ones that the points have now, whose templates are kept.
+        the references are the points' current ones, whose templates are stored.
         """
         stack, picture = self.references.prepared(template.frame)
 
@@ -316,10 +318,10 @@ class Matcher:
 
 
 def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shares of a match's covariance that come from the template and from the picture searched in, [n] each.
+    """Shares of a match's covariance due to the template and due to the searched picture, [n] each.
 
-    Samples that lie closer than a pixel share its noise, so that the noise of a picture weighs with the
-    number of samples per pixel, 1 / det F, where the subset is flattened in it.
+    Samples closer than a pixel share its noise. Where the subset is flattened in a picture, the noise of that
+    picture is therefore weighted with the number of samples per pixel, 1 / det F.
     """
     template = 1.0 / np.minimum(np.abs(determinant(gradient(reference_warp))), 1.0)
     searched = 1.0 / np.minimum(np.abs(determinant(gradient(warp))), 1.0)
@@ -328,22 +330,23 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
 
 
 def in_material(covariance: FloatArray, warp: FloatArray) -> FloatArray:
-    """Covariances of places in a picture as such of the places in the material picture [px²], [n, 2, 2]."""
+    """Covariances of positions in a picture, mapped to the material picture [px²], [n, 2, 2]."""
     back = np.linalg.inv(gradient(warp))
     return np.asarray(back @ covariance @ np.swapaxes(back, -1, -2))
 
 
 def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArray) -> FloatArray:
-    """Covariance that a track carries which begins where another match ended [px²], shape [n, 2, 2].
+    """Initial covariance of a track that begins with the result of another match [px²], shape [n, 2, 2].
 
-    The match that led to the first picture had the noise of its own template and of that picture. The track
-    takes the picture's back, for it begins with a template of the same samples: wholly, if its shape function
-    is the match's. If one is of higher order, the lower one is the better estimate from the same samples,
-    whose errors have its own variance for their covariance with any other's (Gauss and Markov); so the
-    difference of the two variances remains.
+    The match that led to the first picture has the noise of its template and of that picture. The picture's
+    part cancels, because the track begins with a template of the same samples. It cancels completely if both
+    shape functions are equal. If one is of higher order, the other one is the better estimate from the same
+    samples: its variance equals its covariance with any other estimate (Gauss and Markov). The difference of
+    the two variances then remains.
 
-    ``start``: of the match [px²], shape [n, 2, 2]. ``template``: what that picture's noise gives as the
-    template of the track [px²], shape [n, 2, 2]. ``warp``: total warps of the match, shape [n, 12].
+    ``start``: covariance of the match [px²], shape [n, 2, 2]. ``template``: covariance due to that picture's
+    noise, as the template of the track [px²], shape [n, 2, 2]. ``warp``: total warps of the match, shape [n,
+    12].
     """
     reference_share, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
     size, axes = np.linalg.eigh(searched * start - template)
@@ -354,18 +357,18 @@ def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArr
 def compose(
     match_covariance: FloatArray, warp: FloatArray, template: Template, beyond: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance of places found through a chain of references (`dic.tracking.matcher`).
+    """Covariance of positions found through a chain of references (`dic.tracking.matcher`).
 
-    ``match_covariance``: of the last match alone [px²], shape [n, 2, 2]. ``warp``: total warps found, shape
-    [n, 12]. ``beyond``: excess of the residuals, shape [n]. Returns: the covariance of the places, and what a
-    chain that takes this match as its next reference carries [px²], each of shape [n, 2, 2].
+    ``match_covariance``: covariance of the last match only [px²], shape [n, 2, 2]. ``warp``: total warps
+    found, shape [n, 12]. ``beyond``: excess of the residuals, shape [n]. Returns: the covariance of the
+    positions, and that of a chain with this match as its next reference [px²], each of shape [n, 2, 2].
     """
     reference, searched = shares(warp, template.warp)
     F = relative(warp, template.warp)
     added = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
     reference_share = np.where(template.root, reference, 0.0)
     before = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * reference_share[:, None, None]
-    # variance of a place times samples, in the material: twice the noise over the gradients' mean square
+    # variance of a position times samples, in the material: twice the noise over the mean square gradient
     area = np.maximum(np.abs(determinant(gradient(warp))), 1e-12)
     rough = template.subset**2 * np.sqrt(np.maximum(determinant(match_covariance), 0.0)) / area
     carried = before + np.minimum(RESIDUE * rough, 1.0)[:, None, None] * added

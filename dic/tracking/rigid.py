@@ -14,22 +14,22 @@ from dic.tracking import Track
 from dic.tracking.inputs import FramesAhead
 
 APART = 0.5
-"""Distance from the place that the body's motion gives it which a point is allowed beside its noise [px]."""
+"""Allowed distance of a point from its position by the body's motion, in addition to noise [px]."""
 SIGMAS = 6.0
-"""And in standard deviations of its match [-]."""
+"""Allowed distance due to noise, in standard deviations of the point's match [-]."""
 FEWEST = 5
-"""Points that must agree on a motion; fewer may do so by chance."""
+"""Fewest points that must agree on a motion; fewer may agree by chance."""
 BORDER = 1
-"""Outermost pixels that are not matched: what filtered a picture did it there from one side only. A first row
-that is off by a tenth of a pixel moves a subset of which five rows are in view by a fiftieth."""
+"""Width of the border that is not matched [px], because the camera's filters are one-sided there. A first row
+that is shifted by a tenth of a pixel shifts a subset with five visible rows by a fiftieth."""
 UNLIKE, TIMES = 0.1, 6.0
-"""Least 1 - ZNCC at which points that agree are taken for another body, and in medians of those of the frames
-before [-]. A rigid body keeps its paint, and what noise takes from the correlation it takes in all frames;
-printed dots a few steps of their lattice away correlate by three quarters."""
+"""Smallest 1 - ZNCC at which points that agree are taken for another body, absolute and relative to the
+median of the previous frames [-]. A rigid body keeps its paint, and noise reduces the correlation equally in
+all frames. Printed dots that are displaced by a few steps of their lattice correlate by three quarters."""
 SEARCHED = (1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
-"""Steps along each axis that are tried when the prediction finds too few [px]."""
+"""Steps along each axis that are tried if too few points are found at the prediction [px]."""
 MOST_TOGETHER = 4096
-"""Points that are matched in one launch from several of these places."""
+"""Largest number of points that are matched in one launch from several start positions."""
 
 
 def track_rigid(
@@ -46,18 +46,19 @@ def track_rigid(
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> Track:
-    """Follow a body that translates, from one picture forward to the end and back to the beginning.
+    """Track a translating body from one picture forward to the end and back to the beginning.
 
-    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim
-    of a picture is matched by the part inside, `Correlation.least_pixels` of it at least; the outermost
-    pixels are left out.
+    The reference is always the picture of frame `first`, so there is no drift. A subset that extends past the
+    border of a picture is matched by its visible part, if this is at least `Correlation.least_pixels`. The
+    outermost pixels are not used.
 
-    ``points``: places in the material picture (x, y) [px], shape [n_points, 2]. ``settings``: how a subset is
-    matched; its shape function is taken as RIGID. ``mask``: pixels of the body in the material picture, shape
-    [rows, columns]. ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is
-    the material picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2,
-    2]. ``first``: frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures,
-    shape [n_frames]. Raises PictureError if the picture of frame `first` cannot be read.
+    ``points``: positions in the material picture (x, y) [px], shape [n_points, 2]. ``settings``: settings of
+    the match; the shape function is replaced by RIGID. ``mask``: pixels of the body in the material picture,
+    shape [rows, columns]. ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None:
+    that frame is the material picture. ``start_covariance``: covariance of the positions given by `start`
+    [px²], shape [n_points, 2, 2]. ``first``: frame in which the points are known. ``frame_outcome``:
+    `FrameOutcome` of the pictures, shape [n_frames]. Raises PictureError if the picture of frame `first`
+    cannot be read.
     """
     n_frames, n = len(frame_outcome), len(points)
     root = identity(n) if start is None else np.asarray(start, dtype=np.float64)
@@ -106,12 +107,12 @@ def track_rigid(
 
 
 def most_unlike(before: Sequence[float]) -> float:
-    """Largest median of 1 - ZNCC with which points show the same body [-]."""
+    """Largest median of 1 - ZNCC at which points are taken for the same body [-]."""
     return max(UNLIKE, TIMES * float(np.median(before))) if before else 1.0
 
 
 def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:
-    """The body's motion since the reference at constant velocity [px], shape [2]."""
+    """The body's displacement from the reference, predicted at constant velocity [px], shape [2]."""
     last, move = history[-1]
     if len(history) < 2:
         return move
@@ -133,11 +134,12 @@ def _step(
     predicted: FloatArray,
     most: float,
 ) -> FloatArray | None:
-    """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
+    """Match the points in one frame; returns the body's displacement from the reference [px], None if no
+    motion is found."""
     displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, current, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
-        if k == 1:  # the prediction failed: all other places at once
+        if k == 1:  # the prediction failed: try all other steps at once
             matches = _matches(stack, current, points, root, displaced, settings, mask, templates)
         for match in matches[2 * k - 2 : 2 * k] if k else matches:
             fine = match.outcome == PointOutcome.VALID
@@ -173,13 +175,13 @@ def _matches(
     mask: BoolArray | None,
     templates: Templates | None,
 ) -> list[Match]:
-    """The match that begins with each of some motions of the body [px], in as few launches as may be."""
+    """Matches that start from several motions of the body [px], in as few launches as possible."""
     guesses, rows = [], []
     for move in moves:
         guess = root.copy()
         guess[:, :2] += move
         guesses.append(guess)
-        # in most frames of a body that is still to come, no point is in view
+        # before the body enters the picture, no point is in view
         rows.append(np.flatnonzero(_in_view(points, guess, current.shape, settings)))
     matches = [_out_of_view(guess) for guess in guesses]
     each = max(1, MOST_TOGETHER // len(points))
@@ -191,7 +193,7 @@ def _matches(
         part = correlate(
             stack, current, points[of], np.concatenate([guesses[k][rows[k]] for k in some]), settings,
             reference_warp=root[of], mask=mask, templates=templates, template_rows=of,
-            threads=None if len(some) == 1 else 1,  # two that fill the template of one point would collide
+            threads=None if len(some) == 1 else 1,  # two threads may not fill the template of one point
         )  # fmt: skip
         ends = np.cumsum([0, *(rows[k].size for k in some)])
         for k, begin, end in zip(some, ends[:-1], ends[1:], strict=True):
@@ -203,7 +205,7 @@ def _matches(
 def _in_view(
     points: FloatArray, warp: FloatArray, shape: tuple[int, int], settings: Correlation
 ) -> BoolArray:
-    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n]."""
+    """Points whose warped subsets lie sufficiently within a picture of this shape, [n]."""
     half = 0.5 * settings.subset
     bend = np.abs(warp[:, 6:].reshape(-1, 2, 3)) @ np.array([0.5, 1.0, 0.5])
     share = max(1.0 - 2.0 * settings.least_pixels, 0.0)
@@ -213,7 +215,7 @@ def _in_view(
 
 
 def _out_of_view(guess: FloatArray) -> Match:
-    """Match of these warps where no subset reaches into the picture."""
+    """Result for warps with which no subset lies in the picture."""
     n = len(guess)
     return Match(
         warp=guess,

@@ -1,1 +1,2 @@
-"""Pictures of a shot: opened, calibrated, correlated, kept in dic.h5; frames, regions drawn by hand."""
+"""Pictures of a shot: reading, calibration, correlation, storage in dic.h5, frame times, regions drawn by
+hand."""

@@ -1,4 +1,4 @@
-"""Calibration of the cameras from pictures of a target: declared target, solution, tables and JSON."""
+"""Calibration of the cameras from pictures of a target: declared target, solution, tables and JSON output."""
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
@@ -30,13 +30,13 @@ EXAMPLES = {
     "size": '"1 mm"',
     "marker": '"3 mm"',
 }
-"""Values of [calibration.target] that a target needs, as a shot file has them."""
+"""Keys of [calibration.target] that each kind of target needs, as in a shot file."""
 
 
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
-    """The target that a file describes, as camera 0 and as camera 1 is to look for it.
+    """The target described in a file, for the detection by camera 0 and by camera 1.
 
-    Raises InputError if its kind is unknown, a dimension is missing, has no effect or is impossible.
+    Raises InputError if its kind is unknown, or a dimension is missing, has no effect or is impossible.
     """
     from dic.calibration.targets import TARGETS
 
@@ -89,18 +89,17 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
 
 Progress = Callable[[str, int, int], None]
 LARGEST_RMS = 1.0
-"""Largest residual of a calibration that is used [px]: a blurred target leaves a tenth of it."""
+"""Largest accepted residual of a calibration [px]; even a blurred target gives only a tenth of it."""
 
 
 def calibration_of(
     toml: TomlFile, section: CalibrationSection, progress: Progress, *, predict: bool = True
 ) -> "Calibration":
-    """The calibration from the pictures that a file names.
+    """The calibration from the pictures named in a file.
 
-    ``toml``, ``section``: the file and its table. ``progress``: told of the pictures done. ``predict``: as of
-    `dic.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
-    cannot be read or do not go together, the target is impossible, or what is seen of it does not determine
-    the cameras.
+    ``toml``, ``section``: the file and its table. ``progress``: called with the pictures done. ``predict``:
+    as for `dic.calibrate`; False if only the cameras are needed. Raises InputError if the pictures cannot be
+    read or do not match, the target is impossible, or its points do not determine the cameras.
     """
     with calibration_in_background(toml, section, predict=predict) as solved:
         return solved(progress)
@@ -110,9 +109,9 @@ def calibration_of(
 def calibration_in_background(
     toml: TomlFile, section: CalibrationSection, *, predict: bool = True
 ) -> "Iterator[Callable[[Progress], Calibration]]":
-    """Begin to look for the target, as `calibrated_beside`, for pictures of the whole sensors.
+    """Start the detection of the target in the background, for pictures of the whole sensors.
 
-    Yields: gives what `calibration_of` gives, and raises what that raises.
+    Yields: a function that returns the result of `calibration_of`, or raises its errors.
     """
     from dic.calibration.views import detect_in_background
 
@@ -151,7 +150,7 @@ def _solve(
     names: list[str],
     predict: bool,
 ) -> "Calibration":
-    """The calibration from what was seen of the target."""
+    """The calibration from the detected points of the target."""
     from dic.calibration.bundle import Undetermined
     from dic.calibration.refine import find_order
     from dic.calibration.solve import calibrate
@@ -200,7 +199,7 @@ def _solve(
 
 
 def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
-    """Which pictures have no partner, if that says more than the spans do."""
+    """Pictures without a partner, in words, if this is more informative than the ranges of numbers."""
     said = [
         f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
         + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
@@ -211,7 +210,7 @@ def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
 
 
 def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
-    """Refuse a series whose first picture, which gives its size, is of another size than most others."""
+    """Reject a series whose first picture, which defines the size, differs in size from most others."""
     for name, pictures, own in zip(CAMERAS, series, views, strict=True):
         other = sum(isinstance(view, PictureSizeError) for view in own)
         same = sum(not isinstance(view, PictureError) for view in own)
@@ -243,7 +242,7 @@ def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
 
 
 CALIBRATION_FILE_NAMES = ("calibration.toml", "shot.toml")
-"""Files that are looked for in a folder, in this order."""
+"""Names of the files that are searched in a folder, in this order."""
 
 
 class CalibrationFile(Section):
@@ -253,10 +252,10 @@ class CalibrationFile(Section):
 
 
 def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
-    """The description of calibration pictures and their target.
+    """Read the description of calibration pictures and their target.
 
     ``source``: a calibration.toml, a shot.toml, or a folder with one of them. Raises InputError if there is
-    none, it declares anything unknown, incomplete or impossible, or it names a finished calibration in place
+    none, it declares anything unknown, incomplete or impossible, or it names a finished calibration instead
     of pictures.
     """
     path = Path(source)
@@ -325,7 +324,7 @@ def calibration_json(found: Calibration) -> dict[str, Any]:
 
 
 def _json_number(value: float) -> float | None:
-    """The number, None for NaN, which JSON does not know."""
+    """The number, or None for NaN, which JSON cannot represent."""
     return value if value == value else None
 
 

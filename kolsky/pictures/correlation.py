@@ -1,4 +1,4 @@
-"""Correlation of a shot's pictures as its file declares: regions, settings, the chain of `dic.chain`.
+"""Correlation of a shot's pictures as declared in its file: regions, settings, and the call of `dic.chain`.
 
 Before the correlation, the declared length of the specimen is compared with the scale of the calibrated
 pictures.
@@ -31,13 +31,13 @@ from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
 
 LEAST_SHARE = 0.2
-"""Least share of the specimen's length that its region shows; as of an exported outline."""
+"""Smallest share of the specimen's length that its region must show; the same as for an exported outline."""
 LARGEST_SHARE = 1.5
-"""Largest extent of the region over the length: a region may reach onto the platens."""
+"""Largest extent of the region over the specimen's length: a region may extend onto the platens."""
 DISTANCES = 20_001
-"""Distances of the ray that are looked at, each larger than the one before by the same factor."""
+"""Number of distances along a ray that are examined, in geometric progression."""
 NEAREST, FURTHEST = 1e-3, 1e3
-"""Distances between which a specimen may be [m]."""
+"""Smallest and largest distance of a specimen from the camera [m]."""
 
 
 def visible_lengths(
@@ -60,7 +60,7 @@ def visible_lengths(
 
 
 def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Distances from camera 0 at which camera 1 sees what lies at a pixel [m], shape [n]."""
+    """Distances along the ray of a pixel of camera 0 that camera 1 sees [m], shape [n]."""
     distances = np.geomspace(NEAREST, FURTHEST, DISTANCES)
     ray = np.append(first.undistort(pixel), 1.0)
     points = (distances[:, None] * ray - first.translation) @ first.rotation
@@ -71,17 +71,17 @@ def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: t
 
 
 def length_contradicts(length: float, seen: tuple[float, float] | None) -> bool:
-    """Whether a region of one of these lengths [m] cannot be of a specimen of that length [m]."""
+    """Whether the length of a region in the pictures contradicts the specimen's length; both in m."""
     if seen is None:
         return False
     return seen[1] < LEAST_SHARE * length or seen[0] > LARGEST_SHARE * length
 
 
 def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
-    """Refuse a declared length that the pictures contradict.
+    """Reject a declared length that the pictures contradict.
 
-    ``toml``: the shot file. ``seen``: as `lengths_seen` gives it for the specimen's region. Raises InputError
-    if `length_contradicts`.
+    ``toml``: the shot file. ``seen``: smallest and largest length of the specimen's region, by
+    `visible_lengths`. Raises InputError if `length_contradicts`.
     """
     length = toml.declared.specimen.length
     if seen is not None and length_contradicts(length, seen):
@@ -123,15 +123,15 @@ class Places:
     flyer: Region
     """The flyer."""
     edge: tuple[float, float]
-    """Where the specimen ends at the transmission platen [px]."""
+    """End of the specimen at the transmission platen [px]."""
     found: tuple[str, ...]
-    """Keys of [dic] that were not declared and were found."""
+    """Keys of [dic] that were not declared but found in the pictures."""
     why: str = ""
-    """How the flyer was distinguished from the specimen, if anything was found."""
+    """How the flyer was distinguished from the specimen, if regions were found."""
 
     @property
     def words(self) -> dict[str, Any]:
-        """The same for the facts of a result, as JSON can hold it."""
+        """The regions for the facts of a result, in JSON types."""
         return {
             "specimen": [list(corner) for corner in self.specimen.corners],
             "specimen_frame": self.specimen.frame,
@@ -144,7 +144,7 @@ class Places:
 
 
 def places_of(pictures: PictureSet) -> Places:
-    """The regions that the shot file declares, and those that it leaves to the pictures.
+    """The regions declared in the shot file; regions that are not declared are detected in the pictures.
 
     Raises InputError if one is neither declared nor found.
     """
@@ -190,8 +190,8 @@ def _chain_settings(
     device: str = "cpu",
     length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px], its
-    length known to `length_sigma` [m]."""
+    """The settings of `dic.chain` declared in a shot file. ``edge``: end of the specimen [px].
+    ``length_sigma``: standard deviation of its length [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -246,7 +246,7 @@ def correlate(
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
-    # others may be looking at the target meanwhile
+    # other processes may detect the target meanwhile
     places = places_of(pictures)
     static = np.arange(pictures.time.size) < declared.frames.static
     try:

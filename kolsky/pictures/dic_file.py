@@ -1,6 +1,6 @@
 """The file dic.h5, of a stereo result and of a measurement by image correlation alone.
 
-It is written completely or not at all, and every value is checked when it is read.
+The file is written completely or not at all; every value is checked when it is read.
 """
 
 from pathlib import Path
@@ -201,10 +201,10 @@ def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> N
     """Write a stereo result to one HDF5 file, atomically.
 
     ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result; its `facts` are
-    stored as JSON. ``key``: what the result was made from, e.g. a hash of inputs and settings: `stored_key`
-    reads it alone. Raises ValueError if shapes of the result disagree with each other, or `facts` hold what
-    JSON cannot say. Raises OSError if the file cannot be written; an older file of the name is then
-    unchanged.
+    stored as JSON. ``key``: identifies the input of the result, e.g. a hash of inputs and settings;
+    `stored_key` reads it without the result. Raises ValueError if shapes of the result disagree, or `facts`
+    contain a value that JSON cannot represent. Raises OSError if the file cannot be written; an existing file
+    is then unchanged.
     """
     with writing(path, STEREO_FORMAT, key=key) as place:
         STEREO_RESULT.write(place, result)
@@ -214,16 +214,16 @@ def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> N
 
 
 def stored_key(path: Path) -> str | None:
-    """The `key` that a result file was written with; None if there is no such file or it is no result."""
+    """The `key` stored in a result file; None if the file does not exist or is not a result."""
     key = stored_attribute(path, STEREO_FORMAT, "key")
     return key if isinstance(key, str) else None
 
 
 def read_stereo_result(path: Path) -> StereoResult:
-    """Read a stereo result back.
+    """Read a stereo result from a file.
 
-    Raises InputError if it is no such file, or something in it is missing, a link, too large, of a wrong
-    type, shape or unit, or contradicts itself. The message is one line.
+    Raises InputError if the file is not a stereo result, or an entry is missing, a link, too large, of wrong
+    type, shape or unit, or inconsistent. The message is one line.
     """
     with reading(path, STEREO_FORMAT, cure="run `kolsky dic` again") as place:
         return STEREO_RESULT.read(place)
@@ -302,16 +302,16 @@ FULL_FIELD_RESULT = Record(
 
 
 def write_full_field(path: Path, result: FullField) -> None:
-    """Write a result to one HDF5 file, atomically.
+    """Write a full-field result to one HDF5 file, atomically.
 
     ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result. Raises OSError
-    if the file cannot be written; an older file of the name is then unchanged.
+    if the file cannot be written; an existing file is then unchanged.
     """
     with writing(path, FULL_FIELD_FORMAT) as place:
         FULL_FIELD_RESULT.write(place, result)
 
 
 def read_full_field(path: Path) -> FullField:
-    """Read a result back."""
+    """Read a full-field result from a file."""
     with reading(path, FULL_FIELD_FORMAT, cure="run `kolsky dic` again") as place:
         return FULL_FIELD_RESULT.read(place)

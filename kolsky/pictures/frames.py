@@ -1,6 +1,6 @@
 """[frames] and [flyer]: times of the frames and displacement of the flyer, read and checked.
 
-Single displacements that cannot be those of a flyer (exchanged frames, lost digits) are detected.
+Single displacements that are impossible for a flyer (exchanged frames, lost digits) are detected.
 """
 
 from collections.abc import Callable
@@ -19,25 +19,27 @@ from kolsky.schema.measured import FlyerSection
 from kolsky.schema.shot_file import ShotToml
 
 STRAY_SIGMAS = 20.0
-"""A displacement this many standard deviations away from what its neighbours say is stray, if it is also
-`STRAY_STEPS` away."""
+"""A displacement is an outlier if it differs from the value predicted by its neighbours by more than this
+many standard deviations, and also by more than `STRAY_STEPS`."""
 STRAY_STEPS = 3.0
-"""The same in the largest step of the flyer from frame to frame: what sets it in motion bends its path by
-less than one."""
+"""The same limit in units of the flyer's largest step from frame to frame. The start of the motion curves the
+path by less than one step."""
 MOST_STRAY = 0.03
-"""Largest share of the frames that can be stray; more of them are noise of another kind."""
+"""Largest share of outliers among the frames; a larger share indicates another kind of noise."""
 MOST_AT_REST = 0.25
-"""Largest share of the static frames that can be stray."""
+"""Largest share of outliers among the static frames."""
 LAST_AT_REST = 3
-"""Last static frames that must be sound: a motion that begins in them is one."""
+"""Number of last static frames without outliers: a displacement in them may be the real start of the
+motion."""
 STRAY_NEIGHBOURS = 6
-"""Frames whose cubic says where the flyer is: with four, all five would contradict each other alike."""
+"""Number of frames in the cubic fit that predicts a displacement; with four, the outlier could not be
+identified among the five frames."""
 
 
 def stray_frames(
     time: FloatArray, displacement: FloatArray, sigma: FloatArray
 ) -> tuple[BoolArray, FloatArray]:
-    """Find displacements that their neighbours contradict."""
+    """Find outliers: displacements that contradict their neighbours."""
     stray, off = np.zeros(time.size, dtype=bool), np.zeros(time.size)
     if time.size <= 2 * STRAY_NEIGHBOURS or not (np.diff(time) > 0.0).all():
         return stray, off
@@ -57,7 +59,8 @@ def stray_frames(
 
 
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
-    """Find displacements of static frames that the later static ones take back: a flyer does not return."""
+    """Find outliers among static frames: displacements that vanish in later static frames, because a flyer
+    does not return."""
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -67,28 +70,28 @@ def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) ->
 def _distance_to_neighbours(
     time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int
 ) -> tuple[float, float]:
-    """A displacement minus that of the cubic through the nearest sound frames around it [m], and the standard
-    deviation of that where every displacement has one of 1."""
+    """A displacement minus the cubic fit of the nearest frames without outliers [m], and the standard
+    deviation of this difference for displacements with standard deviation 1."""
     others = sound[sound != row]
     first = int(
         np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
     )
     near = others[first : first + STRAY_NEIGHBOURS]
     t = (time[near] - time[row]) / (time[near[-1]] - time[near[0]])
-    shares = np.linalg.pinv(np.vander(t, 4, increasing=True))[0]  # of each in the cubic's value at the frame
+    shares = np.linalg.pinv(np.vander(t, 4, increasing=True))[0]  # weights in the cubic's value at the frame
     return float(displacement[row] - shares @ displacement[near]), float(
         np.hypot(1.0, np.linalg.norm(shares))
     )
 
 
 MOTION_SIGMAS = 6.0
-"""A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
+"""A displacement of more than this many sigmas is motion: noise exceeds it once in 5e8 frames."""
 
 
 def read_frames(toml: ShotToml) -> FrameTable:
-    """[frames]: frame numbers and their times on the clock of the file.
+    """Read [frames]: frame numbers and their times on the clock of the file.
 
-    Raises InputError if the file cannot be read, or there are no frames but static ones.
+    Raises InputError if the file cannot be read, or all frames are static.
     """
     section = toml.declared.frames
     frames = read_frame_table(
@@ -110,10 +113,10 @@ def flyer_motion(
     *,
     check: Callable[[FlyerMotion], object] = lambda flyer: None,
 ) -> tuple[FlyerMotion, str]:
-    """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
+    """Read [flyer]: the flyer's displacement toward the specimen at the frames, and the hash of its file.
 
-    ``check``: called with the motion before it is asked for a flyer's rest and way. Raises InputError if the
-    file cannot be read, its frames and times are not those of [frames], or the flyer rests.
+    ``check``: called with the motion before its rest and travel are checked. Raises InputError if the file
+    cannot be read, its frames and times differ from those of [frames], or the flyer does not move.
     """
     table = read_frame_table(
         folder / section.file,
@@ -151,7 +154,7 @@ def _stray_note(table: FrameTable, row: int, off: float) -> str:
 
 
 def frames_agree(table: FrameTable, frames: FrameTable) -> None:
-    """Every frame number is one of the frames', and the file's own times are the frames' times.
+    """Check that every frame number exists in [frames] and that the file's times equal those of [frames].
 
     Times agree if they differ by no more than half of the last printed digit of each file.
     """
@@ -169,7 +172,7 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
         return
     expected = frames.time[index]
     tolerance = 0.5 * (table.digit + frames.digit)
-    # The sum of the half digits and the times themselves are rounded binary numbers.
+    # The sum of the half digits and the times are rounded binary numbers.
     slack = 1e-6 * tolerance + 4.0 * np.finfo(float).eps * np.abs(expected).max()
     apart = np.flatnonzero(np.abs(table.time - expected) > tolerance + slack)
     if apart.size:
@@ -184,14 +187,14 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 
 
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
-    """What to do about times that differ: a unit by their spans, a shift by their differences, or a column.
+    """Cure for times that differ: another unit, a shift of the clock, or another column.
 
     ``time``, ``expected``: times in the file and those of the frames [s], shape [n].
     """
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)
-    # Rounded times make a span a little longer or shorter; another test makes it another one.
+    # Rounding changes the span of the times a little; times of another test have a different span.
     if power != 0 and abs(ratio / 10.0 ** (3 * power) - 1.0) < 1e-2:
         return f"its times are {10.0 ** (3 * power):g} times those: correct the unit of one column"
     shift = float(np.median(time - expected))
@@ -204,7 +207,7 @@ def _time_cure(time: FloatArray, expected: FloatArray) -> str:
 
 
 def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:
-    """There are more frames than static ones."""
+    """Check that not all frames are static."""
     if toml.declared.frames.static >= frames.frame.size:
         raise toml.error(
             "frames.static",
@@ -215,7 +218,7 @@ def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:
 
 
 def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
-    """Every frame up to the end of the window has a flyer displacement."""
+    """Check that every frame up to the end of the window has a flyer displacement."""
     missing = np.setdiff1d(frames.frame, table.frame)
     end = toml.declared.window.end
     if end is not None:
@@ -244,7 +247,8 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
 def flyer_moves(
     table: FrameTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
 ) -> None:
-    """At rest in the static frames, then toward the specimen, by less than its length; stray frames apart."""
+    """Check the flyer's motion, without outliers: at rest in the static frames, then toward the specimen by
+    less than the specimen's length."""
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
     sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray
@@ -285,7 +289,7 @@ def flyer_moves(
 
 
 def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
-    """The motion with the stray ones of its static frames as uncertain as they are off, and named.
+    """The motion with outliers among its static frames listed, and their uncertainty set to their deviation.
 
     ``flyer``: its motion, from pictures. ``rest``: time of the last static frame on the shot's clock [s].
     """
@@ -309,10 +313,10 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
 
 
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
-    """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
+    """Check a flyer tracked in pictures: at rest in the static frames, then moving toward the specimen.
 
-    ``flyer``: its motion; frames that were lost have no row. ``rest``: time of the last static frame on the
-    shot's clock [s]. ``source``: the file that a complaint names. ``toml``: the shot file.
+    ``flyer``: its motion; lost frames have no row. ``rest``: time of the last static frame on the shot's
+    clock [s]. ``source``: the file named in an error message. ``toml``: the shot file.
     """
     static = flyer.time <= rest
     if not static.any():

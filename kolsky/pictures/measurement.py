@@ -24,20 +24,20 @@ from kolsky.pictures.rig import refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
 
 FLYER_TEST = "flyer test"
-"""The kind that belongs into a shot.toml."""
+"""The kind of measurement that must be declared in a shot.toml instead."""
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """A dic.toml with its pictures opened, nothing correlated yet."""
+    """A dic.toml and its opened pictures, before correlation."""
 
     toml: TomlFile
     """The file."""
     declared: MeasurementFile
-    """What it declares, in SI."""
+    """Content of the file, in SI."""
     series: tuple[Pictures, ...]
-    """One series a camera."""
+    """One series per camera."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name or pattern."""
 
@@ -102,7 +102,7 @@ def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) 
             own = open_pictures((folder / source).parent, pattern=Path(source).name)
         offset = section.crop_offset
         if "crop_offset" not in section.model_fields_set and own.crop_offset != (0.0, 0.0):
-            offset = own.crop_offset  # what the file states of itself
+            offset = own.crop_offset  # as stated in the file
         return declared(own, bits=bits, crop_offset=offset)
     except (PictureError, ValueError) as error:
         return toml.error(f"pictures.{name}.{kind}", f"cannot be used: {error}")
@@ -116,9 +116,9 @@ def measure_file(
 ) -> FullField:
     """Correlate the pictures of a measurement.
 
-    ``measurement``: as `read_measurement` gives it. ``device``: where pictures are correlated, "cpu" or a
-    CUDA device. ``progress``: notified of the frames done, stage by stage. Raises InputError if region, mask,
-    calibration or settings do not fit the pictures, or nothing can be measured.
+    ``measurement``: the result of `read_measurement`. ``device``: device of the correlation, "cpu" or a CUDA
+    device. ``progress``: called with the frames done, stage by stage. Raises InputError if region, mask,
+    calibration or settings do not match the pictures, or nothing can be measured.
     """
     result = _measure(measurement, device=device, progress=progress)
     return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
@@ -130,7 +130,7 @@ def _measure(
     device: str,
     progress: Progress,
 ) -> FullField:
-    """The same without remarks on the pictures."""
+    """As `measure_file`, without remarks on the pictures."""
     from dic.full_field.measure import measure_plane
     from dic.full_field.stereo import measure_cylinder, measure_surface
 
@@ -175,7 +175,7 @@ def _measure(
 
 
 def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSettings:
-    """The settings that a measurement declares."""
+    """The settings declared for a measurement."""
     section = measurement.declared.dic
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
@@ -194,7 +194,7 @@ def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSett
 
 
 def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
-    """Pixels that are measured: the region and the mask's white, less what is excluded, [rows, columns]."""
+    """Pixels that are measured: in the region, white in the mask, and not excluded; shape [rows, columns]."""
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)
@@ -234,7 +234,7 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
 
 
 def _rig(measurement: Measurement, progress: Progress) -> tuple[StereoRig, str]:
-    """The cameras for the pictures with their crops, and a sentence on where they are from."""
+    """The cameras for the cropped pictures, and a sentence on their source."""
     toml, declared = measurement.toml, measurement.declared
     assert declared.calibration is not None  # the schema saw to it
     found = rig_of(toml, declared.calibration, progress)

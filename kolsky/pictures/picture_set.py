@@ -1,4 +1,4 @@
-"""The pictures of a shot: opened, counted, compared with the shot file; when they begin to change."""
+"""The pictures of a shot: opened, counted, compared with the shot file, and searched for the first change."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
 
 
 MOST_COMPARED = 400
-"""Most frames that are compared with the first; of a longer series as many at equal distances."""
+"""Largest number of frames that are compared with the first one; of a longer series, evenly spaced frames."""
 
 
 @dataclass(frozen=True, eq=False)
 class PictureChanges:
-    """How far the pictures of both cameras differ from their first one."""
+    """Difference of both cameras' pictures from their first ones."""
 
     time: FloatArray
-    """Times of the frames that were compared, on the shot's clock [s], shape [n]."""
+    """Times of the compared frames on the shot's clock [s], shape [n]."""
     change: FloatArray
     """Mean absolute difference from the first picture, relative to white (2**bits - 1), shape [2, n]; NaN
     where a picture cannot be read."""
     rest_end: float
     """Time of the last frame that is declared static [s]."""
     shown: tuple[tuple[float, FloatArray], ...]
-    """Time [s] and picture of camera 0, relative to white, shape [rows, columns]: of the first frame, of the
-    last static one, and of the last; those that can be read."""
+    """Time [s] and picture of camera 0, relative to white, shape [rows, columns], for the first, the last
+    static and the last frame, as far as they are readable."""
 
 
 def picture_changes(series: Sequence[Pictures], time: FloatArray, static: int) -> PictureChanges:
@@ -83,14 +83,14 @@ SERIES_CURE = "export one picture for each line of the frames' file"
 
 @dataclass(frozen=True)
 class PictureSet:
-    """The pictures of a shot, not read yet, and when they were taken."""
+    """The pictures of a shot, opened but not read, and their times."""
 
     toml: ShotToml
     """The shot file."""
     frames: FrameTable
     """Frame numbers and times; row k is picture k."""
     series: tuple[Pictures, Pictures]
-    """The series of both cameras, with the bits and offsets that were declared."""
+    """The series of both cameras, with the declared bits and offsets."""
 
     @property
     def time(self) -> FloatArray:
@@ -99,7 +99,7 @@ class PictureSet:
 
     @cached_property
     def changes(self) -> PictureChanges:
-        """When the pictures begin to change, and what three of them show."""
+        """Changes of the pictures over time, with three example pictures."""
         return picture_changes(self.series, self.time, self.toml.declared.frames.static)
 
     @cached_property
@@ -120,12 +120,12 @@ class PictureSet:
 
 
 def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
-    """Open both series of a shot: headers, and the last picture of a series that is too short.
+    """Open both series of a shot; only headers are read, and the last picture of a series that is too short.
 
-    A file that was cut off keeps its frames; the missing ones end as UNREADABLE when they are correlated.
+    The remaining frames of a truncated file are used; the missing ones get the outcome UNREADABLE.
 
-    Raises InputError if a series is missing or holds no pictures, the number of pictures is not that of the
-    frames, a crop is not the one its file states, or the cameras' pictures differ in size.
+    Raises InputError if a series is missing or contains no pictures, the number of pictures differs from that
+    of the frames, a crop differs from that stated in its file, or the cameras' pictures differ in size.
     """
     from dic.images import PictureError
     from dic.images import open_pictures as open_series
@@ -162,7 +162,7 @@ def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
 
 
 def check_frames(pictures: PictureSet) -> None:
-    """Read every frame of both cameras once, and refuse a series that cannot be correlated.
+    """Read every frame of both cameras once, and reject a series that cannot be correlated.
 
     Raises InputError with the first frame and the cause, see `dic.images.check_series`.
     """
@@ -178,7 +178,7 @@ def check_frames(pictures: PictureSet) -> None:
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
-    """Complaint about a crop on a sensor of this many columns and rows; None if it fits."""
+    """Error text about a crop on a sensor of given columns and rows; None if it fits."""
     if sensor is None:
         return None
     (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
@@ -191,7 +191,7 @@ def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | Non
 
 
 def readable(pictures: Pictures) -> int:
-    """Pictures up to the last one that can be read: all, unless the file was cut off."""
+    """Number of pictures up to the last readable one: all, unless the file is truncated."""
     from dic.images import PictureError  # for shots with pictures only
 
     count = pictures.n_frames
@@ -206,15 +206,15 @@ def readable(pictures: Pictures) -> int:
 
 
 def matching(folder: Path, pattern: str) -> list[Path]:
-    """The files of a pattern by name; its folders are taken literally."""
+    """The files that match a pattern, by name; its folders are taken literally."""
     place = folder / pattern
     return sorted(path for path in place.parent.glob(place.name) if path.is_file())
 
 
 def digest(files: list[Path]) -> str:
-    """SHA-256 of files: of one file its own, of several that of their names and digests.
+    """SHA-256 of a file, or of the names and digests of several files.
 
-    Raises InputError if one cannot be read.
+    Raises InputError if a file cannot be read.
     """
     digests = []
     for path in files:
@@ -232,7 +232,7 @@ def digest(files: list[Path]) -> str:
 
 
 def _miscounted(pictures: Pictures, frames: FrameTable) -> str | None:
-    """Complaint about the number of pictures; a file that was cut off may have too few."""
+    """Error text about the number of pictures; a truncated file may have too few."""
     count = frames.frame.size
     if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
         return None
@@ -240,7 +240,7 @@ def _miscounted(pictures: Pictures, frames: FrameTable) -> str | None:
 
 
 def _cut_off(pictures: Pictures) -> bool:
-    """True if the last picture that the headers promise is not there."""
+    """True if the last picture stated in the headers is missing."""
     from dic.images import PictureError
 
     try:
@@ -251,7 +251,7 @@ def _cut_off(pictures: Pictures) -> bool:
 
 
 def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
-    """Complaint about the declared crop, if the file states its own."""
+    """Error text about the declared crop, if it differs from the one stated in the file."""
     own = pictures.crop_offset
     if own in ((0.0, 0.0), series.crop_offset):
         return None
@@ -269,25 +269,25 @@ def _declared(
 
 
 ALIVE = 0.5
-"""Least share of the points that the pair shows, if there is such a frame."""
+"""Smallest share of valid points in the chosen pair, if there is such a frame."""
 
 
 @dataclass(frozen=True)
 class PicturePair:
-    """The pictures of both cameras at one time, and the result that they belong to."""
+    """The pictures of both cameras at one time, and their result."""
 
     result: StereoResult
     """The surfaces of the whole shot."""
     frame: int
-    """Which frame, counted from 0."""
+    """Frame number, counted from 0."""
     pictures: tuple[NDArray[np.generic], NDArray[np.generic]]
     """The pictures of both cameras, each of shape [rows, columns]."""
 
 
 def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
-    """The latest pair that still shows half of the points, or why there is none.
+    """The latest pair with at least half of the points, or the reason why there is none.
 
-    ``toml``: the shot's file, with [pictures]. ``result``: what its pictures gave.
+    ``toml``: the shot's file, with [pictures]. ``result``: the result of its pictures.
     """
     from dic.images import PictureError
 

@@ -29,15 +29,15 @@ class Drawable:
     key: str
     """Key in the table [dic]."""
     title: str
-    """What it is, for a person."""
+    """Title shown to the user."""
     point: bool = False
     """True for a single place."""
     many: bool = False
     """True for a list of regions."""
     framed: bool = False
-    """True if a region is that of the frame it was drawn in; else it is that of frame `home`."""
+    """True if a region belongs to the frame in which it was drawn; otherwise it belongs to frame `home`."""
     home: int = 0
-    """Frame that a region without a frame of its own is drawn in."""
+    """Frame in which a region without a frame number is drawn."""
 
 
 DRAWABLES_OF_SHOT = (
@@ -47,11 +47,11 @@ DRAWABLES_OF_SHOT = (
         "transmission_edge", "Transmission platen: a place on the edge where the specimen ends", point=True
     ),
 )
-"""What is drawn for a shot.toml."""
+"""Regions and points that can be drawn for a shot.toml."""
 
 
 def drawables_of_measurement(reference: int) -> tuple[Drawable, ...]:
-    """What is drawn for a dic.toml with this reference frame."""
+    """Regions and points that can be drawn for a dic.toml with this reference frame."""
     return (
         Drawable("region", "Region that is measured", home=reference),
         Drawable("exclude", "Parts of it that are left out", many=True, home=reference),
@@ -63,13 +63,13 @@ class Drawn:
     """One region or point."""
 
     corners: tuple[tuple[float, float], ...]
-    """Corners (x, y), or the one place [px]."""
+    """Corners (x, y), or the single point [px]."""
     frame: int
-    """Frame it was drawn in."""
+    """Frame in which it was drawn."""
 
 
 def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
-    """What a page sends, as regions; a key without any is left out."""
+    """Regions from the data sent by a page; a key without regions is left out."""
     if not isinstance(content, Mapping):
         raise ValueError("the regions are no mapping of names to lists")
     known = {one.key: one for one in wanted}
@@ -100,7 +100,7 @@ def problems_of(
     shape: tuple[int, int],
     n_frames: int,
 ) -> list[str]:
-    """What is wrong with drawn regions, one sentence each; empty if they can be saved."""
+    """Problems of drawn regions, one sentence each; empty if they can be saved."""
     said = [] if drawn else ["nothing is drawn"]
     for one in wanted:
         shapes = drawn.get(one.key, ())
@@ -135,7 +135,7 @@ def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
 
 
 def _polygon(drawn: Drawn, shape: tuple[int, int]) -> str:
-    """What is wrong with a polygon; empty if nothing is."""
+    """Problem of a polygon, in words; empty if there is none."""
     if len(drawn.corners) < 3:
         return f"has {len(drawn.corners)} corners, needs three or more"
     if outside := _outside_picture(drawn, shape):
@@ -161,13 +161,13 @@ def polygon_area(corners: np.ndarray) -> float:
 
 
 def crossing_sides(corners: np.ndarray) -> tuple[int, int] | None:
-    """The first two sides that meet elsewhere than at a shared corner; side i begins at corner i."""
+    """The first two sides that meet outside a shared corner, or None; side i begins at corner i."""
     n = len(corners)
     ends = np.roll(corners, -1, axis=0)
     for i in range(n):
         for j in range(i + 1, n):
             if (j == i + 1 or (i == 0 and j == n - 1)) and n > 3:
-                # neighbours share a corner; they overlap only if they double back
+                # adjacent sides share a corner; they overlap only if they fold back
                 a, b, c = (corners[i], ends[i], ends[j]) if j == i + 1 else (ends[i], corners[i], corners[j])
                 back, ahead = a - b, c - b
                 if abs(_cross(back, ahead)) < 1e-9 and back @ ahead > 0.0:
@@ -210,7 +210,7 @@ def _corner(place: tuple[float, float]) -> str:
 
 @dataclass
 class Session:
-    """Regions of one TOML file under way."""
+    """Drawing session for the regions of one TOML file."""
 
     path: Path
     """The shot.toml or dic.toml."""
@@ -219,17 +219,17 @@ class Session:
     wanted: tuple[Drawable, ...]
     """What can be drawn."""
     validate: Callable[[Path], object]
-    """Reads a file of this kind and raises an InputError if it is not valid."""
+    """Reads a file of this kind; raises InputError if it is not valid."""
     drawn: dict[str, list[Drawn]] = field(default_factory=dict)
-    """What the file declares already."""
+    """Regions that the file declares already."""
     saved: tuple[str, ...] = ()
-    """Keys that were saved."""
+    """Keys saved in this session."""
 
     def __post_init__(self) -> None:
         self._text = self._read()
 
     def problems(self, content: Any) -> list[str]:
-        """What is wrong with what a page sends; empty if it can be saved."""
+        """Problems of the data sent by a page; empty if they can be saved."""
         try:
             drawn = _read_drawn(content, self.wanted)
         except ValueError as error:
@@ -241,9 +241,9 @@ class Session:
         return {one.key: _as_toml(one, drawn[one.key]) for one in self.wanted if drawn.get(one.key)}
 
     def save(self, content: Any) -> list[str]:
-        """Save what a page sends into the file, whole or not at all; what is wrong with it, if anything is.
+        """Save the regions sent by a page in the file, completely or not at all; returns their problems.
 
-        Regions that are not drawn stay as the file has them. The file is refused if it was changed since it
+        Regions that are not drawn remain as in the file. Nothing is saved if the file was changed since it
         was read, or would not be valid with the regions.
         """
         if said := self.problems(content):
@@ -269,7 +269,7 @@ class Session:
         return []
 
     def png(self, frame: int) -> bytes | str:
-        """A frame as `png_of` shows it."""
+        """A frame as PNG, see `png_of`."""
         return png_of(self.pictures, frame)
 
     def _read(self) -> str:
@@ -277,7 +277,8 @@ class Session:
 
 
 def png_of(pictures: Pictures, frame: int) -> bytes | str:
-    """A frame as an 8-bit PNG, grey values stretched over its middle 99 %; or why there is none."""
+    """A frame as an 8-bit PNG, with the middle 99 % of the grey values stretched to the full range; or the
+    reason why there is none."""
     try:
         picture = np.asarray(pictures.frame(frame), dtype=np.float64)
     except (PictureError, IndexError) as error:
@@ -288,17 +289,17 @@ def png_of(pictures: Pictures, frame: int) -> bytes | str:
 
 
 LINES = 20
-"""Lines of the grid across the longer side, about."""
+"""Approximate number of grid lines across the longer side."""
 LEAST_SIDE = 1000
-"""The picture is enlarged by a whole factor until its longer side has this many pixels."""
+"""The picture is enlarged by a whole factor until its longer side has at least this many pixels."""
 
 
 def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
     """Write frames with a grid, and regions.toml with the lines to fill in.
 
-    ``folder``: where to; made if absent. ``session``: the pictures and what can be drawn. ``frames``: frames
-    that are written. Returns: the pictures, then the TOML file. Raises InputError if none of the frames can
-    be read, or nothing can be written.
+    ``folder``: folder of the files; created if absent. ``session``: the pictures, and the regions that can be
+    drawn. ``frames``: frames that are written. Returns: the pictures, then the TOML file. Raises InputError
+    if none of the frames can be read, or nothing can be written.
     """
     names = []
     with filling(folder) as partial:
@@ -326,7 +327,8 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
 
 
 def grid_step(longest: int) -> int:
-    """Distance of the lines [px]: 1, 2 or 5 times a power of ten, some `LINES` across the longer side."""
+    """Distance of the lines [px]: 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer
+    side."""
     for power in range(6):
         for digit in (1, 2, 5):
             if digit * 10**power * LINES >= longest:
@@ -337,7 +339,7 @@ def grid_step(longest: int) -> int:
 def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A picture enlarged, with lines and numbers at round pixel coordinates, shape [rows, columns, 3].
 
-    A line runs through the middle of the pixels whose coordinate it names.
+    A line runs through the centres of the pixels with its coordinate.
     """
     rows, columns = picture.shape
     factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
@@ -360,7 +362,7 @@ def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def snippet(session: Session) -> str:
-    """Lines for the table [dic]: what the file declares already, and examples of the rest."""
+    """Lines for the table [dic]: the regions that the file declares, and examples for all others."""
     declared = session.snippet(session.drawn)
     rows, columns = session.pictures.shape
     x, y = columns - 1, rows - 1

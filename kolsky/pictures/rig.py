@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """The cameras, and what speaks for them."""
+    """The cameras and a description of their calibration."""
 
     rig: StereoRig
     """The cameras."""
     words: str
-    """One sentence on where it is from and how well it fits."""
+    """One sentence on its source and its residuals."""
 
 
 def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
     """The rig for a shot's pictures.
 
-    Raises InputError if the file holds no two cameras, the target is not found or cannot determine the
-    cameras, or a crop lies outside the sensor that the calibration is for.
+    Raises InputError if the file does not contain two cameras, the target is not found or does not determine
+    the cameras, or a crop lies outside the calibrated sensor.
     """
     with calibrate_in_background(pictures) as cameras:
         return cameras(progress)
@@ -46,10 +46,10 @@ def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
 
 @contextmanager
 def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
-    """Begin to look for the target in other processes, if there are some, while this one works.
+    """Start the detection of the target in other processes, if possible, while this process works.
 
-    Yields: gives what `calibrated` gives, and raises what that raises. Raises InputError if the target's
-    pictures cannot be opened or do not go together, or the target is impossible.
+    Yields: a function that returns the result of `calibrate`, or raises its errors. Raises InputError if the
+    target's pictures cannot be opened or do not match, or the target is impossible.
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
@@ -70,8 +70,8 @@ def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress
 
 
 LEAST_CORES = 3
-"""Cores with which this process takes part in the search for the target; with more another one does, and
-works out the cameras too."""
+"""Largest number of cores with which this process takes part in the detection of the target; with more cores
+another process does this and also solves for the cameras."""
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:
@@ -79,7 +79,7 @@ def _no_progress(stage: str, done: int, total: int) -> None:
 
 
 def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
-    """The rig of whole sensors for a shot's pictures."""
+    """The rig of the whole sensors, adapted to the crop of a shot's pictures."""
     for camera, series, name in zip(found.rig.cameras, pictures.series, CAMERAS, strict=True):
         problem = fits_sensor(series, camera.sensor)
         if problem:
@@ -93,9 +93,9 @@ def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
 
 
 def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
-    """The rig that a table [calibration] declares, for pictures of the whole sensors.
+    """The rig declared in a table [calibration], for pictures of the whole sensors.
 
-    Raises InputError if the file holds no two cameras, or as `calibration_of`.
+    Raises InputError if the file does not contain two cameras, or as `calibration_of`.
     """
     if section.file is not None:
         return Calibrated(*_from_file(toml, section))
@@ -139,17 +139,18 @@ def refine_rig(
     noise: float | None = None,
     device: str = "cpu",
 ) -> tuple[StereoRig, dict[str, Any]]:
-    """The cameras, refined from one pair of pictures if [calibration] asks for it, and what came out.
+    """The cameras, refined from one pair of pictures if [calibration] requests it, and facts on the
+    refinement.
 
-    With ``refine = true`` the refined pose is taken, with ``"auto"`` where it helps on points it was not
-    fitted to (`dic.calibration.refine`); without either nothing is looked at. Where too few points are
-    matched the cameras stay as they are, and the facts say so.
+    With ``refine = true`` the refined pose is used. With ``"auto"`` it is used if it reduces the distances of
+    points left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few points are
+    matched, the cameras are unchanged, and the facts state this.
 
-    ``section``: the table. ``rig``: the cameras, for the pictures as cropped. ``pictures``: the series of
-    both cameras. ``frame``: the frame whose pair is matched. ``mask``: pixels of the body in camera 0's
-    picture, shape [rows, columns]. ``settings``: of the match. ``step``: distance of the points [px].
+    ``section``: the table. ``rig``: the cameras, for the cropped pictures. ``pictures``: the series of both
+    cameras. ``frame``: the frame whose pair is matched. ``mask``: pixels of the body in camera 0's picture,
+    shape [rows, columns]. ``settings``: settings of the match. ``step``: distance of the points [px].
     ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast. ``device``:
-    where pictures are correlated.
+    device of the correlation.
     """
     if section.refine is False:
         return rig, {}
@@ -170,7 +171,7 @@ def refine_rig(
 
 
 def refinement_words(facts: Mapping[str, Any]) -> str:
-    """A line on the refinement for a terminal and a page; empty if none was asked for."""
+    """A line on the refinement for terminal and report; empty if it was not requested."""
     if not facts:
         return ""
     if "why" in facts:

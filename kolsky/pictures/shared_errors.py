@@ -1,7 +1,7 @@
-"""What the errors of a shot's pictures have in common, carried to its flyer and its outline.
+"""Common errors of a shot's pictures, propagated to its flyer displacement and its outline.
 
-Errors that are correlated in time and along a line are written as a few patterns of one standard deviation
-each.
+Errors that are correlated in time and along a line are represented by a few patterns of one standard
+deviation each.
 """
 
 from dataclasses import dataclass, replace
@@ -17,11 +17,11 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion
 
 PATTERN_VARIANCE = 0.95
-"""Share of the variance that the patterns hold; the rest is given back as independent [-]."""
+"""Share of the variance that the patterns represent; the rest is returned as an independent error [-]."""
 MOST_PATTERNS = 60
-"""Patterns at most."""
+"""Largest number of patterns."""
 PATTERN_NODES = 4.0
-"""Nodes of the patterns along the line, a length."""
+"""Number of nodes of the patterns per correlation length along the line."""
 
 
 def error_patterns(
@@ -50,21 +50,21 @@ def error_patterns(
 
 
 MOST_POINTS = 200
-"""Points whose distances tell what a mean over many leaves of a shared error."""
+"""Largest number of points from which the variance of a mean over many points is computed."""
 
 
 @dataclass(frozen=True)
 class PictureErrors:
-    """The shared error of a shot's pictures, and what a pixel means on its specimen."""
+    """The shared error of a shot's pictures, and the length of a pixel on its specimen."""
 
     shared: SharedError
-    """Of the epipolar distances [px]."""
+    """Shared error of the epipolar distances [px]."""
     pixel_sigma: float
-    """Standard deviation of one camera's places, along each direction of the picture [px]."""
+    """Standard deviation of positions in one camera, along each direction of the picture [px]."""
     outline_sigma: float
-    """Standard deviation of the outline's Z by it [m]."""
+    """Resulting standard deviation of the outline's Z [m]."""
     pixel: float
-    """Length that a pixel shows [m]."""
+    """Length on the specimen that a pixel shows [m]."""
     interval: float
     """Time between frames [s]."""
 
@@ -75,7 +75,7 @@ class PictureErrors:
 
     @property
     def memory(self) -> float:
-        """Time after which 1/e of it is left [s]."""
+        """Time lag at which the correlation is 1/e [s]."""
         return self.shared.memory * self.interval
 
 
@@ -107,19 +107,20 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
 
 
 def _subset(result: StereoResult) -> float:
-    """Side of the subsets [px]; what a result does not say is the strain gauge's side."""
+    """Side of the subsets [px]; if the result does not state it, the side of the strain gauge."""
     return float(result.facts.get("settings", {}).get("subset", result.strain.gauge))
 
 
 def variance_of_mean(places: FloatArray, length: float) -> float:
-    """Variance of the mean over some places of an error of variance 1, `exp(-(r / length)^2)` in common
+    """Variance of the mean over positions of an error with variance 1 and correlation `exp(-(r / length)^2)`
     [-]."""
     some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
     return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
 
 
 def mean_over_time(n: int, memory: float) -> float:
-    """Variance of the mean of n successive values of an error of variance 1 and some memory [frames] [-]."""
+    """Variance of the mean of n successive values of an error with variance 1 and given memory [frames]
+    [-]."""
     at = np.arange(n)
     return float(np.exp(-np.abs(at[:, None] - at) / memory).mean())
 
@@ -127,8 +128,8 @@ def mean_over_time(n: int, memory: float) -> float:
 def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: PictureErrors) -> FlyerMotion:
     """The flyer's motion with the shared error of its displacements.
 
-    In each frame it is that of the mean over the points that a camera saw, and of the mean of the cameras
-    that saw any, whose errors are independent.
+    In each frame it is the error of the mean over a camera's visible points, averaged over the cameras that
+    see any. The cameras' errors are independent.
     """
     assert result.flyer is not None  # there is a motion
     frames = np.searchsorted(result.t, motion.time)
@@ -138,15 +139,15 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 
 
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
-    """Variance of the mean over a body's points in a frame and over the cameras that saw some, of an error of
-    variance 1; 1 where none is seen."""
+    """Variance of the mean of an error with variance 1, over a body's points in a frame and over the cameras
+    that see any; 1 if no point is visible."""
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]
     return sum(means) / len(means) ** 2 if means else 1.0
 
 
 def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureErrors) -> CentreLine:
-    """The outline with the shared error of its Z as modes; what they leave out is in its sigma."""
+    """The outline with the shared error of its Z as modes; the remaining variance is added to its sigma."""
     modes, left = error_patterns(
         line.time, line.y, sigma=errors.outline_sigma, memory=errors.memory, length=errors.length
     )
@@ -154,12 +155,13 @@ def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureE
 
 
 def with_departures(line: CentreLine, result: StereoResult, half_width: float) -> CentreLine:
-    """The outline with one more mode: how far it departs from the surface beside its strip, beyond noise.
+    """The outline with one more mode: its departure from the surface on both sides of the strip, beyond
+    noise.
 
-    A highlight moves the points of the strip alike, for as long as it lies there, and no epipolar distance
-    tells it where the cameras stand along the axis (`dic.surfaces.outline`).
+    A highlight shifts all points of the strip equally as long as it lies there. If the cameras are arranged
+    along the axis, the epipolar distances do not reveal it (`dic.surfaces.outline`).
 
-    ``line``: the outline, point by point that of the result. ``result``: what its pictures gave.
+    ``line``: the outline, with the same points as in the result. ``result``: the result of its pictures.
     ``half_width``: half width of the strip [m].
     """
     body = result.specimen
@@ -172,12 +174,12 @@ def with_departures(line: CentreLine, result: StereoResult, half_width: float) -
 
 
 def outline_offsets(result: StereoResult, errors: PictureErrors | None) -> dict[str, float]:
-    """Standard uncertainties of the test frame's place, by their keys of [uncertainty] [m].
+    """Standard uncertainties of the test frame's position, by their keys in [uncertainty] [m].
 
-    Along y it is that of the specimen's lower end. The axis is placed so that the mean over the specimen at
-    rest is its radius: what the errors of the static frames leave in that mean is an offset of all points.
-    Late in the test it has nothing to do with the error of the frame itself; early, the sum of both is more
-    than what is left of their difference.
+    Along y it is the uncertainty of the specimen's lower end. The axis is placed so that the mean over the
+    specimen at rest is its radius; the error of this mean in the static frames is an offset of all points.
+    Late in the test the offset is independent of the current frame's error. Early in the test both are
+    correlated and partly cancel, so that their sum is an upper bound.
     """
     own = np.diag(result.placement.frame.covariance)
     depth = float(own[5])

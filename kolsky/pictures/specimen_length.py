@@ -1,14 +1,14 @@
-"""The specimen's length by its pictures: its declared length conditioned on where the flyer's rim rests.
+"""The specimen's length from its pictures: the declared length, conditioned on the flyer's rim at rest.
 
-At rest the flyer's face lies on the specimen's upper end. The height of its rim above the lower end found in
-the pictures is one more measurement of the specimen's length. Its difference from the declared length is
+At rest the flyer's face lies on the specimen's upper end. The height of its rim above the specimen's lower
+end in the pictures is therefore another measurement of the length. Its difference from the declared length is
 
     d = b - a + z + r,
 
-with the errors of the declared length (a), of the outline's heights (b, those of the lower end), of the
-flyer's place at rest as it was seen (z) and of the rim (r); all are independent before d is known. What d
-says of a and b follows by the conditional normal distribution. The zero of the flyer's displacement is
-conditioned on the same d where it is made (`dic.bodies.axial_displacement.combine_rest`).
+with the errors of the declared length (a), of the outline's heights, i.e. of the lower end (b), of the
+flyer's observed position at rest (z) and of the rim (r); all are independent before d is known. Given d, a
+and b follow from the conditional normal distribution. The zero of the flyer's displacement is conditioned on
+the same d in `dic.bodies.axial_displacement.combine_rest`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dic.result import StereoResult
 
 REPORTED_DISAGREEMENT = 3.0
-"""Disagreement of declared length and pictures that is said, in standard deviations of both."""
+"""Disagreement of declared length and pictures that is reported, in standard deviations of both."""
 
 
 @dataclass(frozen=True)
@@ -32,53 +32,55 @@ class RimAtRest:
     """Height of the flyer's rim above the specimen's lower end at rest."""
 
     disagreement: float
-    """By it the pictures' length is larger than the declared one [m]."""
+    """Length in the pictures minus declared length [m]."""
     sigma: float
-    """Standard deviation of the height, without that of the lower end [m]."""
+    """Standard deviation of the height, without the lower end's contribution [m]."""
 
 
 @dataclass(frozen=True)
 class LengthByPictures:
-    """The specimen's length: as declared, as the pictures show it, and as it is used."""
+    """The specimen's length: as declared, from the pictures, and as used."""
 
     declared: float
     """The declared length [m]."""
     declared_sigma: float
-    """Its standard uncertainty [m]; 0 if it counts as exact."""
+    """Its standard uncertainty [m]; 0 if it is exact."""
     pictures: float
     """The length in the pictures [m]."""
     pictures_sigma: float
-    """Its standard uncertainty, with that of the lower end [m]."""
+    """Its standard uncertainty, including that of the lower end [m]."""
     used: float
     """The length that is used [m]."""
     used_sigma: float
     """Its standard uncertainty [m]."""
     y_shift: float = 0.0
-    """What is added to the outline's heights [m]."""
+    """Correction added to the outline's heights [m]."""
     y_sigma: float = 0.0
-    """Standard uncertainty of these heights if the length were known [m]."""
+    """Standard uncertainty of these heights for a known length [m]."""
     y_per_length: float = 0.0
-    """By how much the heights are too large where the length is too large by one [-]."""
+    """Error of the heights per error of the length [-]."""
 
     @property
     def apart(self) -> float:
-        """Pictures less declared, in standard deviations of both [-]."""
+        """Length in the pictures minus declared length, in standard deviations of both [-]."""
         return (self.pictures - self.declared) / float(np.hypot(self.declared_sigma, self.pictures_sigma))
 
     @property
     def conditioned(self) -> bool:
-        """Whether the pictures have a part in the length that is used."""
+        """Whether the pictures contribute to the used length."""
         return self.used_sigma < self.declared_sigma
 
 
 def rim_at_rest(
     result: StereoResult, *, length: float, length_sigma: float, unseen: float = 0.0
 ) -> RimAtRest | None:
-    """The rim at rest in the pictures of a shot; None where it was not found, or the flyer not seen at rest.
+    """The rim at rest in the pictures of a shot; None if it was not found, or the flyer is not visible at
+    rest.
 
-    ``result``: what its pictures gave. ``length``, ``length_sigma``: the declared length and its standard
+    ``result``: the result of its pictures. ``length``, ``length_sigma``: the declared length and its standard
     uncertainty, with which the result was made [m]. ``unseen``: standard uncertainty of the length in the
-    pictures by what they do not tell [m]: the pitch of the calibration target, faces that are not parallel.
+    pictures due to effects that they do not show [m]: pitch of the calibration target, faces that are not
+    parallel.
     """
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:
@@ -91,20 +93,20 @@ def rim_at_rest(
 def rim_of(
     disagreement: tuple[float, float], *, length_sigma: float, lower_variance: float, more: float = 0.0
 ) -> RimAtRest:
-    """The rim at rest with the uncertainty of its own place.
+    """The rim at rest with the uncertainty of its position.
 
-    ``disagreement``: by it the pictures' length is larger than the declared one, and its standard deviation,
-    with those of the declared length and of the lower end [m]. ``length_sigma``: standard uncertainty of the
-    declared length [m]. ``lower_variance``: variance of the lower end's place [m²]. ``more``: variance that
-    the disagreement's own does not know of [m²].
+    ``disagreement``: length in the pictures minus declared length, and its standard deviation, including
+    those of the declared length and of the lower end [m]. ``length_sigma``: standard uncertainty of the
+    declared length [m]. ``lower_variance``: variance of the lower end's position [m²]. ``more``: variance
+    that is not included in that of the disagreement [m²].
     """
     off, whole = disagreement
     return RimAtRest(off, float(np.sqrt(whole**2 - length_sigma**2 - lower_variance + more)))
 
 
 def calibration_variance(result: StereoResult, length: float) -> float:
-    """Variance of a length along the specimen's side by the calibration's covariance [m²]; 0 where a rig has
-    none, as one from the files of another program.
+    """Variance of a length along the specimen's side due to the calibration's covariance [m²]; 0 for a rig
+    without covariance, e.g. from another program.
     """
     from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
 
@@ -119,11 +121,11 @@ def calibration_variance(result: StereoResult, length: float) -> float:
 def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma: float) -> LengthByPictures:
     """The declared length and the outline's heights, conditioned on the rim at rest.
 
-    A length that counts as exact stays, and with it the heights; so does one from which the pictures are
-    further off than `MOST_APART` standard deviations, as one of both is then wrong and not known which.
+    An exact length and its heights are not changed. They are also unchanged if length and pictures disagree
+    by more than `MOST_APART` standard deviations, because it is then unknown which of them is wrong.
 
     ``rim``: the rim at rest. ``declared``, ``sigma``: the declared length and its standard uncertainty [m].
-    ``y_sigma``: standard uncertainty of the outline's heights, that of the lower end [m].
+    ``y_sigma``: standard uncertainty of the outline's heights, i.e. of the lower end [m].
     """
     from dic.bodies.axial_displacement import MOST_APART  # for shots with pictures only
 
@@ -153,7 +155,7 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
 
 
 def length_words(found: LengthByPictures) -> str:
-    """Declared, seen and used length as text, each with its k = 2 uncertainty."""
+    """Declared, measured and used length as text, each with its k = 2 uncertainty."""
 
     def one(value: float, sigma: float) -> str:
         return f"{1e3 * value:.4f} mm ± {2e6 * sigma:.1f} µm"
@@ -165,7 +167,8 @@ def length_words(found: LengthByPictures) -> str:
 
 
 def length_notes(found: LengthByPictures) -> tuple[str, ...]:
-    """Say that the pictures contradict the declared length, with the length that they prefer and the cure."""
+    """Note that the pictures contradict the declared length, with the length from the pictures and the
+    cure."""
     if abs(found.apart) <= REPORTED_DISAGREEMENT:
         return ()
     used = f"{1e3 * found.used:.4f} mm was used" if found.conditioned else "the declared one was used"

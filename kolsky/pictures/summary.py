@@ -1,5 +1,5 @@
-"""A stereo result in words and numbers, for terminal, JSON and page; why a flyer's displacement is
-missing."""
+"""A stereo result in words and numbers for terminal, JSON and report; the reason for a missing flyer
+displacement."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,11 +12,11 @@ from dic.result import Body, StereoResult
 from kolsky.pictures.rig import refinement_words
 
 SHOWN_FRAMES = 12
-"""Frames that are listed one by one; of more, the first and how many."""
+"""Largest number of frames that are listed individually; of more frames, the first ones and the total."""
 
 
 def summary(result: StereoResult) -> dict[str, Any]:
-    """Numbers of a result by name, SI and JSON types."""
+    """Numbers of a result by name, in SI units and JSON types."""
     body, noise, placement = result.specimen, result.noise, result.placement
     rows: dict[str, Any] = {
         "frames": len(result.t),
@@ -63,11 +63,11 @@ AXES = {
     },
     "strain_noise_around_along_shear": ("strain_noise_around", "strain_noise_along", "strain_noise_shear"),
 }
-"""Names of the parts of what `summary` gives as lists."""
+"""Names of the components of the lists in `summary`."""
 
 
 def numbers(result: StereoResult) -> dict[str, float]:
-    """The same as numbers alone, each with its unit in its name; NaN where `summary` has None."""
+    """The numbers of `summary`, each with its unit in its name; NaN where `summary` has None."""
     found: dict[str, float] = {}
     for name, value in summary(result).items():
         if name == "frames_not_usable":
@@ -86,7 +86,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def printed(result: StereoResult) -> dict[str, str]:
-    """The same as a table for a terminal, in px, µm and mm."""
+    """The summary as a table for a terminal, in px, µm and mm."""
     rows, um = summary(result), 1e6
     triple = {
         name: ", ".join(f"{um * value:.2f}" for value in rows[name])
@@ -145,7 +145,7 @@ def printed(result: StereoResult) -> dict[str, str]:
 
 
 def _place(key: str, regions: Mapping[str, Any]) -> str:
-    """A region that was found: its extent in px, and its frame."""
+    """A detected region as text: its extent in px, and its frame."""
     if key == "transmission_edge":
         x, y = regions[key]
         return f"transmission edge ({x:.4g}, {y:.5g}) px"
@@ -155,7 +155,7 @@ def _place(key: str, regions: Mapping[str, Any]) -> str:
 
 
 def bad_frames(result: StereoResult) -> dict[str, str]:
-    """Frames that gave no points, with what they ended as; numbers count the pictures from 0."""
+    """Frames without points and their outcomes; frames are counted from 0."""
     outcome = result.outcome
     return {
         str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)
@@ -163,12 +163,12 @@ def bad_frames(result: StereoResult) -> dict[str, str]:
 
 
 def _lost_words(body: Body) -> dict[str, int]:
-    """Number of points that ended other than VALID, over all frames, by outcome."""
+    """Number of points that are not VALID, over all frames, by outcome."""
     return {words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok}
 
 
 def words(outcome: PointOutcome | FrameOutcome) -> str:
-    """An outcome as a reader wants it, e.g. "low correlation"."""
+    """An outcome as readable text, e.g. "low correlation"."""
     return outcome.name.lower().replace("_", " ")
 
 
@@ -182,17 +182,18 @@ def _median(values: np.ndarray) -> float | None:
 
 
 LEAST_SUBSET = 11
-"""Smallest subset that is proposed [px]: a smaller one holds too few speckles."""
+"""Smallest proposed subset [px]: a smaller one contains too few speckles."""
 
 
 def flyer_problem(
     result: StereoResult, length: float, length_sigma: float, subset: int = LEAST_SUBSET
 ) -> tuple[str, str]:
-    """What kept the flyer's displacement from being known, and the cure, each after the key of its region.
+    """The reason why the flyer's displacement is not known, and the cure, each as text after the region's
+    key.
 
-    ``result``: what the pictures gave, without a displacement of the flyer. ``length``: of the specimen at
-    rest [m]. ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the subsets [px]:
-    where the flyer's region is narrower, one that fits is the first cure.
+    ``result``: the result of the pictures, without a displacement of the flyer. ``length``: length of the
+    specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the
+    subsets [px]; if the flyer's region is narrower, a smaller subset is the first cure.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:
@@ -221,7 +222,8 @@ def flyer_problem(
 
 
 def _smaller_subset(result: StereoResult, subset: int) -> str:
-    """The cure of a region that is narrower than a subset, as a sentence begins; empty if it is not."""
+    """The cure for a region that is narrower than a subset, as the beginning of a sentence; empty if it is
+    wide enough."""
     corners = np.array(result.facts.get("regions", {}).get("flyer", np.zeros((0, 2))), dtype=np.float64)
     if not corners.size:
         return ""

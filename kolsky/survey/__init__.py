@@ -1,1 +1,1 @@
-"""What a stranger's folder holds, for `kolsky new`: tables, recordings and pictures, and a new shot file."""
+"""Survey of a user's folder for `kolsky new`: tables, recordings, pictures, and the new shot file."""

@@ -1,6 +1,6 @@
-"""What the numbers in a folder's files show of a shot: signs, rest, noise, ranges, each with a remark.
+"""Values that follow from the data files of a folder: signs, rest, noise, ranges, each with a remark.
 
-`kolsky new` writes what is clear and states why; what is not clear stays blank, and the remark gives the
+`kolsky new` writes values that are clear, with the reason; other values stay blank, and the remark gives the
 reason.
 """
 
@@ -47,11 +47,11 @@ from kolsky.survey.tables import (
 )
 
 FEWEST_SAMPLES = 20
-"""Fewest samples of a baseline: its mean is then known to a quarter of the noise."""
+"""Fewest samples of a baseline; the standard deviation of its mean is then a quarter of the noise."""
 SPARE = 0.9
-"""Share of a quiet stretch that is used: motion and force may begin below the noise."""
+"""Share of the quiet part of a record that is used, because motion and force may begin below the noise."""
 FEWEST_STATIC = 3
-"""Fewest frames at rest that a shot takes."""
+"""Fewest static frames of a shot."""
 _COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
 _TENSION = re.compile(r"tens(ile|ion)|zugv|zugs|traction|dehn?versuch", re.IGNORECASE)
 
@@ -60,20 +60,20 @@ class Findings:
     """Values of a shot file and remarks above their lines, by dotted key."""
 
     def __init__(self) -> None:
-        """Nothing yet."""
+        """Create an empty collection."""
         self.values: dict[str, str | None] = {}
         self.notes: dict[str, str] = {}
 
     def add(self, key: str, value: str, note: str) -> None:
-        """A value with the reason for it."""
+        """Add a value with its reason."""
         self.values[key], self.notes[key] = value, note
 
 
 def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings:
-    """Everything that the numbers of a folder's files show.
+    """All values that follow from the data files of a folder.
 
-    ``survey``: the files. ``picture``: index of the first picture that shows motion, and its series; of a
-    shot with pictures.
+    ``survey``: the files. ``picture``: for a shot with pictures, the index of the first picture with motion,
+    and its series.
     """
     shown = Findings()
     values, notes = surface_values(survey.surface)
@@ -90,7 +90,7 @@ def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings
 
 
 def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
-    """The frames at rest; returns the time of the last of them on the frames' clock [s], if it is known."""
+    """Add the static frames; returns the time of the last static frame on the frames' clock [s], if known."""
     frames = survey.parts.get("frames", survey.parts.get("flyer"))
     if frames is None or frames.frame is None:
         return None
@@ -122,7 +122,8 @@ def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) ->
 
 
 def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
-    """Number of the first frame in which the flyer moves, and its file: the specimen rests until then."""
+    """Number of the first frame in which the flyer moves, and its file; until then the specimen is at
+    rest."""
     quiet = _flyer_quiet(table)
     if quiet is None or table.frame is None:
         return None
@@ -135,7 +136,7 @@ def _flyer_quiet(table: TableEntry) -> QuietStretch | None:
 
 
 def _flyer(table: TableEntry, shown: Findings) -> None:
-    """The sign of the flyer's motion and its noise."""
+    """Add the sign of the flyer's motion and its noise."""
     column, quiet = displacement_of(table), _flyer_quiet(table)
     if column is None or quiet is None:
         return
@@ -156,7 +157,7 @@ def _volts(table: TableEntry) -> FloatArray | None:
     if column is None or column.dimension != "V":
         return None
     values = column.values
-    if not values.size:  # a recorder's own format, whose samples were not read yet
+    if not values.size:  # a recorder's format, whose samples have not been read
         channel = next(c for c in read_contents(table.path).channels if c.name == column.name)
         values = channel.values()
     return np.asarray(values * unit_factor(column.unit, "V"))
@@ -173,7 +174,7 @@ def _times(table: TableEntry, count: int) -> FloatArray | None:
 
 
 def _force(table: TableEntry, last_static: float | None, shown: Findings) -> None:
-    """Clock, baseline, sign and range of the transmitted force."""
+    """Add clock, baseline, sign and range of the transmitted force."""
     span = clock_text(table)
     shown.add(
         "force.clock_offset", '"0 us"', f"{table.path.name}: {span or SHIFT}; the shot's clock is this clock"
@@ -213,14 +214,15 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
 
 
 def _time(seconds: float, *, later: bool = False) -> str:
-    """A time to a nanosecond, never outside the stretch that it ends, or begins where it is the later one."""
+    """A time rounded to a nanosecond toward the inside of its interval; ``later``: the time is the interval's
+    beginning."""
     nanoseconds = 1e9 * seconds
     whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
     return f"{whole / 1e3:.14g} us"
 
 
 def _curve(table: TableEntry, shown: Findings) -> None:
-    """Convention, branch and scatter of the quasi-static curve."""
+    """Add convention, branch and scatter of the quasi-static curve."""
     strain, stress = strain_of(table), stress_of(table)
     if strain is None or stress is None:
         return
@@ -244,7 +246,7 @@ def _curve(table: TableEntry, shown: Findings) -> None:
         )
         shown.notes |= {"curve.convention": note, "curve.branch": note}
     scatter = relative_scatter(strain.values, stress.values)
-    if scatter is not None and scatter >= 1e-5:  # less is the rounding of the printed digits
+    if scatter is not None and scatter >= 1e-5:  # smaller values are rounding of the printed digits
         shown.add(
             "curve.relative_sigma",
             f'"{100.0 * two_figures(scatter):.4g} %"',
@@ -260,7 +262,8 @@ def new_text(
     pictures: PictureSurvey | None = None,
     last: str | None = None,
 ) -> str:
-    """The text of the new shot file: the blank one, or the last shot's, with what the files say."""
+    """The text of the new shot file: the blank one or the last shot's, completed with values from the
+    files."""
     if last is not None:
         return with_notes(next_of_series(last, folder, contents), notes_of(contents))
     text = template(bars=bars, pictures=pictures is not None)
@@ -285,7 +288,8 @@ def new_text(
 
 
 def with_surface(text: str, found: SurfaceSurvey) -> str:
-    """The blank file with [surface] in place of what its exports give: [centre_line], and [flyer] with it."""
+    """The blank file with [surface] instead of [centre_line], and instead of [flyer] if the exports contain
+    it."""
     if found.specimen is None:
         return text
     text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]
@@ -295,7 +299,7 @@ def with_surface(text: str, found: SurfaceSurvey) -> str:
 
 
 def template(*, bars: bool = False, pictures: bool = False) -> str:
-    """The blank shot.toml that every new shot begins with: with exports, with pictures, or between bars."""
+    """The blank shot.toml for a new shot: with exports, with pictures, or between bars."""
     text = _resource("bars.toml" if bars else "shot.toml")
     if not pictures:
         return text

@@ -1,4 +1,4 @@
-"""A new shot file: a blank one filled in from the folder's files and recordings, or the next one of a
+"""A new shot file: the blank file completed from the folder's files and recordings, or the next shot of a
 series."""
 
 from __future__ import annotations
@@ -30,18 +30,19 @@ from kolsky.survey.tables import (
 )
 
 BLANK = '""'
-"""A value that is to be filled in."""
+"""Placeholder of a value that the user must fill in."""
 COLUMN = 38
-"""Where the remark of a line begins."""
+"""Column at which the remark of a line begins."""
 PER_SHOT = ("specimen.diameter", "specimen.length", "frames.static")
-"""Keys that the next shot of a series does not share with the last."""
+"""Keys with a different value in every shot of a series."""
 _TABLE = re.compile(r"\[\s*([\w.]+)\s*\]")
 _VALUE = r"""(?P<value>"[^"]*"|\{.*?\}|\[.*?\]|[^\s#]+)"""
 _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 
 
 def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
-    """Each line of a shot file with its dotted key and its parts, if it has a key; also if it is a remark."""
+    """Each line of a shot file, with its dotted key and its parts if it has a key; also if it is commented
+    out."""
     table = ""
     for line in text.split("\n"):
         match = _LINE.fullmatch(line)
@@ -52,10 +53,10 @@ def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
 
 
 def fill_in(text: str, values: Mapping[str, str | None]) -> str:
-    """A shot file with other values, its remarks kept.
+    """A shot file with other values; its remarks are kept.
 
-    ``text``: the shot file. ``values``: dotted key -> value as TOML writes it; None turns the line into a
-    remark. A line that is a remark is taken out of it. Raises KeyError if a key has no line.
+    ``text``: the shot file. ``values``: dotted key -> value in TOML syntax; None comments the line out. A
+    value for a commented-out line makes it active. Raises KeyError if a key has no line.
     """
     lines, left = [], dict(values)
     for line, key, match in _keyed_lines(text):
@@ -74,7 +75,7 @@ def _written(match: re.Match[str], value: str | None) -> str:
 
 
 def with_notes(text: str, notes: Mapping[str, str]) -> str:
-    """A shot file with remarks in lines of their own, each above the line of its dotted key."""
+    """A shot file with remarks on separate lines, each above the line of its dotted key."""
     lines = []
     for line, key, match in _keyed_lines(text):
         if match and match["off"] is None and key in notes:
@@ -84,7 +85,7 @@ def with_notes(text: str, notes: Mapping[str, str]) -> str:
 
 
 def values_of(survey: Survey) -> dict[str, str | None]:
-    """Dotted key -> value, for all that the files of a folder say beyond doubt."""
+    """Dotted key -> value, for all values that follow unambiguously from the files of a folder."""
     parts, values = survey.parts, dict[str, str | None]()
     frames = parts.get("frames", parts.get("flyer"))
     for name, table in (("frames", frames), *parts.items()):
@@ -96,7 +97,7 @@ def values_of(survey: Survey) -> dict[str, str | None]:
         if table.frame is not None and name in ("frames", "flyer", "centre_line"):
             values[f"{name}.frame"] = quoted(table.frame.name)
         if name == "force" and table.clock is not None:
-            values["force.time"] = None  # the layout says how to read it
+            values["force.time"] = None  # the layout defines the times
         elif table.time is not None and name != "curve":
             values[f"{name}.time"] = table.time.toml()
     chosen: dict[str, ColumnEntry | None] = {}
@@ -115,7 +116,7 @@ def values_of(survey: Survey) -> dict[str, str | None]:
 
 
 def notes_of(survey: Survey) -> dict[str, str]:
-    """Dotted key -> remark: what the files say that helps to fill in what they do not."""
+    """Dotted key -> remark: information from the files that helps the user to fill in the other values."""
     notes = {}
     parts = survey.parts
     frames = parts.get("frames", parts.get("flyer"))
@@ -137,12 +138,12 @@ def notes_of(survey: Survey) -> dict[str, str]:
 
 
 def next_of_series(text: str, folder: Path, survey: Survey) -> str:
-    """The shot file of the last shot made into the next one's.
+    """The shot file of the next shot, made from that of the last one.
 
-    The apparatus stays; what each shot has of its own is blank, and a file that is not in the folder is
-    replaced by the one that was found for its part, with its columns, or is blank.
+    Values of the apparatus are kept; values that differ between shots are blank. A file that is not in the
+    folder is replaced by the one found for the same purpose, with its columns, or else left blank.
 
-    ``text``: the last shot's file. ``folder``: the next shot's folder. ``survey``: what is in it.
+    ``text``: the last shot's file. ``folder``: the next shot's folder. ``survey``: the survey of that folder.
     """
     declared = {key: m["value"] for _, key, m in _keyed_lines(text) if m and m["off"] is None}
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
@@ -160,20 +161,22 @@ def next_of_series(text: str, folder: Path, survey: Survey) -> str:
 _INCIDENT_WORDS = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
 _TRANSMITTED_WORDS = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE)
 SIDES = {"incident": _INCIDENT_WORDS, "transmission": _TRANSMITTED_WORDS}
-"""How a word in the name of a bar's channel begins."""
+"""Beginnings of words that identify a bar in a channel's name."""
 REST_SHARE = 0.05
-"""Share of a record's beginning that is taken for rest, to say when a signal leaves it."""
+"""Share of a record at its beginning that is taken as the rest level for the detection of a signal's
+onset."""
 ONSET_SIGMAS = 8.0
-"""Standard deviations of the rest beyond which five samples in a row have left it."""
+"""Threshold of the onset in standard deviations of the rest level; five successive samples must exceed it."""
 
 Signal = tuple[str, Channel]
-"""Name of the recorder, and a channel of its file."""
+"""Name of a recorder, and a channel of its file."""
 
 
 def with_recordings(text: str, survey: Survey) -> str:
-    """The blank file with recorders, channels and, as remarks, what the recordings show.
+    """The blank file with recorders and channels, and with properties of the recordings as remarks.
 
-    A channel is written where its name says its bar, else it stays blank and the channels are listed.
+    A channel is assigned if its name identifies the bar; otherwise it stays blank and the channels are
+    listed.
 
     ``text``: the blank file. ``survey``: what is in the folder.
     """
@@ -187,7 +190,7 @@ def with_recordings(text: str, survey: Survey) -> str:
     for side, pattern in SIDES.items():
         table = f"gauges.{side}"
         channels = [s for s in signals if pattern.search(s[1].name)]
-        if not channels:  # one file a bar, of which the files' names say which
+        if not channels:  # one file per bar: the file names identify the bars
             channels = [s for s in signals if pattern.search(s[0])]
         if 1 <= len(channels) <= 2:
             values |= _chosen(table, channels, text)
@@ -217,7 +220,7 @@ def _recorders(tables: tuple[TableEntry, ...]) -> dict[str, Contents]:
 
 
 def _block(text: str) -> str:
-    """The lines of the recorder of the blank file, up to the gauges."""
+    """The lines of the recorder in the blank file, up to the gauges."""
     return text[text.index("[recorders.scope]") : text.index("[gauges.incident]")]
 
 
@@ -243,13 +246,13 @@ def _recorder(name: str, contents: Contents) -> str:
 
 
 def _blank(key: str, hint: str) -> str:
-    """A line that is to be filled in."""
+    """A line that the user must fill in."""
     head = f'{key} = ""'
     return f"{head:<{COLUMN - 1}} # {hint}"
 
 
 def _described(signal: Signal) -> str:
-    """A channel with its recorder and the time at which it leaves its rest."""
+    """A channel as text, with its recorder and the time of its onset."""
     recorder, channel = signal
     at = _leaves_rest(channel)
     when = "" if at is None else f", leaves its rest at about {microseconds(at)}"
@@ -257,7 +260,7 @@ def _described(signal: Signal) -> str:
 
 
 def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | None]:
-    """Recorder, channels and, of a file of strains, the calibration of one gauge."""
+    """Recorder and channels of one gauge and, for a file of strains, its calibration."""
     recorders = [recorder for recorder, _ in channels]
     one = quoted(recorders[0]) if len(set(recorders)) == 1 else f"[{', '.join(map(quoted, recorders))}]"
     values: dict[str, str | None] = {
@@ -275,7 +278,8 @@ def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | No
 
 
 def _leaves_rest(channel: Channel) -> float | None:
-    """Time at which a signal leaves the level of its beginning [s], on the file's clock; None if unknown."""
+    """Onset of a signal, i.e. the time at which it leaves its rest level [s], on the file's clock; None if
+    unknown."""
     try:
         values, clock = channel.values(), channel.clock()
     except InputError:

@@ -1,7 +1,7 @@
-"""A survey of a folder's pictures: which series are the test's and which show a calibration target.
+"""Survey of a folder's pictures: series of the test and series of a calibration target.
 
-What the files say beyond doubt is found: two series with a picture for each frame, two others with one number
-of pictures. Which camera is which is told by the order of their names alone, and is said.
+Only unambiguous series are assigned: two series with one picture per frame, and two others with equal numbers
+of pictures. The cameras are numbered by the order of the names; a remark states this.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from kolsky.survey.signals import quiet_stretch
 from kolsky.survey.tables import Survey, quoted
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
-"""Endings of files that may hold a whole series."""
+"""Endings of files that may contain a whole series."""
 NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of pictures of a numbered series."""
 EARLY = 500
-"""Pictures in which the first motion is looked for: more would take minutes to read."""
+"""Number of pictures in which the first motion is searched: reading more would take minutes."""
 FEWEST = 3
-"""Fewest pictures of a series; fewer are no test and no calibration."""
+"""Fewest pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
 
 
@@ -33,7 +33,7 @@ class SeriesEntry:
     """Pictures of one camera."""
 
     name: str
-    """The file, or the pattern with one `*`, as a shot file names it from its folder."""
+    """The file, or the pattern with one `*`, relative to the folder of the shot file."""
     key: str
     """ "file" or "pattern"."""
     count: int
@@ -41,31 +41,31 @@ class SeriesEntry:
     shape: tuple[int, int]
     """Rows and columns [px]."""
     crop: tuple[float, float] | None
-    """Place on the sensor (x, y) [px] that the file states; None if it states none."""
+    """Position on the sensor (x, y) [px] stated in the file; None if not stated."""
 
     @property
     def said(self) -> str:
-        """It in words."""
+        """Description of the series in words."""
         return f"{self.name}: {self.count} pictures of {self.shape[1]} x {self.shape[0]} px"
 
 
 @dataclass(frozen=True)
 class PictureSurvey:
-    """The picture series of a folder by their part in a shot."""
+    """The picture series of a folder by their role in a shot."""
 
     test: tuple[SeriesEntry, ...] = ()
-    """Both series of the test, in the order of their names; empty if it is not clear which they are."""
+    """Both series of the test, in the order of their names; empty if they are not unambiguous."""
     target: tuple[SeriesEntry, ...] = ()
-    """Both series of a calibration target; empty likewise."""
+    """Both series of a calibration target; empty if they are not unambiguous."""
     others: tuple[SeriesEntry, ...] = ()
     """Series that could not be assigned."""
 
 
 def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
-    """Look at the pictures in a folder and one folder below; nothing is written.
+    """Survey the pictures in a folder and its direct subfolders; nothing is written.
 
-    ``folder``: the shot's folder. ``tables``: its tables: the frames' file says how many pictures a camera
-    took.
+    ``folder``: the shot's folder. ``tables``: its tables; the frames' file gives the number of pictures per
+    camera.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
     frames = tables.parts.get("frames")
@@ -77,13 +77,14 @@ def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
 
 
 def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
-    """The two series of two cameras; nothing unless there are exactly two, alike in number and size."""
+    """The two series of two cameras; empty unless there are exactly two, equal in number and size of
+    pictures."""
     alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
     return tuple(series) if alike else ()
 
 
 def _series(folder: Path) -> Iterator[SeriesEntry]:
-    """Every series in a folder and the folders below it; what cannot be opened is left out."""
+    """Every series in a folder and its subfolders; files that cannot be opened are left out."""
     from dic.images import PictureError, open_pictures
 
     numbered: dict[str, list[Path]] = {}
@@ -114,10 +115,11 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
 
 
 def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
-    """Index of the first picture of camera 0 that clearly differs from those before, and their name, or None.
+    """Index of the first picture of camera 0 that clearly differs from the previous ones, and the series'
+    name; or None.
 
-    The difference is the mean absolute one from the first picture, as the page of `kolsky check` draws it.
-    Among `EARLY` pictures the first motion must be.
+    The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
+    check`. Only the first `EARLY` pictures are searched.
 
     ``folder``: the shot's folder. ``survey``: the series of the test.
     """
@@ -144,7 +146,7 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
 
 
 def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
-    """Dotted key -> value of a shot file for what the pictures say beyond doubt."""
+    """Dotted key -> value of a shot file, for all values that follow unambiguously from the pictures."""
     values: dict[str, str | None] = {}
     whole = {one.shape for one in pictures.target}
     for camera, one in enumerate(pictures.test):
@@ -152,7 +154,7 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
         if one.crop is not None:
             crop = f"[{one.crop[0]:g}, {one.crop[1]:g}]"
         elif {one.shape} == whole:
-            crop = "[0, 0]"  # the test's pictures are as large as the target's: nothing was cut
+            crop = "[0, 0]"  # the test's pictures are as large as the target's: no crop
         values[f"pictures.camera_{camera}"] = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
     if pictures.target:
         values["calibration.file"] = None
@@ -163,7 +165,7 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
 
 
 def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
-    """Dotted key -> remark: how the cameras were distinguished, and what was cut from what."""
+    """Dotted key -> remark: how the cameras were distinguished, and how the pictures were cropped."""
     notes = {}
     for camera, one in enumerate(pictures.test):
         notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"

@@ -1,6 +1,6 @@
-"""What the numbers of a record show beyond doubt: how long it rests, its noise, the sign of its first push.
+"""Unambiguous properties of a record: length of its rest, noise, sign of its first departure.
 
-Every function answers None where the numbers do not show it; then `kolsky new` leaves a blank.
+Every function returns None if the data are ambiguous; `kolsky new` then leaves a blank.
 """
 
 from __future__ import annotations
@@ -12,20 +12,21 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 
 DEPARTURE = 5.0
-"""Standard deviations beyond which a value is no noise; with `IN_A_ROW`, one false alarm in 1e18 values."""
+"""Threshold in standard deviations beyond which a value is not noise; with `IN_A_ROW`, one false alarm in
+1e18 values."""
 IN_A_ROW = 3
-"""Values in a row beyond `DEPARTURE` that end the rest: one alone is a stray value."""
+"""Number of successive values beyond `DEPARTURE` that end the rest; a single one is an outlier."""
 CLEAR = 50.0
-"""Standard deviations that a signal must travel: less is a disturbance, not the test."""
+"""Smallest amplitude of a signal in standard deviations; a smaller one is a disturbance, not the test."""
 ROUNDING = 0.29
 """Standard deviation of rounding, in steps of the last digit: 1/sqrt(12)."""
 FIRST_PUSH = 0.2
-"""Share of the largest departure at which its sign is read: far above noise, long before the peak."""
+"""Share of the largest departure at which the sign is determined: far above noise, long before the peak."""
 LONGEST_TOP = 10
-"""Equal samples in a row at the largest value that look like a clipped record: a noisy peak repeats less."""
+"""Number of successive samples at the largest value that indicates clipping; a noisy peak repeats less."""
 
 MOST_POINTS = 2000
-"""Points of a curve that are compared with their neighbours: more change its scatter by less than 2 %."""
+"""Largest number of points of a curve for the estimate of its scatter; more change it by less than 2 %."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,15 @@ class QuietStretch:
     """The beginning of a record, before anything moves."""
 
     count: int
-    """Values at rest, counted from the first."""
+    """Number of values at rest, from the first one."""
     level: float
     """Their mean."""
     scatter: float
-    """Their standard deviation, from the differences of neighbours: a slow drift does not enlarge it."""
+    """Their standard deviation, from differences of successive values, so that a slow drift has no effect."""
 
 
 def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
-    """The rest at the beginning of a record, or None if it has no clear rest or never departs from it.
+    """The rest at the beginning of a record; None if there is no clear rest or no departure from it.
 
     ``values``: the record, shape [n]. ``fewest``: fewest values of a rest.
     """
@@ -53,7 +54,7 @@ def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
     if not np.isfinite(digit):
         return None
     k = np.arange(1, x.size)
-    level = x[0] + np.cumsum(x - x[0])[:-1] / k  # of the first k values
+    level = x[0] + np.cumsum(x - x[0])[:-1] / k  # mean of the first k values
     noise = np.sqrt(np.concatenate(([0.0], np.cumsum(np.diff(x)[:-1] ** 2))) / (2.0 * np.maximum(k - 1, 1)))
     noise = np.maximum(noise, ROUNDING * digit)
     last = x.size - IN_A_ROW
@@ -64,7 +65,7 @@ def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
     if not ends.size:
         return None
     count = int(ends[0]) + fewest
-    # The noise of the first half, which no slow beginning of the motion has entered, trims the second.
+    # The noise of the first half, before any slow start of the motion, is used to trim the second half.
     half = max(2, count // 2)
     scatter = max(float(noise[half - 1]), ROUNDING * digit)
     begin = float(x[:half].mean())
@@ -89,7 +90,7 @@ def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
 
 
 def range_above(values: FloatArray) -> float | None:
-    """The next of 1, 2, 5, 10, ... times a power of ten above all values; None for a clipped record."""
+    """The smallest of 1, 2, 5 times a power of ten above all values; None for a clipped record."""
     sizes = np.abs(np.asarray(values, dtype=np.float64))
     largest = float(sizes.max())
     if largest <= 0.0:
@@ -103,10 +104,10 @@ def range_above(values: FloatArray) -> float | None:
 
 
 def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
-    """Standard deviation of the points of a smooth curve relative to them, or None for a few points.
+    """Relative standard deviation of the points about a smooth curve; None for too few points.
 
-    Each point is compared with the cubic through its four neighbours. The median is taken, so that a kink or
-    a stray point does not count.
+    Each point is compared with the cubic through its four neighbours. The median is used, so that a kink or
+    an outlier has no effect.
 
     ``x``, ``y``: the points, shape [n].
     """
@@ -131,7 +132,7 @@ def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
 def common_sign(values: FloatArray) -> int | None:
     """Sign of a curve's values away from rest, or None if they have both signs."""
     sizes = np.abs(values)
-    away = values[sizes > 0.05 * sizes.max(initial=0.0)]  # nearer to zero an offset or noise decides
+    away = values[sizes > 0.05 * sizes.max(initial=0.0)]  # near zero the sign depends on offset or noise
     signs = np.unique(np.sign(away))
     return int(signs[0]) if signs.size == 1 and signs[0] != 0.0 else None
 

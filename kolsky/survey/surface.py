@@ -1,7 +1,7 @@
-"""A survey of a folder's exports of DIC programs: series of files, their program, axes, rest and noise.
+"""Survey of a folder's exports of DIC programs: series of files, their program, axes, rest and noise.
 
-A program is recognised by its headings alone. Which series shows the flyer, and where the axes of the test
-lie, is read from the motion; what the motion does not show stays open.
+A program is recognised by its column headings. The flyer's series and the axes of the test are identified
+from the motion; if the motion is ambiguous, they stay blank.
 """
 
 from __future__ import annotations
@@ -22,32 +22,33 @@ from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Endings of exports."""
 FEWEST = 3
-"""Fewest files of a series: a shot needs as many frames at rest."""
+"""Fewest files of a series: a shot needs this many static frames."""
 ONE_BODY = 0.05
-"""Largest difference of the points of a rigid body, over its travel. A pressed specimen, of which half the
-height is in view, has 0.5 / sqrt(12) = 0.14."""
+"""Largest scatter of the points' displacements for a rigid body, over its travel [-]. For a compressed
+specimen with half of its height in view it is 0.5 / sqrt(12) = 0.14."""
 PRESSED = 0.10
-"""Smallest difference of the points of a pressed specimen, over their travel."""
+"""Smallest scatter of the points' displacements for a compressed specimen, over their travel [-]."""
 ALONG_AXIS = 0.9
-"""Smallest share of a motion along an axis of the program, for that axis to be the test's: 26 degrees off."""
+"""Smallest share of a motion along an axis of the program for which this is the test's axis: 26 degrees
+off."""
 CLEARLY = 3.0
-"""How many times larger one motion must be than the other one that could be meant."""
+"""Smallest ratio of the larger to the smaller of two motions for an unambiguous choice [-]."""
 ARC = 0.088
-"""Depth over width of a patch that shows a cylinder's curvature: an arc of 20 degrees to each side has
-tan(10 degrees) / 2."""
+"""Smallest depth over width of a patch that shows a cylinder's curvature: an arc of 20 degrees to each side
+has tan(10 degrees) / 2."""
 FEWEST_OF_CYLINDER = 30
-"""Fewest points that a cylinder is fitted to."""
+"""Fewest points for a cylinder fit."""
 PLAUSIBLE = (0.5e-3, 0.5)
-"""Largest extent of a specimen's points, if their unit is right [m]."""
+"""Range of plausible extents of a specimen's points; outside it the unit is wrong [m]."""
 _AXES = "XYZ"
 
 
 @dataclass(frozen=True)
 class SeriesOfExports:
-    """One file a frame."""
+    """A series of exports, one file per frame."""
 
     pattern: str
-    """The files, as a shot file names them from its folder."""
+    """The files, relative to the folder of the shot file."""
     program: str
     """Key of `LAYOUTS`."""
     unit: str
@@ -59,14 +60,15 @@ class SeriesOfExports:
 
     @property
     def motion(self) -> FloatArray:
-        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]; else 0."""
+        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]; 0 without
+        such points."""
         if not self._complete.any():
             return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
 
     @property
     def one_body(self) -> bool | None:
-        """Whether it moves as a rigid body; None if that is not clear."""
+        """Whether it moves as a rigid body; None if this is ambiguous."""
         u = self.export.u[:, self._complete]
         if u.shape[1] < 2:
             return None
@@ -84,7 +86,7 @@ class SeriesOfExports:
 
 @dataclass(frozen=True)
 class SurfaceSurvey:
-    """The exports of a folder by their part in a shot."""
+    """The exports of a folder by their role in a shot."""
 
     specimen: SeriesOfExports | None = None
     """Points of the specimen."""
@@ -93,11 +95,11 @@ class SurfaceSurvey:
     files: frozenset[Path] = frozenset()
     """Every file of a series that has a program's headings."""
     doubtful: Mapping[str, str] = field(default_factory=dict)
-    """Pattern -> why it was not taken."""
+    """Pattern -> reason why the series was not used."""
 
 
 def survey_surfaces(folder: Path) -> SurfaceSurvey:
-    """Look for series of exports in a folder and all folders below it; nothing is written."""
+    """Find series of exports in a folder and all its subfolders; nothing is written."""
     doubtful: dict[str, str] = {}
     files: set[Path] = set()
     series = []
@@ -119,7 +121,7 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
             series.append(_read(pattern, paths, next(iter(programs.items()))))
         except InputError as error:
             doubtful[pattern] = error.message
-    if len(series) == 1:  # the flyer alone has no place in a shot
+    if len(series) == 1:  # a shot cannot have a flyer only
         return SurfaceSurvey(series[0], None, frozenset(files), doubtful)
     parts = {part: [s for s in series if s.one_body is part] for part in (True, False, None)}
     for one in parts[None]:
@@ -165,7 +167,8 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 
 
 def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
-    """The points of a series, with its unit: that of the headings, else mm if the size of the points fits."""
+    """The points of a series, with its unit: that of the headings, else mm if the extent of the points is
+    plausible."""
     program, stated = layout
     export = read(paths, program)
     if stated:
@@ -183,7 +186,7 @@ def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) 
 
 
 def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
-    """The program's axis toward the flyer and how it shows, or None if no motion shows it."""
+    """The program's axis toward the flyer and the evidence for it; None if no motion shows it."""
     if survey.flyer is not None:
         motion = survey.flyer.motion
         way = motion[int(np.argmax(np.linalg.norm(motion, axis=1)))]
@@ -199,7 +202,7 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
     valid = export.state[frame] == PointState.VALID
     X, u = export.X[valid], export.u[frame, valid]
     extent = np.ptp(X, axis=0)
-    wide = extent > 0.2 * extent.max()  # along a shorter extent noise decides on the slope
+    wide = extent > 0.2 * extent.max()  # along a shorter extent the slope depends on noise
     slopes = np.array([np.polyfit(X[:, k], u[:, k], 1)[0] if wide[k] else 0.0 for k in range(3)])
     along = int(np.argmin(slopes))
     others = np.delete(slopes, along)
@@ -211,7 +214,8 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
 
 
 def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
-    """The program's axis toward the cameras and how it shows: the side that is in view bulges toward them."""
+    """The program's axis toward the cameras and the evidence for it: the visible side is convex toward
+    them."""
     motion = series.motion
     across = [k for k in range(3) if _AXES[k] != y[1]]
     way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]
@@ -224,9 +228,9 @@ def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | No
 
 
 def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
-    """The frames before a series moves, the reference among them; None if that is not clear.
+    """The frames before a series moves, including the reference; None if they are not clear.
 
-    The component of the mean motion that departs first ends the rest.
+    The rest ends when the first component of the mean motion departs from it.
     """
     # The reference has no displacement, and no noise.
     rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
@@ -239,7 +243,7 @@ def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
 
     It comes from the differences of neighbouring frames at rest.
 
-    ``count``: frames at rest, the reference among them.
+    ``count``: number of static frames, including the reference.
     """
     steps = np.diff(series.export.u[1:count], axis=0)
     if steps.shape[0] < 2:
@@ -258,7 +262,7 @@ def spacing(series: SeriesOfExports) -> float:
 
 
 def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
-    """Whether the points at rest show the curvature of a cylinder, so that one can be fitted to them."""
+    """Whether the points at rest show the curvature of a cylinder, so that a cylinder can be fitted."""
     extent = np.ptp(series.export.X, axis=0)
     width = extent[next(k for k in range(3) if _AXES[k] not in (y[1], Z[1]))]
     depth = extent[_AXES.index(Z[1])]
@@ -266,7 +270,7 @@ def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
 
 
 def surface_values(survey: SurfaceSurvey) -> tuple[dict[str, str | None], dict[str, str]]:
-    """Dotted key -> value of [surface], and dotted key -> remark: what the exports show, and how."""
+    """Dotted key -> value of [surface], and dotted key -> remark with the evidence from the exports."""
     series = survey.specimen
     if series is None:
         return {}, {}
@@ -328,10 +332,10 @@ def surface_values(survey: SurfaceSurvey) -> tuple[dict[str, str | None], dict[s
 
 
 def first_motion(survey: SurfaceSurvey) -> tuple[int, str] | None:
-    """Number of the first frame in which specimen or flyer moves, and the files that show it, or None.
+    """Number of the first frame in which specimen or flyer moves, and the files that show it; or None.
 
-    The specimen rests until the flyer moves, so that the earlier of both is safe. None without a clear rest
-    of the specimen.
+    The specimen is at rest until the flyer moves, so the earlier of both frames is safe. None without a clear
+    rest of the specimen.
     """
     if survey.specimen is None or quiet_frames(survey.specimen) is None:
         return None

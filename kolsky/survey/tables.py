@@ -1,4 +1,4 @@
-"""Tables of a stranger's folder: which is which part of a shot, with columns, units, clock and layout."""
+"""Tables of a user's folder and their roles in a shot, with columns, units, clock and layout."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ _TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class ColumnEntry:
-    """One column of a table, as its heading names it."""
+    """One column of a table."""
 
     name: str
-    """Its heading, by which a shot file asks for it."""
+    """Its heading, as used in a shot file."""
     unit: str
-    """Its unit as the heading or the line below it writes it; empty if neither does."""
+    """Its unit as written in the heading or in the line below; empty if there is none."""
     dimension: str
-    """SI unit of its kind, one of `kolsky.base.units.SHOT_KINDS`; empty if it is not known."""
+    """SI unit of its kind, one of `kolsky.base.units.SHOT_KINDS`; empty if unknown."""
     values: FloatArray
-    """What it holds, in `unit`, shape [n]; empty of a recorder's channel."""
+    """Its values in `unit`, shape [n]; empty for a recorder's channel."""
 
     def toml(self) -> str:
-        """The column as a shot file declares it."""
+        """The column in the syntax of a shot file."""
         return f"{{ column = {quoted(self.name)}, unit = {quoted(self.unit)} }}"
 
     @property
     def whole(self) -> bool:
-        """True if it holds whole numbers that never fall: frame numbers, point by point."""
+        """True if its values are whole numbers that never decrease, e.g. the frame number of each point."""
         x = self.values
         return x.size > 1 and bool((x == np.round(x)).all() and (np.diff(x) >= 0.0).all() and x[0] >= 0.0)
 
@@ -56,11 +56,11 @@ class TableEntry:
     path: Path
     """The file."""
     columns: tuple[ColumnEntry, ...]
-    """Its columns of numbers; of a recorder's file its channels."""
+    """Its numeric columns; for a recorder's file its channels."""
     layout: Mapping[str, str | int] = field(default_factory=dict)
-    """Keys of `layout` that it needs; none if it is UTF-8 with commas, points and one header line."""
+    """Keys of `layout` that it needs; empty for UTF-8 with commas, decimal points and one header line."""
     clock: tuple[float, float, int] | None = None
-    """First and last time [s] and number of samples of a recorder's file that is no plain table."""
+    """First and last time [s] and number of samples, for a recorder's file that is not a plain table."""
 
     @property
     def time(self) -> ColumnEntry | None:
@@ -76,20 +76,20 @@ class TableEntry:
         )
 
     def of(self, dimension: str) -> list[ColumnEntry]:
-        """Its columns of one kind."""
+        """Its columns with this SI unit."""
         return [c for c in self.columns if c.dimension == dimension]
 
     def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
-        """The one column of a kind whose name begins so; None if there is not exactly one."""
+        """The only column of a kind whose name begins with the pattern; None if there is not exactly one."""
         return _single([c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)])
 
     def toml_layout(self) -> str:
-        """Its layout as a shot file declares it; empty if it needs none."""
+        """Its layout in the syntax of a shot file; empty if it needs none."""
         said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
         return f"{{ {', '.join(said)} }}" if self.layout else ""
 
     def seconds(self) -> FloatArray:
-        """First and last time and the steps' median [s], shape [3]; NaN where they are not known."""
+        """First time, last time and median step [s], shape [3]; NaN where not known."""
         time = self.time
         if self.clock is not None:
             first, last, count = self.clock
@@ -106,7 +106,7 @@ def _single(columns: list[ColumnEntry]) -> ColumnEntry | None:
 
 
 def quoted(text: str) -> str:
-    """A text as TOML writes it."""
+    """A text in TOML syntax."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -114,32 +114,32 @@ SUFFIXES = (
     ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
     ".bin",
 )  # fmt: skip
-"""Endings of files that may hold tables or recordings."""
+"""Endings of files that may contain tables or recordings."""
 WORKBOOKS = ("excel", "excel 97")
-"""Formats whose sheets are tables as well as recordings."""
+"""Formats whose sheets may be tables or recordings."""
 SHIFT = "on the file's clock"
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
-"""Fewest samples of a table without volts that is taken for a recording of the force."""
+"""Fewest samples of a table without a column in volts for which it is taken as a recording of the force."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """The files of a folder by their part in a shot."""
+    """The files of a folder by their role in a shot."""
 
     parts: Mapping[str, TableEntry]
-    """ "force", "frames", "flyer", "centre_line", "curve": those that were found, one file each."""
+    """ Files found for "force", "frames", "flyer", "centre_line" and "curve", one file each."""
     doubtful: Mapping[str, str]
-    """File name -> why it was not taken for anything."""
+    """File name -> reason why it was not used."""
     recordings: tuple[TableEntry, ...] = ()
-    """Files with a clock and signals on it: what a recorder of bars may have written."""
+    """Files with a clock and signals, possibly recordings of the bars."""
     surface: SurfaceSurvey = field(default_factory=SurfaceSurvey)
-    """Exports of a DIC program, one file a frame."""
+    """Exports of a DIC program, one file per frame."""
 
 
 def survey(folder: Path) -> Survey:
-    """Look at the files of a folder; nothing is written, and a file that cannot be read is named."""
+    """Survey the files of a folder; nothing is written, and unreadable files are listed."""
     parts: dict[str, list[TableEntry]] = {}
     doubtful: dict[str, str] = {}
     recordings: list[TableEntry] = []
@@ -172,7 +172,7 @@ def survey(folder: Path) -> Survey:
 
 
 def _is_recording(table: TableEntry) -> bool:
-    """True for a file with a clock, many samples and a signal that is no length and no frame number."""
+    """True for a file with a clock, many samples and a signal other than lengths or frame numbers."""
     if table.clock is not None:
         return table.clock[2] >= _SCOPE_ROWS
     time = table.time
@@ -182,7 +182,7 @@ def _is_recording(table: TableEntry) -> bool:
 
 
 def _part_of(table: TableEntry) -> str | None:
-    """The table of a shot file that a file belongs to; None if its columns do not say."""
+    """The table of a shot file that a file belongs to; None if its columns do not identify it."""
     frame, lengths = table.frame, table.of("m")
     if frame is not None:
         if np.unique(frame.values).size < frame.values.size:
@@ -199,14 +199,14 @@ def _part_of(table: TableEntry) -> str | None:
 
 
 def strain_of(table: TableEntry) -> ColumnEntry | None:
-    """The one column of strains."""
+    """The only column of strains; else None."""
     return _single(
         [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
     )
 
 
 def stress_of(table: TableEntry) -> ColumnEntry | None:
-    """The one column of stresses."""
+    """The only column of stresses; else None."""
     return _single(
         [
             c
@@ -219,25 +219,25 @@ def stress_of(table: TableEntry) -> ColumnEntry | None:
 
 
 def sigma_of(table: TableEntry) -> ColumnEntry | None:
-    """The one column of standard deviations of lengths."""
+    """The only column of standard deviations of lengths; else None."""
     return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
 
 
 def voltage_of(table: TableEntry) -> ColumnEntry | None:
-    """The transmitted force's column: the only one of volts, or the only one that is called so."""
+    """The transmitted force's column: the only one in volts, or the only one in volts with such a name."""
     volts = table.of("V")
     named = [c for c in volts if _TRANSMITTED.search(c.name)]
     return volts[0] if len(volts) == 1 else (named[0] if len(named) == 1 else None)
 
 
 def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement: the only column of lengths that is no standard deviation."""
+    """The flyer's displacement: the only column of lengths that is not a standard deviation."""
     lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
     return lengths[0] if len(lengths) == 1 else None
 
 
 def clock_text(table: TableEntry) -> str:
-    """First and last time and the step of a file, in words; empty where they are not known."""
+    """First time, last time and step of a file, in words; empty if not known."""
     first, last, step = table.seconds().tolist()
     if not np.isfinite([first, last, step]).all():
         return ""
@@ -250,9 +250,9 @@ def microseconds(seconds: float) -> str:
 
 
 def read_entry(path: Path) -> TableEntry:
-    """A file with the layout that is found in it.
+    """A file, read with its detected layout.
 
-    Raises InputError if it cannot be read.
+    Raises InputError if the file cannot be read.
     """
     contents = read_contents(path)
     form = contents.facts.get("format")
@@ -277,7 +277,8 @@ def read_entry(path: Path) -> TableEntry:
 
 
 def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
-    """First and last time [s] and number of samples by a rate or interval in the header, if it states one."""
+    """First and last time [s] and number of samples from a rate or interval in the header; None without
+    one."""
     try:
         first = contents.channels[0]
         clock = first.clock()
@@ -287,7 +288,7 @@ def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
 
 
 def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A recorder's own format: its channels, and the clock of the first."""
+    """A file in a recorder's format: its channels, and the clock of the first one."""
     channels = tuple(
         ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
     )
@@ -299,7 +300,7 @@ def _recorder(path: Path, contents: Contents) -> TableEntry:
 
 
 def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
-    """Keys of a layout for what a plain table is not."""
+    """Keys of a layout that differ from those of a plain table."""
     encoding = next((name for name in ENCODINGS if facts["encoding"].startswith(name)), "utf-8")
     if encoding != "utf-8":
         yield "encoding", encoding
@@ -319,7 +320,7 @@ def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
 
 
 def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str]:  # type: ignore[no-untyped-def]
-    """The units of the columns where they stand on a line of their own."""
+    """The units of the columns, if they are on a separate line."""
     if "units_line" not in layout:
         return []
     said = layout.get("encoding")

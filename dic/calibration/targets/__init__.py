@@ -1,4 +1,4 @@
-"""Calibration targets, one file each; a new one is its file and one line of `TARGETS`."""
+"""Calibration targets, one module each. To add one, write its module and add one line to `TARGETS`."""
 
 from dic.calibration.targets.asymmetric_dots import AsymmetricDots
 from dic.calibration.targets.base import Detection, Geometry, Target, TargetNotFound
@@ -27,4 +27,4 @@ TARGETS: dict[str, type] = {
     "asymmetric_dots": AsymmetricDots,
     "dotted_cylinder": DottedCylinder,
 }
-"""Every target by the name that files call it."""
+"""All targets by their names in files."""

@@ -37,7 +37,7 @@ class AsymmetricDots:
             )
 
     def geometry(self) -> Geometry:
-        """Its dots; with an even number of rows half a turn makes another numbering."""
+        """Its dots; with an even number of rows, half a turn gives another numbering."""
         row, column = np.mgrid[: self.rows, : self.columns]
         n = self.rows * self.columns
         x, y = 2 * column + row % 2, row
@@ -50,7 +50,7 @@ class AsymmetricDots:
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture; the grid must be wholly in view.
 
-        `cv2.findCirclesGrid` puts the dots in order, their centres come from `dic.calibration.dots`.
+        `cv2.findCirclesGrid` orders the dots; their centres come from `dic.calibration.dots`.
 
         Raises TargetNotFound if the grid is not found whole.
         """
@@ -78,7 +78,7 @@ class AsymmetricDots:
 
 
 def _blob_detector(dots: Dots, dark: bool) -> Any:
-    """OpenCV's detector, told the size and the colour of what was found already."""
+    """OpenCV's detector, set to the size and the colour of the dots already found."""
     opencv: Any = cv2  # its type stubs leave this detector out
     options = opencv.SimpleBlobDetector_Params()
     areas = np.pi * dots.radius**2

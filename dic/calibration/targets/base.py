@@ -11,7 +11,7 @@ from dic.basics import FloatArray, IntArray
 
 
 class TargetNotFound(ValueError):
-    """A picture in which a target could not be recognised; the text says what was seen instead."""
+    """A target could not be recognised in a picture; the text describes what was found."""
 
 
 @dataclass(frozen=True)
@@ -39,19 +39,20 @@ class Detection:
 
 @dataclass(frozen=True)
 class Geometry:
-    """A target's points in its own frame: what the solve needs to know of it."""
+    """A target's points in its frame, with the data needed for the calibration."""
 
     points: FloatArray
-    """Places [m], shape [n, 3]."""
+    """Positions [m], shape [n, 3]."""
     normals: FloatArray
-    """Unit vectors off the surface, shape [n, 3]; they matter where `spread` is not zero."""
+    """Outward unit normals of the surface, shape [n, 3]; used where `spread` is not zero."""
     spread: FloatArray
-    """Second moment per axis, in the surface, of what a point's centroid is taken over [m²], shape [n]:
-    r²/4 of a disc, zero of a corner."""
+    """Second moment per axis, in the surface, of the patch of a point's centroid [m²], shape [n]: r²/4 for a
+    disc, zero for a corner."""
     bend: FloatArray
-    """Direction of the surface's curvature times its root [m^-½], shape [n, 3]; zero if flat."""
+    """Direction of the surface's curvature times the root of the curvature [m^-½], shape [n, 3]; zero if
+    flat."""
     equivalents: IntArray
-    """Numberings that look the same, each shape [n], the identity first, shape [m, n]."""
+    """Equivalent numberings, the identity first, shape [m, n]."""
 
 
 @runtime_checkable
@@ -64,12 +65,12 @@ class Target(Protocol):
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its points in a picture.
 
-        Raises TargetNotFound if it is not seen, or not well enough to number its points.
+        Raises TargetNotFound if it is not found, or its points cannot be numbered.
         """
 
 
 def positive(**lengths: float) -> None:
-    """Refuse lengths that are not positive and finite.
+    """Reject lengths that are not positive and finite.
 
     Raises ValueError: naming the length.
     """
@@ -79,7 +80,7 @@ def positive(**lengths: float) -> None:
 
 
 def counts(least: int, **numbers: int) -> None:
-    """Refuse numbers of columns or rows outside `least` to 1000.
+    """Reject numbers of columns or rows outside `least` to 1000.
 
     Raises ValueError: naming the number.
     """
@@ -91,17 +92,17 @@ def counts(least: int, **numbers: int) -> None:
 SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 """Columns and rows to the neighbours of a place."""
 NEAR = 0.3
-"""A dot belongs to a lattice place if it lies this close to where it is expected [steps]."""
+"""Largest distance of a dot from the predicted position of its lattice place [steps]."""
 
 
 def grow(
     points: FloatArray, seeds: dict[int, tuple[int, int]], steps: FloatArray
 ) -> dict[tuple[int, int], int]:
-    """Lattice places of points, found outward from some whose place is known.
+    """Lattice places of points, found outward from seeds with known places.
 
-    A neighbour is expected one step further; the step of a place is that of the place it was reached from,
-    corrected by what was found, so that perspective, lens distortion and a curved board are followed.
-    The places nearest to their expectation are taken first, each point once.
+    A neighbour is predicted one step further. The step of a place is that of the previous place, corrected by
+    the position found, so that it adapts to perspective, lens distortion and a curved board. The points
+    nearest to their predictions are assigned first, each point once.
 
     ``points``: dots in the picture [px], shape [n, 2]. ``seeds``: point number -> its place (column, row).
     ``steps``: from a seed to its neighbour in the next column and in the next row [px], shape [2, 2].

@@ -17,9 +17,9 @@ LARGE = 1000
 class Chessboard:
     """Inner corners of a chessboard; corner (column, row) has number ``row * columns + column``.
 
-    Half a turn makes another numbering of the same board (four quarter turns if it has as many rows as
-    columns). Camera 0's picture decides; camera 1's numbering is the one that fits it, so the cameras may
-    be rolled against each other.
+    Half a turn gives another numbering of the same board (quarter turns if it has as many rows as columns).
+    Camera 0's picture defines the numbering, and camera 1's is the one that fits it, so one camera may be
+    rolled relative to the other.
 
     Raises ValueError: fewer than three corners in a row or column, or a pitch that is not positive.
     """
@@ -36,7 +36,7 @@ class Chessboard:
         positive(pitch=self.pitch)
 
     def geometry(self) -> Geometry:
-        """Its corners; what is located is the corner itself, so no patch has a spread."""
+        """Its corners; corners have no area, so their spread is zero."""
         row, column = np.mgrid[: self.rows, : self.columns]
         n = self.rows * self.columns
         points = np.stack([column.ravel(), row.ravel(), np.zeros(n)], axis=1) * self.pitch
@@ -82,7 +82,7 @@ class Chessboard:
         return Detection(np.arange(len(pixels)), pixels, sigma)
 
     def _other_count(self, image: "cv2.typing.MatLike") -> str:
-        """What to correct: the count of a board that is there, with one corner more or fewer a side."""
+        """Cure if the picture shows a board with one corner more or fewer per side."""
         for columns, rows in ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (0, 1), (1, -1), (-1, 1)):
             size = self.columns + columns, self.rows + rows
             if min(size) >= 3 and cv2.findChessboardCornersSB(image, size)[0]:

@@ -12,7 +12,7 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 Anchor = tuple[int, int, float, float]
 
 STEEPEST = 0.45
-"""Dots are used where columns look at least this part as wide as in the middle: seen at less than 63°."""
+"""Smallest apparent width of used columns, relative to the middle: dots seen at less than 63°."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +21,8 @@ class DottedCylinder:
 
     Dot (column, row) has number ``row * columns + column`` and lies, with φ = column pitch / radius, at
     (radius cos φ, radius sin φ, row pitch): columns count counterclockwise seen against the axis' direction,
-    in which rows count. Nothing on such a target says which dot is which, so three dots of each camera's
-    picture are named by hand.
+    in which rows count. The target has no marks that identify dots, so three dots in each camera's picture
+    are declared by hand.
     """
 
     columns: int
@@ -42,8 +42,8 @@ class DottedCylinder:
     dark: bool = True
     """Black dots on white; False: white on black."""
     anchors: tuple[Anchor, ...] = ()
-    """Three dots as (column, row, x, y) with their places in the picture [px], to half the distance between
-    dots; they name all others. Not needed for `geometry`."""
+    """Three dots as (column, row, x, y) with their positions in the picture [px], accurate to half the
+    distance between dots; they identify all others. Not needed for `geometry`."""
 
     def __post_init__(self) -> None:
         counts(3, columns=self.columns, rows=self.rows)
@@ -80,7 +80,7 @@ class DottedCylinder:
         )
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
-        """Its dots in a picture, those near the cylinder's limb left out.
+        """Its dots in a picture, without those near the cylinder's visible edge.
 
         Raises TargetNotFound if there is no dot at an anchor, or fewer than twelve dots form a lattice with
         the anchors.

@@ -1,4 +1,4 @@
-"""Symmetric dot grid with three hollow dots that say which dot is which."""
+"""Symmetric dot grid with three hollow dots that identify all dots."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -20,7 +20,7 @@ from dic.calibration.targets.base import (
 Place = tuple[int, int]
 
 MOST_HOLLOW = 12
-"""With more hollow dots than this in a picture no triple is searched for."""
+"""Largest number of hollow dots in a picture for which triples are searched."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,1 +1,1 @@
-"""Warp kernels of the subset match; the one place of `dic` that knows Warp."""
+"""Warp kernels of the subset match; the only package of `dic` that uses NVIDIA Warp."""

@@ -1,7 +1,7 @@
 """Search along epipolar curves: C++, kernel and launches.
 
-Lanes are those of the correlation (`dic.correlation.kernels.search`): on a CPU a pack of samples at a time,
-on a GPU a warp for each point, whose lanes share the samples and do the geometry alike.
+Lanes are defined as in the correlation (`dic.correlation.kernels.search`): on a CPU one pack of samples at a
+time; on a GPU one warp per point, whose lanes share the samples and all compute the same geometry.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -19,14 +19,14 @@ from dic.correlation.kernels.search import BLOCK, PACKS
 from dic.processes import cores
 
 KNOTS = 65
-"""Places a curve is followed through before it is divided into equal steps."""
+"""Number of points of a curve that are computed before it is divided into equal steps."""
 NARROWINGS = 3
-"""Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
+"""Number of refinements of the part of a curve inside the picture; each one is a few dozen times finer."""
 INPUTS = 19
-"""Numbers of a point: ray, derivative of the ray by the pixel, gradient at the reference, gradient given, and
-the least and largest inverse distance."""
+"""Input numbers of a point: ray, derivative of the ray with respect to the pixel, gradient at the reference,
+given gradient, and the smallest and largest inverse distance."""
 OUTPUTS = 10
-"""Numbers written of a point: place, gradient, correlation, second peak, distance, steps of its curve."""
+"""Output numbers of a point: position, gradient, correlation, second peak, distance, steps of its curve."""
 
 _GEOMETRY = """
     // Camera 1: where it sees a point, and whether its picture shows it.
@@ -289,21 +289,21 @@ _SEARCH = """
 
 
 def curve_source() -> str:
-    """The body of the native function that searches the curves of a batch of points."""
+    """Body of the native function that searches the curves of a batch of points."""
     text = f"    constexpr int KNOTS = {KNOTS}, NARROWINGS = {NARROWINGS};\n"
     text += f"    constexpr int GIVEN = {INPUTS}, FOUND = {OUTPUTS};\n"
     return text + PACKS + _GEOMETRY + _SAMPLES + _SEARCH
 
 
 SHARE = 64
-"""Points a CPU thread takes at a time."""
+"""Number of points that a CPU thread takes at a time."""
 LONGEST = 1024
-"""Steps of a curve that there is room for at first."""
+"""Initial capacity for the steps of a curve."""
 
 
 @wp.struct
 class CurveJob:
-    """Everything that a search along curves reads and writes."""
+    """Inputs and outputs of a search along curves."""
 
     camera: wp.array(dtype=wp.float64)
     picture: wp.array(dtype=wp.float32)
@@ -327,26 +327,26 @@ class CurveJob:
 
 @dataclass(frozen=True)
 class Curves:
-    """Subsets and the curves along which they are looked for; arrays in C order."""
+    """Subsets and the curves along which they are searched; arrays in C order."""
 
     camera: NDArray[np.float64]
-    """Camera 1 as the kernel reads it, and camera 0's centre, shape [29]."""
+    """Parameters of camera 1 for the kernel, and camera 0's centre, shape [29]."""
     picture: NDArray[np.float32]
     """Camera 1's picture, smoothed, shape [rows, columns]."""
     given: NDArray[np.float64]
-    """Numbers of each point, shape [n, `dic.correlation.kernels.curve.INPUTS`]."""
+    """Input numbers of each point, shape [n, `dic.correlation.kernels.curve.INPUTS`]."""
     has_gradient: bool
-    """True if these hold a gradient that is used all along the curve."""
+    """True if `given` contains a gradient that is used along the whole curve."""
     turns: NDArray[np.float64]
-    """Cosine and sine of each turn within and out of the epipolar plane, shape [h, 4]."""
+    """Cosine and sine of each rotation within and out of the epipolar plane, shape [h, 4]."""
     step: float
-    """Along the curve [px]."""
+    """Step along the curve [px]."""
     xi: NDArray[np.float64]
     """Offsets of the samples [px], shape [m, 2]."""
     template: NDArray[np.float32]
     """Templates, shape [n, m]."""
     weight: NDArray[np.float32]
-    """1 for a sample that counts, shape [n, m]."""
+    """1 for a sample that is used, else 0, shape [n, m]."""
 
 
 @cache
@@ -366,14 +366,14 @@ def curve_kernel() -> Any:
 def search(curves: Curves, device: str, threads: int | None = None) -> NDArray[np.float64]:
     """Search the curves of all points.
 
-    ``curves``: what to look for, and where. ``threads``: CPU threads; None: all cores the process may use. A
-    result does not depend on it. Returns: of each point place (2), gradient (4), correlation, second peak,
-    distance and number of steps, shape [n, `dic.correlation.kernels.curve.OUTPUTS`].
+    ``curves``: subsets and curves. ``threads``: CPU threads; None: all cores that the process may use. The
+    result does not depend on it. Returns: for each point position (2), gradient (4), correlation, second
+    peak, distance and number of steps, shape [n, `dic.correlation.kernels.curve.OUTPUTS`].
     """
     n, where = len(curves.given), select_device(device)
     result = np.zeros((n, OUTPUTS))
     rows, longest = np.arange(n), LONGEST
-    while rows.size:  # a curve longer than there is room for is walked again
+    while rows.size:  # a curve longer than the capacity is searched again
         result[rows] = _search(curves, rows, longest, where, threads or cores())
         rows = rows[result[rows, 9] > longest]
         longest = int(result[rows, 9].max(initial=0.0))

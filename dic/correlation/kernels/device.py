@@ -1,8 +1,8 @@
 """Warp's devices, and pictures on them: quintic B-spline coefficients, interpolation, interpolated noise.
 
-The recursive filter of the quintic B-spline (Unser 1999) is cut off where its response is below `LEAST` of
-its middle. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian before the spline
-is part of the same filter. The variance that a spline passes on is Eq. (C.6) of docs/theory/pictures.md.
+The recursive filter of the quintic B-spline (Unser 1999) is truncated where its response is below `LEAST` of
+its central value. Pictures and coefficients are mirrored at the edges. A Gaussian prefilter is part of the
+same filter. The variance of an interpolated value is Eq. (C.6) of docs/theory/pictures.md.
 """
 
 import os
@@ -170,7 +170,7 @@ SPLINE = """
 
 
 REACH = 4.0
-"""Standard deviations at which the Gaussian prefilter ends."""
+"""Distance at which the Gaussian prefilter is truncated, in standard deviations."""
 
 GRAIN = """
     struct grain {
@@ -225,7 +225,7 @@ def _spectra(prefilter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @cache
 def gradient_noise(prefilter: float) -> float:
-    """Mean square of a component of the interpolated noise's gradient, over a pixel's variance [1/px²]."""
+    """Variance of a gradient component of the interpolated noise, over a pixel's variance [1/px²]."""
     v, spline, power = _spectra(prefilter)
     passed = spline**2 * power * (v[1] - v[0])
     return float(np.sum((2.0 * np.pi * v) ** 2 * passed) * np.sum(passed))
@@ -233,7 +233,7 @@ def gradient_noise(prefilter: float) -> float:
 
 @cache
 def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
-    """Variance of interpolated noise along an axis between two pixels, over a pixel's.
+    """Variance of interpolated noise between two pixels along an axis, over a pixel's variance.
 
     Returns: mean of the variance over both axes. Returns: coefficients of the variance, even in the distance
     u from the middle of two pixels, and of half its derivative, odd in u: ``Σ spread u^2k`` and ``Σ slope
@@ -244,7 +244,7 @@ def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
     u = np.linspace(-0.5, 0.5, 101)
     variance, half = np.zeros_like(u), np.zeros_like(u)
     mean = 0.0
-    for h in (-2, -1, 0, 1, 2):  # copies of the spectrum h apart beat with period 1/h
+    for h in (-2, -1, 0, 1, 2):  # copies of the spectrum at distance h interfere with period 1/h
         first, last = max(0, -h * per_pixel), min(len(v), len(v) - h * per_pixel)
         beat = (spline[first:last] * power[first:last]) @ spline[first + h * per_pixel : last + h * per_pixel]
         beat *= v[1] - v[0]
@@ -259,18 +259,19 @@ def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
 
 
 LEAST = 1e-8
-"""Response, over that in its middle, from which on the filter is cut off: below the rounding of fp32."""
+"""Relative response below which the filter is truncated; it is below the rounding of fp32."""
 LONGEST = 256
-"""Half the length in which a response is looked for [px]."""
+"""Half of the length over which a response is computed [px]."""
 LINE = 16
-"""Numbers of a row of coefficients come in whole cache lines."""
+"""Numbers in a cache line; rows of coefficients are padded to whole cache lines."""
 
 
 @cache
 def response(prefilter: float) -> FloatArray:
-    """Symmetric filter from grey values to coefficients, after a Gaussian of that standard deviation [px].
+    """Symmetric filter from grey values to coefficients, including a Gaussian prefilter (standard deviation
+    [px]).
 
-    Returns: its middle and one side, shape [n]; the sum of both sides and the middle is 1.
+    Returns: its central value and one side, shape [n]; the sum over both sides and the centre is 1.
     """
     impulse = np.zeros(2 * LONGEST + 1)
     impulse[LONGEST] = 1.0
@@ -283,7 +284,7 @@ def response(prefilter: float) -> FloatArray:
 
 
 def room(columns: int) -> int:
-    """Columns of a row of coefficients with its margins: rows begin on a cache line."""
+    """Length of a row of coefficients with its margins; every row begins on a cache line."""
     return columns + 2 * PAD + -(columns + 2 * PAD) % LINE
 
 
@@ -291,7 +292,7 @@ def on_host(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
     """Coefficients with mirrored margins of `PAD`, shape [rows + 2 PAD, columns + 2 PAD and more]."""
     side = response(prefilter)
     taps = np.concatenate([side[:0:-1], side]).astype(np.float32)
-    level = np.float32(grey.mean(dtype=np.float64))  # the rounding is that of the contrast, not of the light
+    level = np.float32(grey.mean(dtype=np.float64))  # rounding then scales with the contrast, not the mean
     filtered = cv2.sepFilter2D(
         np.ascontiguousarray(grey - level), cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101
     )
@@ -301,7 +302,7 @@ def on_host(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
 
 @wp.func
 def _mirrored(k: wp.int32, n: wp.int32):
-    """The pixel that stands for the k-th of n where the picture is mirrored at its edges."""
+    """Index of the pixel at place k of n, if the picture is mirrored at its edges."""
     period = 2 * (n - 1)
     inside = k % period
     if inside < 0:
@@ -349,8 +350,8 @@ def _side(prefilter: float, device: str) -> Any:
 
 
 def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: Any) -> Any:
-    """`on_host` of several pictures by two launches on a device, shape [n, rows + 2 PAD, columns + 2 PAD and
-    more].
+    """As `on_host` for several pictures, by two launches on a device, shape [n, rows + 2 PAD, columns + 2 PAD
+    and more].
     """
     levels = np.array([grey.mean(dtype=np.float64) for grey in greys], dtype=np.float32)
     side = _side(prefilter, device.alias)
@@ -369,12 +370,12 @@ def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: An
 
 
 WORKER = "WORKER_NUMBER"
-"""Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
+"""Environment variable with the number of a process that shares the machine's GPUs, counted from 0."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def select_device(name: str) -> Any:
-    """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
+    """Start Warp quietly and return a device: "cpu", "cuda:1", or for "cuda" the one of `own_gpu`.
 
     Raises ValueError if the machine has no such device; the message lists those it has.
     """
@@ -387,8 +388,8 @@ def select_device(name: str) -> Any:
 
 
 def own_gpu(count: int) -> int:
-    """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
-    `WORKER`, the first where it is not set."""
+    """Number of the GPU for this process if processes share `count` GPUs: they are assigned in turn by
+    `WORKER`; the first GPU if that is not set."""
     return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
@@ -401,10 +402,10 @@ def _start() -> None:
 
 @contextmanager
 def _without(expected: str) -> Iterator[None]:
-    """Keep one expected line of native code off stderr; anything else still gets there."""
+    """Remove one expected line of native code from stderr; all other output is kept."""
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr at all, as under some services: nothing to keep clean
+    except OSError:  # no stderr, as under some services: nothing to filter
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:
@@ -435,7 +436,7 @@ def coefficients(greys: Sequence[NDArray[np.float32]], prefilter: float, device:
 def addresses(parts: Sequence[Any]) -> Any:
     """Start of each picture's coefficients in the memory of their device, shape [n]."""
     begin = [part.ptr + k * part.strides[0] for part in parts for k in range(part.shape[0])]
-    # a CPU reads an array where it is
+    # a CPU reads the array in place
     return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device, copy=False)
 
 

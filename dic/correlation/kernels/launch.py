@@ -1,8 +1,8 @@
 """Launches of the search: threads on a CPU, warps on a GPU, with transfers through page-locked memory.
 
-The input and output of a search are numbers per point, column after column. A GPU copies page-locked memory
-during its own work and the host's. The memory is reused by the next call: to lock a page takes longer than to
-fill it. A large call is divided into parts; some are copied while others are searched.
+The input and output of a search are numbers per point, stored column by column. A GPU can copy page-locked
+memory while it and the host are working. The memory is reused by the next call, because locking a page takes
+longer than filling it. A large call is divided into parts; some are copied while others are searched.
 """
 
 import threading
@@ -22,18 +22,18 @@ from dic.correlation.kernels.search import ARRAYS, BLOCK, INPUTS, OUTPUTS, searc
 from dic.correlation.subsets import Correlation, Match, PictureStack, Templates
 
 PART = 65_536
-"""Points of a part: 25 MB to and fro, and some thirty rounds of a GPU's warps."""
+"""Points of a part: 25 MB in both directions, and about thirty rounds of a GPU's warps."""
 LANES = 3
-"""Parts under way at a time: one is filled, one is searched, one is read."""
+"""Number of parts in progress at a time: one is filled, one is searched, one is read."""
 
 Launch = Callable[["Lane", int], None]
-"""Launches the search of this many points of a lane on its stream."""
+"""Launches the search of a lane's first n points on its stream."""
 
 
 def fill(buffer: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
-    """Write rows of columns one column after the other; the count of numbers written.
+    """Write rows of columns to a buffer, column by column; returns the count of numbers written.
 
-    ``buffer``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
+    ``buffer``: the destination, shape [numbers]. ``columns``: each of shape [n] or [n, k].
     """
     begin = 0
     for column in columns:
@@ -56,25 +56,25 @@ def split(output: FloatArray, n: int) -> tuple[FloatArray, ...]:
 
 @dataclass
 class Lane:
-    """Memory of one part at a time, on the host and on a device, and the stream that its work is done on."""
+    """Memory for one part at a time, on the host and on a device, and the stream of its work."""
 
     device: Any
     """The device, one of Warp's."""
     stream: Any
     """Its stream of the lane; None on a CPU."""
     room: int = 0
-    """Points that there is room for."""
+    """Capacity [points]."""
     given_host: Any = None
     given: Any = None
     found_host: Any = None
     found: Any = None
     scratch: Any = None
-    """Of the search on the device; what launches it makes it."""
+    """Scratch memory of the search on the device; allocated by the launch."""
     rows: slice | None = field(default=None)
-    """Points that are under way; None: none."""
+    """Points in progress; None: none."""
 
     def make_room(self, points: int) -> None:
-        """Have memory for this many points, and some more."""
+        """Allocate memory for at least this many points."""
         if points <= self.room:
             return
         self.room = max(points, 2 * self.room)
@@ -88,14 +88,14 @@ class Lane:
         """Send these points and start their search."""
         n, self.rows = rows.stop - rows.start, rows
         numbers = fill(self.given_host.numpy(), columns, rows)
-        if self.stream is not None:  # pictures and masks were made on that one
+        if self.stream is not None:  # pictures and masks were made on the default stream
             self.stream.wait_stream(self.device.stream)
         wp.copy(self.given, self.given_host, count=numbers, stream=self.stream)
         launch(self, n)
         wp.copy(self.found_host, self.found, count=OUTPUTS * n, stream=self.stream)
 
     def end(self, match: Match) -> None:
-        """Wait for the points under way and write down what was found."""
+        """Wait for the points in progress and store their results."""
         if self.rows is None:
             return
         if self.stream is not None:
@@ -108,7 +108,7 @@ class Lane:
 
 
 class _LanePool(threading.local):
-    """Lanes of a thread by their device: two threads never share one."""
+    """Lanes of a thread, by device; threads never share a lane."""
 
     def __init__(self) -> None:
         self.lanes: dict[str, list[Lane]] = {}
@@ -120,7 +120,7 @@ _lane_pool = _LanePool()
 def in_parts(
     columns: Sequence[NDArray[Any]], n: int, device: Any, launch: Launch, *, most: int = PART
 ) -> Match:
-    """Search points in parts, each on a lane of its own."""
+    """Search points in parts, each on a separate lane."""
     match = Match(
         warp=np.empty((n, 12)),
         covariance=np.empty((n, 2, 2)),
@@ -145,7 +145,7 @@ def in_parts(
             if k % LANES < len(lanes):
                 lanes[k % LANES].end(match)
     finally:
-        for lane in lanes:  # after an error: what is under way belongs to no later call
+        for lane in lanes:  # after an error: discard the parts in progress
             lane.rows = None
     return match
 
@@ -154,12 +154,12 @@ FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackreali
 SHARE = 512
 """Points a CPU thread takes at a time."""
 WARPS_PER_PROCESSOR = 16
-"""Warps that search side by side on a GPU's multiprocessor, each with its own template."""
+"""Number of warps that run at once on a GPU's multiprocessor, each with one template."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Points to search, arrays checked."""
+    """Points to be searched, with checked arrays."""
 
     points: NDArray[np.float64]
     """[n, 2]"""
@@ -180,7 +180,7 @@ class Batch:
 
 @wp.struct
 class Job:
-    """Everything that a search reads and writes; places in memory as numbers, which cost little to set."""
+    """Inputs and outputs of a search; memory addresses are stored as numbers, which are fast to set."""
 
     f: wp.uint64
     f_first: int
@@ -237,7 +237,8 @@ def search_kernel(parameters: int) -> Any:
 
 @cache
 def offsets(subset: int, device: str) -> tuple[Any, int]:
-    """x, y in units of half a subset and 1 for the pixels that are some, in whole packs, on a device."""
+    """x, y in units of half a subset, and 1 for pixels of the subset (0 for padding), in whole packs, on a
+    device."""
     room = -(-subset * subset // 32) * 32
     half = (subset - 1) / 2
     y, x = np.divmod(np.arange(subset * subset), subset)
@@ -248,15 +249,15 @@ def offsets(subset: int, device: str) -> tuple[Any, int]:
 
 _masks: list[tuple[NDArray[np.uint8], Any, Any]] = []
 MOST_MASKS = 4
-"""Masks that are kept on a device: a body's is the same in every launch of its track."""
+"""Number of masks kept on a device: a body has the same mask in every launch of its track."""
 
 
 def mask_on_device(mask: NDArray[np.uint8], device: Any) -> Any:
-    """A mask on a device, sent there once as long as its pixels stay what they are, shape [n]."""
+    """A mask on a device, shape [n]; it is sent again only if its pixels have changed."""
     for values, where, on_device in _masks:
         if where == device and values.shape == mask.shape and np.array_equal(values, mask):
             return on_device
-    values = mask.copy()  # the caller's may change; a CPU reads this one where it is
+    values = mask.copy()  # the caller's mask may change; a CPU reads this copy in place
     on_device = wp.array(values.reshape(-1), dtype=wp.uint8, device=device, copy=False)
     _masks.insert(0, (values, device, on_device))
     del _masks[MOST_MASKS:]
@@ -270,7 +271,7 @@ def _between(prefilter: float) -> tuple[float, Any, Any]:
 
 
 class _Jobs(threading.local):
-    """Jobs of a thread by what does not change from call to call: two threads never share one."""
+    """Jobs of a thread, by the parts that do not change between calls; threads never share a job."""
 
     def __init__(self) -> None:
         self.known: dict[Any, Any] = {}
@@ -278,11 +279,11 @@ class _Jobs(threading.local):
 
 _jobs = _Jobs()
 MOST_JOBS = 16
-"""Jobs that a thread keeps: one for each shape of pictures and each setting in turn."""
+"""Largest number of jobs that a thread keeps: one for each picture shape and each set of settings."""
 
 
 def _job(reference: PictureStack, deformed: PictureStack, settings: Correlation) -> Any:
-    """The job of a call, with all that does not change from call to call."""
+    """The job of a call, with all values that do not change between calls."""
     strides = tuple(stack.coefficients[0].shape[2] for stack in (reference, deformed))
     key = (settings, reference.device, reference.shape, deformed.shape, strides)
     existing = _jobs.known.get(key)
@@ -310,8 +311,8 @@ def _job(reference: PictureStack, deformed: PictureStack, settings: Correlation)
 def prepare(
     reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation
 ) -> tuple[Any, Any]:
-    """Everything that a launch reads but the points, on the device of the pictures, and the mask there, which
-    the caller holds until the search has ended."""
+    """All inputs of a launch except the points, on the device of the pictures, and the mask there. The caller
+    must keep a reference to the mask until the search has ended."""
     job = _job(reference, deformed, settings)
     job.f, job.f_noise = reference.addresses.ptr, reference.noise_on_device.ptr
     job.g, job.g_noise = deformed.addresses.ptr, deformed.noise_on_device.ptr
@@ -364,7 +365,7 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
     size = slots * ARRAYS * job.room
     if lane.scratch is None or lane.scratch.size < size:
         lane.scratch = wp.empty(size, dtype=wp.float32, device=lane.device)
-        lane.stream.wait_stream(lane.device.stream)  # that it was allocated on
+        lane.stream.wait_stream(lane.device.stream)  # its memory was allocated on that one
     job.points, job.given, job.found, job.scratch = n, lane.given.ptr, lane.found.ptr, lane.scratch.ptr
     wp.launch(
         kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=lane.device, stream=lane.stream,
@@ -373,7 +374,7 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
 
 
 def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) -> None:
-    """Search all points of a job, shared out over threads."""
+    """Search all points of a job, divided between threads."""
     threads = min(threads, -(-n // SHARE))
     load_kernel(kernel, device.alias, 1)
     if threads == 1:
@@ -390,18 +391,18 @@ _loading = threading.Lock()
 
 @cache
 def load_kernel(kernel: Any, device: str, block: int) -> None:
-    """Have the kernel compiled and loaded once: cameras that are followed in two threads come here together,
-    and a module that is loaded twice is taken from under the first one's launches.
+    """Compile and load the kernel once. Two cameras tracked in two threads may get here at the same time, and
+    loading a module twice would unload it during the first thread's launches.
 
-    Not by `warp.load_module`, which asks for the context of CUDA: in a fork, whose parent may have one, it
-    has none, and Warp says so on stderr.
+    `warp.load_module` is not used, because it requests the CUDA context: a fork of a process with such a
+    context has none, and Warp reports this on stderr.
     """
     with _loading:
         kernel.module.load(wp.get_device(device), block)
 
 
 def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
-    """Search the points of a CPU thread, in the order of their number."""
+    """Search the points of a CPU thread, in increasing order."""
     scratch = np.empty(ARRAYS * job.room, dtype=np.float32)
     job.scratch = scratch.ctypes.data
     for first in firsts:
@@ -410,7 +411,7 @@ def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
 
 
 def _copy(job: Any) -> Any:
-    """A job that reads and writes where another one does."""
+    """A copy of a job that uses the same memory."""
     copy = Job()
     for name in Job.vars:
         setattr(copy, name, getattr(job, name))

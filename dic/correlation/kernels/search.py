@@ -1,18 +1,19 @@
 """The C++ of the search: lanes, shape functions, one subset, Gauss-Newton from a guess to an outcome.
 
-One source serves both kinds of device. On a CPU a `pack` is a SIMD register of pixels and one thread walks
-through a subset; on a GPU it is one number, and the 32 lanes of a warp walk through a subset side by side.
+The same source is used for both kinds of device. On a CPU a `pack` is a SIMD register of pixels and one
+thread processes a subset. On a GPU a `pack` is one number, and the 32 lanes of a GPU warp process a subset
+together.
 
-A warp's twelve numbers are those of `dic.correlation.subsets.NAMES`. It is composed as a jet: value, first
-and second derivatives at the centre of the subset. For affine warps this is exact; for quadratic ones it
-leaves out third and fourth order, as the shape function itself does.
+The twelve parameters of a subset's warp are those of `dic.correlation.subsets.NAMES`. Warps are composed by
+value, first and second derivatives at the centre of the subset. This is exact for affine warps; for quadratic
+ones it omits the third and fourth order, as the shape function does.
 """
 
 from dic.correlation.kernels.device import GRAIN, SPLINE
 from dic.outcome import PointOutcome
 
 BLOCK = 128
-"""Threads of a GPU's block: four warps, a point each."""
+"""Threads of a GPU's block: four warps, one point each."""
 
 PACKS = """
     #define INLINE inline __attribute__((always_inline))
@@ -385,12 +386,13 @@ SUBSET = """
 ARRAYS = 5
 """Arrays of a subset's pixels that a search keeps in its scratch."""
 OUTPUTS = 19
-"""Numbers that are written for a point: warp, covariance, correlation, updates, outcome. As in what is read,
-each for all points in a row: what a caller gets is then a piece of that memory, and no copy of it."""
+"""Output numbers of a point: warp, covariance, correlation, updates, outcome. Inputs and outputs are stored
+number by number for all points, so that the caller gets views of the memory without a copy."""
 INPUTS = 29
-"""Numbers that are read of a point at most: pictures and place (3), place in the picture (2), two warps."""
+"""Largest number of inputs of a point: pictures and row (3), position in the picture (2), two warps."""
 PACE = 6
-"""Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
+"""Number of updates over which the convergence rate is checked: a search that cannot end in time is
+stopped."""
 
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
@@ -641,7 +643,7 @@ _SEARCH = """
 
 
 def search_source(parameters: int) -> str:
-    """The body of the native function for a shape function of this many parameters."""
+    """Body of the native function for a shape function with this many parameters."""
     text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
