@@ -98,7 +98,7 @@ def _frame_rate(e: Evidence) -> Iterator[Finding]:
         return
     factor = power_of_1000(
         step / 1e-5
-    )  # a camera of such a test takes 100 000 a second, 30 times less or more
+    )  # a camera of such a test takes 100 000 per second, within a factor of 30
     yield e.finding(
         "frames.time",
         f"gives {count} frames at {1.0 / step:.4g} frames/s, {count * step:.4g} s in all: no camera of an"
@@ -187,7 +187,7 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
 
 
 def _speed(e: Evidence) -> float:
-    """Largest speed of the flyer over a tenth of its record [m/s]; over single frames noise would dominate."""
+    """Largest speed of the flyer over a tenth of its record [m/s]; noise would dominate single frames."""
     assert e.travel is not None  # the callers saw to both
     assert e.flyer_time is not None
     lag = max(1, e.travel.size // 10)
@@ -328,7 +328,7 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
 
 
 def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, float]:
-    """Smallest and largest compressive nominal stress at a strain, from the curve's moduli [Pa], as magnitudes.
+    """Smallest and largest compressive nominal stress at a strain, by the curve's moduli [Pa], as magnitudes.
 
     Each point of the curve gives the modulus mu of a neo-Hookean material with that stress,
     sigma = mu (lambda - lambda^-2). The smallest and the largest mu give the stresses at ``strain``.
