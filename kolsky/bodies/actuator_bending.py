@@ -66,8 +66,11 @@ class Direction:
 
     @property
     def overlapping(self) -> BoolArray:
-        """Steps at which chambers have passed through each other, shape [n]; the facing points by which gaps
-        are measured may slide along walls in contact, so a tenth of the gap at rest is allowed there."""
+        """Steps at which chambers have passed through each other, shape [n].
+
+        With contact, a tenth of the gap at rest is allowed: the facing points that measure the gap may slide
+        along the walls.
+        """
         allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
         with np.errstate(invalid="ignore"):
             return np.asarray(self.gap < -allowed)
@@ -127,7 +130,7 @@ def path_angle(path: ArcPath) -> FloatArray:
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Steps from 0 to the largest pressure or suction [Pa] that include the given pressures, and their indices."""
+    """Steps from 0 to the largest pressure or suction [Pa], and the indices of the given pressures."""
     step = float(pressures[-1]) / _FILM_STEPS
     ends = np.concatenate([[0.0], pressures[pressures != 0.0]])
     parts = [np.array([0.0])]

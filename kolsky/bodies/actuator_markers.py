@@ -34,9 +34,9 @@ COUNT = 9
 EXPLAINED = 0.999
 """Probability of the chi-square quantile above which noise does not explain a distance."""
 ITERATIONS = 12
-"""Most iterations of the fit."""
+"""Maximum number of iterations of the fit."""
 RANGE = 0.02, 50.0
-"""Factors within which the fit looks [-]; it ends at the last one inside."""
+"""Range of the factor in the fit [-]; the fit ends at the last factor inside."""
 FIT_TOLERANCE = 1e-3
 """Step of m at which the fit ends, in its standard deviations."""
 PLANE = (0, 2)
@@ -187,7 +187,7 @@ EQUAL_PRESSURES = 1e-6
 def compared_markers(
     spec: ActuatorSpec, directions: Sequence[Direction]
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
-    """Compare the markers of a SPEC with the simulation and fit the stiffness; also the hash of their file."""
+    """Compare the markers of a SPEC with the simulation, and fit the stiffness; with their file's hash."""
     section = spec.declared.markers
     if section is None:
         return [], None, {}

@@ -433,7 +433,7 @@ def smallest_gap(run: Bending) -> FloatArray:
 
 
 def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
-    """Points of the boundary faces that are not entirely in one of the sets `apart`, without clamped points."""
+    """Points of boundary faces that are not entirely in one of the sets `apart`, without clamped points."""
     everything = mesh.with_set("all", np.arange(len(mesh.points)))
     found = []
     for faces in faces_on(everything, "all"):

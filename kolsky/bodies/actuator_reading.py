@@ -253,10 +253,10 @@ class ActuatorSpec:
 
     toml: TomlFile
     declared: ActuatorFile
-    """What it declares, in SI."""
+    """Its declared values, in SI."""
     actuator: Actuator
     shape: Pneunet | None
-    """Its dimensions; None of a mesh from a file."""
+    """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
     """The healed material, if its constants are declared."""
     inputs: dict[str, str]

@@ -1,10 +1,10 @@
 """A slow test's specimen as a model: mesh, bonds, symmetry, and the forces at its ends with their slopes.
 
 A specimen is glued between rigid parts over its whole width and a length at each end, on the top and the
-bottom face (Schumacher and others 2020, Sec. VI). All points of a bond move as one along the pull and do not
-move across it: the coupling of their Eq. (6), whose unknown d is prescribed here. Without gravity nothing
-distinguishes the two ends, the two faces and the two edges, so an eighth of the specimen gives the same
-displacements and a quarter of the force.
+bottom face (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the
+pull and none across it. This is the coupling of their Eq. (6), whose unknown d is prescribed here. Without
+gravity the specimen is symmetric about three planes. An eighth of it therefore gives the same displacements
+and a quarter of the force.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ class Shape:
     density: float | None = None
     """Mass density [kg/m^3], where there is gravity."""
     symmetry: bool = True
-    """Whether to simulate an eighth where nothing is against it."""
+    """Whether to simulate an eighth if the symmetry allows it."""
     load: str = "axial"
     """"axial", or "shear" of a block: its end faces move along y."""
 

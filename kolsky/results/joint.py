@@ -185,7 +185,7 @@ def to_json(found: JointResult) -> dict[str, Any]:
 
 
 def tables(found: JointResult) -> dict[str, dict[str, Any]]:
-    """Named columns (SI) of shared parameters, shots and, for a free curve, the curve found by the impacts."""
+    """Named columns (SI) of shared parameters, shots and, for a free curve, the curve from the impacts."""
     made = {
         "joint_parameters": _parameters(found),
         "joint_shots": {**SHOT.columns(found.shots), **_own_columns(found)},
