@@ -94,7 +94,7 @@ def read_field(spec: Specification) -> MeasuredField:
 
 
 def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
-    """Check that there are enough points for their projection on the nodes and the estimate of their noise."""
+    """Check that there are enough points for the projection on the nodes and the estimate of noise."""
     if count < NEIGHBOURS:
         raise toml.error(
             "field.points",
@@ -337,7 +337,7 @@ class SimulatedSheet:
 
 
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
-    """Simulated data of a sheet with the declared constants, at the points and pad displacements of its files.
+    """Simulated data of a sheet with the declared constants, at the points and pad positions of its files.
 
     ``measured``: the sheet; of its data only the positions and the noise are used. ``seed``: seed of the
     noise of displacements and forces; None: no noise.

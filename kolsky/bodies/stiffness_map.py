@@ -25,13 +25,13 @@ from kolsky.equilibrium.sensitivity import adjoint
 from kolsky.equilibrium.solve import solve
 
 SMOOTHING = 1e-3
-"""e: differences of ln s below it are no border."""
+"""e: differences of ln s below it do not count as a border."""
 LARGEST = np.log(30.0)
-"""Largest size of ln s."""
+"""Largest magnitude of ln s."""
 WEIGHTS = (1e4, 1e3, 1e2, 10.0, 1.0)
 """tau, from the smoothest map on."""
 MOST_STEPS = 60
-"""Most steps of the search at one weight."""
+"""Maximum number of steps of the search at one weight."""
 EXPLAINED = 1.1
 """Largest chi-square over its degrees of freedom that counts as within the noise."""
 FAILED = 1e30
@@ -43,7 +43,7 @@ class StiffnessMap:
     """Factors of stiffness over a sheet."""
 
     factors: FloatArray
-    """Of the problem's constants, one a block [-], shape [blocks]."""
+    """Of the problem's constants, one per block [-], shape [blocks]."""
     regions: IntArray
     """Block of each cell, shape [m]."""
     weight: float
