@@ -134,9 +134,9 @@ class PointState:
     P: FloatArray
     """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
     forces: FloatArray
-    """Forces of each element [N], shape [m, k d], or [0, 0] if they were not asked for."""
+    """Forces of each element [N], shape [m, k d], or [0, 0] if not requested."""
     stiffness: FloatArray | None
-    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d], if a tangent was asked for."""
+    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d]; None if not requested."""
     H: FloatArray
     """Mixed: dJ/dF [-]; plane stress: A_iJ33 / A_3333 [-]; shape [m, g, d D], otherwise [0, 0, 0]."""
     J: FloatArray

@@ -169,7 +169,7 @@ class SecondDerivatives:
     displacements: FloatArray
     """d2u/dp dq [m per unit squared], shape [n_steps, n, n, n_points, d] for n constants."""
     forces: FloatArray
-    """Second derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], same shape."""
+    """Second derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], as above."""
     sensitivities: Sensitivities
     """The first derivatives."""
 

@@ -103,7 +103,7 @@ def areas(
 
 
 def _inside_face(item: Element, places: FloatArray) -> BoolArray:
-    """Whether places lie in a face, or no more than `OUTSIDE` beside it, shape [t]."""
+    """Whether positions are in a face, or at most `OUTSIDE` outside it, shape [t]."""
     if item.shape == "hypercube" or item.dimension == 1:
         low, high = item.nodes.min(), item.nodes.max()
         return np.asarray(((places >= low - OUTSIDE) & (places <= high + OUTSIDE)).all(axis=1))
