@@ -100,7 +100,7 @@ def note(words: str, kind: str = "soft") -> ui.label:
 
 
 def serve_files(root: Path) -> None:
-    """Serve the result pages in a shot's folder; pages from others cannot act for this user."""
+    """Serve the result pages in a shot's folder, sandboxed: a foreign page cannot act for the user."""
 
     def result_page(shot: str, name: str) -> Response:
         try:
@@ -148,7 +148,7 @@ def axis(name: str, **more: Any) -> dict[str, Any]:
 def chart(
     x: str, y: str, series: Sequence[dict[str, Any]], *, words: str, legend: bool = True, **more: Any
 ) -> ui.echart:
-    """A plot of lines and points. ``x``, ``y``: names of the axes. ``words``: description for screen readers."""
+    """A plot of lines and points. ``x``, ``y``: axis names. ``words``: description for screen readers."""
     plot = ui.echart(
         {
             "animation": False,

@@ -430,7 +430,7 @@ def quality_of(opened: OpenPictures) -> SpeckleQuality:
 
 
 def subset_words(quality: SpeckleQuality, place: tuple[float, float]) -> str:
-    """Contrast and expected matching error of a subset at (x, y), in words."""
+    """Number of speckles in a subset at (x, y) and the expected noise of a match, in words."""
     x, y = (round(v) for v in place)
     floor, size = quality.floor[y, x], float(np.nanmean(quality.size))
     speckles = f"about {(quality.subset / (2.0 * size)) ** 2:.0f} speckles" if size > 0.0 else "no speckles"

@@ -20,10 +20,10 @@ from kolsky.base.errors import InputError
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8420, 20
-"""First port that is tried, and how many."""
+"""First port that is tried, and number of ports."""
 
 RECONNECT = 60.0
-"""Seconds in which a page may come back before it is built anew; a busy computer answers late."""
+"""Time within which a page may reconnect before it is rebuilt [s]; a busy computer responds late."""
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -69,7 +69,7 @@ class Door:
         """Why a request is rejected; empty if it is accepted or has the secret in its address."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
-        if host not in self.hosts:  # a page whose name was pointed at this computer sends another
+        if host not in self.hosts:  # a page whose host name was redirected to this computer sends another
             return "this host is not known here"
         origin = headers.get("origin")
         if origin is not None and origin not in {f"http://{one}" for one in self.hosts}:

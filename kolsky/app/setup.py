@@ -659,7 +659,7 @@ class SetupView:
         return [line]
 
     def _dragged(self, event: events.GenericEventArguments) -> None:
-        """Take a dragged stretch of time for the baseline or the window."""
+        """Use a dragged time span as the baseline or the window."""
         areas = event.args.get("areas") if isinstance(event.args, dict) else event.args[0]
         if not areas:
             return

@@ -34,7 +34,7 @@ f64 = wp.float64
 
 @cache
 def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
-    """``(energy, slopes)`` of a form with constants from ``row[start]`` on: U(J), and the pair U'(J), U''(J)."""
+    """``(energy, slopes)`` of a form with constants from ``row[start]`` on: U(J), and U'(J), U''(J)."""
     at = int(start)
     half, one, two = f64(0.5), f64(1.0), f64(2.0)
     three, five, six = f64(3.0), f64(5.0), f64(6.0)

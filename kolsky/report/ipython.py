@@ -1,6 +1,6 @@
 """Registration of the views: with IPython by name of the type, and as methods of results.
 
-Nothing is imported before it is needed.
+Modules are imported only when they are needed.
 """
 
 import io

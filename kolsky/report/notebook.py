@@ -89,7 +89,7 @@ def _frame_of(data: object, table: str) -> Any:
 
 
 def _cells(cells: Any) -> Any:
-    """A column; an empty cell among numbers is a number that there is not."""
+    """A column; an empty cell among numbers becomes NaN."""
     if isinstance(cells, np.ndarray) or all(isinstance(cell, str) for cell in cells):
         return cells
     return [nan if isinstance(cell, str) and not cell else cell for cell in cells]
