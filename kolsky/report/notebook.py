@@ -52,7 +52,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
         the last four are the CSV files of the same names. Of any other result (waves, rates, several shots,
         a prediction, a plan, a sweep, a budget, constants, a reference curve, a displacement field) the name
         of one of its CSV files, without ".csv"; the main one if left out. Of a displacement field also
-        "points", a row a point of a frame.
+        "points", one row per point and frame.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Warp kernels of the factorisation: fronts are filled, and one system is solved with their factors.
 
-The matrix of a front is a sum of element matrices, or of what its two halves left. The sums are plain loops
-over memory, written out for a CPU in C++: through Warp's index arithmetic they take ten times as long. In a
-substitution every number of the factors is read once: the time is that of the memory.
+The matrix of a front is a sum of element matrices, or of the remainders of its two halves. The sums are plain
+loops over memory, written in C++ for a CPU; with Warp's index arithmetic they take ten times as long. A
+substitution reads every number of the factors once, so that its time is limited by the memory.
 """
 
 from functools import cache
@@ -30,7 +30,7 @@ ELEMENT = """
             for (int a = b + 1; a < free && at[a] == j; ++a) (j < p ? upper : under)[j] += column[take[a]];
     }
 """
-"""Adds the matrix of a cell, whose components stand in the order of their places."""
+"""Adds the matrix of a cell, with its components in the order of their positions."""
 
 HALF = """
     const auto* column = left.data + given;
@@ -53,7 +53,7 @@ HALF = """
         }
     }
 """
-"""Adds what a half left, run by run of neighbours in both."""
+"""Adds the remainder of a half, by runs of components that are contiguous in both."""
 
 
 @cache

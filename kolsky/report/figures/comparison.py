@@ -42,7 +42,7 @@ RIGHT = "correct model, k = 2"
 
 
 def right_model(result: Identification, channel: str) -> str:
-    """Return the sentence of a caption on what the band of a channel's residual is made of."""
+    """Return the sentence of a caption that explains the band of a channel's residual."""
     fit = next((one for one in result.fit if one.channel == channel), None)
     if fit is None:
         return "The band is k = 2 of the measured noise alone: the goodness of fit was not recorded."
@@ -347,7 +347,7 @@ def energy(result: Identification, panels: Panels) -> str:
 MESHES = 4
 """Panels of the figure of meshes."""
 LINES = 16
-"""Lines of the mesh drawn in each direction, about; more would print as a grey area."""
+"""Approximate number of mesh lines drawn in each direction; more would look like a grey area."""
 
 
 def _kept_nodes(result: Identification) -> bool:

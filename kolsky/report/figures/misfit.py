@@ -119,7 +119,7 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
         ax.annotate(label, (1.0, 1.0), xytext=(aside, 2.5), color=colour, annotation_clip=False, **above)
         _draw_runs(ax, design, curve.parameter, runs / smallest, colour)
     ax.margins(x=0.08, y=0.1)
-    # On the frame of the panel: a run that did not complete has a place but no misfit.
+    # On the frame of the panel: a run that did not complete has a position but no misfit.
     frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
     for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
         ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
@@ -270,7 +270,7 @@ def likelihood(result: Identification, panels: Panels) -> str:
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
 MOST_SAMPLES = 5.0
-"""Largest square root of the rise over the correlation that has a colour of its own."""
+"""Largest square root of the rise over the correlation with a separate colour."""
 
 
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
@@ -309,7 +309,7 @@ def ridge(result: Identification, panels: Panels) -> str:
 
 BINS = 30
 DOTS = 800
-"""Most samples drawn as dots of a pair."""
+"""Maximum number of samples drawn as dots of a pair."""
 
 
 def _corner_panels(result: Identification) -> list[list[str]]:

@@ -34,9 +34,9 @@ TEX_SYMBOLS = {"Phi_F": r"\Phi_F", "Phi_S": r"\Phi_S", "Phi": r"\Phi"}
 UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
 """Misfits in captions, in formulas, and their units."""
 MOST_PAIRS = 3
-"""Most pairs of parameters on a page; three parameters have as many."""
+"""Maximum number of parameter pairs on a page; three parameters have three pairs."""
 LEAST_SPAN = 1e-3
-"""Range of a misfit's logarithm below which a map has one colour: 0.2 %, below what a surrogate resolves."""
+"""Below this range of a misfit's logarithm a map has one colour: 0.2 %, less than a surrogate resolves."""
 COLUMN_HEIGHT = 56.0
 
 
@@ -145,7 +145,7 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
 
 
 MOST_LINES = 5
-"""Most simulated forces in one panel."""
+"""Maximum number of simulated forces in one panel."""
 
 
 @figure(
@@ -257,7 +257,7 @@ def _history(
 
 
 MOST_SOURCES = 24
-"""Most sources in the figure."""
+"""Maximum number of sources in the figure."""
 SOURCE_HEIGHT = 5.2
 """Height of a source [mm]."""
 
