@@ -224,7 +224,7 @@ class FieldsView:
             slider.value = value
 
     async def _space(self) -> None:
-        """Draw the surface in space if something changed; one picture at a time, the last one wanted."""
+        """Draw the surface in space if something changed; one picture at a time, the latest request."""
         name = self.field or self.followed
         wanted = (self.points, name, self.k, self.view, self.chosen)
         if self.busy or not self.can_render or wanted == self.drawn:

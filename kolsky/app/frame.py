@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-    """What a long function returns; the page goes on meanwhile."""
+    """Run a long function in a thread and return its result; the page stays responsive."""
     return cast(T, await run.io_bound(act, *given, **named))
 
 

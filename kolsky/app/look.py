@@ -400,7 +400,7 @@ class LookView:
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
-        """Simulate with the sliders' values and show it; of two that overlap, the values set last count."""
+        """Simulate with the sliders' values and show the result; of overlapping calls, the last counts."""
         assert self.what_if is not None
         values = self._values()
         try:

@@ -230,7 +230,7 @@ class PicturesView:
             self.problems = ui.label().props("role=status").mark("problems")
 
     async def _find(self) -> None:
-        """Draw the regions that the file leaves to the pictures; nothing is saved."""
+        """Detect the undeclared regions in the pictures and draw them; nothing is saved."""
         assert self.opened.shot is not None  # else there is no button
         self.problems.text = "The pictures are searched for the regions ..."
         try:
@@ -403,7 +403,7 @@ class PicturesView:
         self.text.value = "\n".join(f"{x:g}, {y:g}" for x, y in self._mine())
 
     async def _look_at_subset(self) -> None:
-        """Say what a subset at the chosen place can measure."""
+        """Show the expected noise of a subset at the chosen position."""
         if self.quality is None:
             try:
                 self.quality = await frame.in_thread(quality_of, self.opened)

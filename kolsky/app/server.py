@@ -103,7 +103,7 @@ class Gate:
         self.app, self.door = app, door
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a request, exchange the secret for a cookie, or hand the request on."""
+        """Reject a request, exchange the secret for a cookie, or pass the request on."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -150,7 +150,7 @@ async def _refuse(scope: Scope, send: Send, reason: str) -> None:
 
 
 async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
-    """Set the cookie, and go on without the secret in the address, where a history would keep it."""
+    """Set the cookie and redirect to an address without the secret, which browser history would store."""
     words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
     place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
     cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"

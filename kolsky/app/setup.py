@@ -478,7 +478,7 @@ class SetupView:
         self._change(lambda: self.draft.write(text), rebuild=True)
 
     async def check(self) -> None:
-        """Read the shot with its files, and say what is wrong or what was read."""
+        """Read the shot with its files, and show the errors or a summary."""
         self.status.text = "The files are read ..."
         try:
             loaded = await frame.in_thread(check_shot, self.folder)
@@ -578,7 +578,7 @@ class SetupView:
         show()
 
     async def _compare_pictures(self, plot: ui.echart) -> None:
-        """Read the pictures, then plot how they change."""
+        """Read the pictures, then plot their change over time."""
         self.changes = await frame.in_thread(signals.changes, self.series)
         self._fill("frames", plot)
         if "force" in self.plots:

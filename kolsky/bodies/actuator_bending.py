@@ -50,7 +50,7 @@ class Direction:
     name: str
     """Name of the direction in SPEC."""
     pristine: Bending
-    """Equilibria under rising pressures."""
+    """Equilibria under increasing pressures."""
     healed: Bending | None
     """Equilibria of the healed material."""
     asked: FloatArray

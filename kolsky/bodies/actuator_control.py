@@ -268,7 +268,7 @@ class Plant:
     """A simulated actuator with its pressure supply and camera."""
 
     pressure: FloatArray
-    """Pressures [Pa], rising, shape [n]."""
+    """Pressures [Pa], increasing, shape [n]."""
     angle: FloatArray
     """Angle of the full model with the plant's stiffness there [rad], shape [n]."""
     lag: float

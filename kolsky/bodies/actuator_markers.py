@@ -206,7 +206,7 @@ def compared_markers(
 def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]], str]:
     """Markers [m] of shape [n, 2] by direction of gravity and pressure [Pa], and the hash of their file."""
     section = spec.declared.markers
-    assert section is not None  # asked for only then
+    assert section is not None  # called only if declared
     path = spec.toml.path.parent / section.file
     if "line" not in spec.actuator.mesh.sets:
         raise spec.toml.error(

@@ -484,8 +484,8 @@ def _solid(
 
 
 def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
-    assert section.mesh is not None  # asked for only then
-    assert section.mesh_unit is not None  # the schema saw to it
+    assert section.mesh is not None  # called only if declared
+    assert section.mesh_unit is not None  # checked by the schema
     raw = read_body(toml.path.parent / section.mesh)
     inputs[section.mesh] = raw.sha256
     mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)

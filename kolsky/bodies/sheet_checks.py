@@ -16,8 +16,8 @@ constants are fitted to the field only, with the covariance C. With the force f 
     k = (f . f_msr) / (f_msr . f_msr),
     sigma_k^2 = f_msr . (F C F^T + k^2 sigma_f^2) f_msr / |f_msr|^4                                   (P.2)
 
-is the factor missing in the measured force. A common factor k_0 is reported in two cases together: |k - k_0|
-is at most twice sigma_k plus the share that counts as explained, and a fit with the force times k_0 explains
+is the factor missing in the measured force. A common factor k_0 is reported under two conditions: |k - k_0|
+is at most twice sigma_k with the share that counts as explained, and a fit with the force times k_0 explains
 both.
 """
 

@@ -183,7 +183,7 @@ def shape_of(
             axis="xyz".index(section.axis),
             frictionless=section.frictionless,
         )
-    assert section.size is not None  # the schema saw to it
+    assert section.size is not None  # checked by the schema
     assert section.elements is not None
     length, width, thickness = section.size
     nx, ny, nz = section.elements
@@ -283,9 +283,9 @@ class SpecimenModel:
     def linearised(
         self, constants: Constants, free: FloatArray, displacement: FloatArray
     ) -> Linearised | str:
-        """Forces and slopes at the displacements, or why there are none.
+        """Forces and slopes at the displacements, or the reason of a failure.
 
-        ``constants``: the law and what of it is free. ``free``: values of the free constants, SI, shape [p].
+        ``constants``: the law and its free constants. ``free``: values of the free constants, SI, shape [p].
         ``displacement``: [m], shape [n, ends]; in any order.
         """
         try:

@@ -62,7 +62,7 @@ class Specification:
         if name in self.samples:
             return self.samples[name].displacement
         section = self.declared.tests[name]
-        assert section.stroke is not None  # the schema saw to it
+        assert section.stroke is not None  # checked by the schema
         one = section.stroke * np.arange(1, section.samples + 1) / section.samples
         return np.repeat(one[:, None], section.ends, axis=1)
 
@@ -111,7 +111,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
 
 def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]) -> Mesh:
     """The mesh of a test with its two ends as sets; a side's name means that side of the bounding box."""
-    assert section.mesh is not None  # the schema saw to all of them
+    assert section.mesh is not None  # checked by the schema
     assert section.mesh_unit is not None
     raw = read_body(toml.path.parent / section.mesh)
     inputs[section.mesh] = raw.sha256

@@ -190,7 +190,7 @@ class Model:
     thickness: float = 1.0
     """Thickness of a plane model [m]; an axisymmetric model is the full revolution."""
     volumetric: Literal["displacement", "mixed"] = "displacement"
-    """ "mixed": the volume ratio and the pressure are fields of their own, discontinuous between elements and
+    """ "mixed": the volume ratio and the pressure are separate fields, discontinuous between elements and
     eliminated in each (Simo, Taylor and Pister 1985), for nearly incompressible materials."""
     regions: IntArray | None = None
     """Region of each cell from 0, shape [m]; every region has separate constants. None: one region."""

@@ -171,7 +171,7 @@ def _whole_lines_unquoted(lines: list[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Delimiter:
-    """What separates the fields of a line."""
+    """A separator of the fields of a line."""
 
     name: str
     """Its name in a layout."""

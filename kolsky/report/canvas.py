@@ -71,7 +71,7 @@ def free_legends(figure: Figure) -> bool:
 
 
 def _move(legend: Legend, ax: Axes) -> bool:
-    """Move a legend to the first free position; False if there is none."""
+    """Move a legend to the first free position; False, and not moved, if there is none."""
     before = legend._loc_real  # type: ignore[attr-defined]  # Matplotlib has no public way to read it
     for place in PLACES:
         legend.set_loc(place)

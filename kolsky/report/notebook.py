@@ -264,7 +264,7 @@ def plot(data: object, figure: str = "") -> Figure:
 
 
 def _drawn(data: Any) -> Any:
-    """What the figures of a result show: itself, or its view."""
+    """The object that the figures of a result show: the result or its view."""
     from kolsky.report import picture_views
 
     match type(data).__name__:

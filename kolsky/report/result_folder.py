@@ -464,7 +464,7 @@ def write_prediction_results(
     film: str = "",
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of a prediction with the scan that was made before, and a film if it is asked for.
+    """Write the results of a prediction with its scan, and a film if requested.
 
     ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
     ``film``: format of a film, "mp4" or "gif"; empty for none.
@@ -515,7 +515,7 @@ def write_specimen_results(
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
     ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
     """
-    from kolsky.bodies import specimen_output  # brings scipy.stats
+    from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:
@@ -542,7 +542,7 @@ def write_sheet_results(
     stills: bool = False,
 ) -> None:
     """Write the results of a sheet, as `write_specimen_results` those of force curves."""
-    from kolsky.bodies import specimen_output  # brings scipy.stats
+    from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:
@@ -581,7 +581,7 @@ def write_solution_vtu(
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
     fields."""
-    from kolsky.report.paraview import write_grid  # brings image correlation
+    from kolsky.report.paraview import write_grid  # imports image correlation
 
     mesh, last = solution.model.mesh, solution.reached - 1
     named = {

@@ -123,9 +123,9 @@ CAUSE = Record(
 
 
 FORMAT = Format("kolsky identification", version=4, readable=(1, 2, 3, 4))
-"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
-version 2 no goodness of fit, no lags of clocks and no causes of a misfit; version 3 not the ranges in which
-parameters were searched."""
+"""Version 1 lacks other choices, numbers of image correlation and parts of the numerical uncertainty.
+Versions 1 and 2 lack goodness of fit, lags of clocks and causes of a misfit. Versions 1 to 3 lack the search
+ranges of parameters."""
 
 ESTIMATE = Record(
     Estimate,

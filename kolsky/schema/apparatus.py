@@ -24,7 +24,7 @@ class ContactKey:
     """A number of [interface] that some contact laws need."""
 
     read_by: str
-    """Field of `explicit.contact.ContactLaw` that says whether a law reads it."""
+    """Field of `explicit.contact.ContactLaw` that is true if a law needs it."""
     example: str
     """An example value as written in the shot file."""
     unit: str = ""

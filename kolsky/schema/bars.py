@@ -61,7 +61,7 @@ class WaveBarSection(Section):
             return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:
             return self.youngs_modulus
-        assert self.wave_speed is not None  # the validator saw to it
+        assert self.wave_speed is not None  # checked by the validator
         return self.density * self.wave_speed**2
 
 

@@ -177,7 +177,7 @@ def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> Curve
     """[law] if it is declared and is the baseline, else [curve]; `one_baseline` has checked both."""
     if law is not None and law.baseline:
         return law
-    assert curve is not None  # the schema saw to it
+    assert curve is not None  # checked by the schema
     return curve
 
 

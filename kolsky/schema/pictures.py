@@ -127,7 +127,7 @@ class RegionSection(Section):
         if self.x is not None and self.y is not None:
             (x0, x1), (y0, y1) = self.x, self.y
             return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
-        assert self.polygon is not None  # the validator saw to it
+        assert self.polygon is not None  # checked by the validator
         return self.polygon
 
 

@@ -66,7 +66,7 @@ def with_outline(name: str, sign: float = 1.0) -> Callable[[Shot, float], Shot]:
 
     def applied(shot: Shot, found: float) -> Shot:
         line = shot.centre_line
-        assert line is not None  # it is not tried without one
+        assert line is not None  # this cause needs an outline
         return replace(shot, centre_line=replace(line, **{name: getattr(line, name) + sign * found}))
 
     return applied
@@ -91,14 +91,14 @@ def with_pictures(shot: Shot, factor: float) -> Shot:
 
 def with_mirrored(shot: Shot, offset: float) -> Shot:
     line = shot.centre_line
-    assert line is not None  # it is not tried without one
+    assert line is not None  # this cause needs an outline
     return replace(shot, centre_line=replace(line, y=shot.specimen.length + offset - line.y))
 
 
 def with_leak(shot: Shot, rate: float) -> Shot:
     """Correct for a charge leak of the transducer; ``rate`` is added to a declared leak rate."""
     force = shot.force
-    assert isinstance(force, ForceChannel)  # it is not tried on another
+    assert isinstance(force, ForceChannel)  # this cause needs a force channel
     constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
     return replace(shot, force=replace(force, transducer=replace(force.transducer, time_constant=constant)))
 

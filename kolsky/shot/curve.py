@@ -73,7 +73,7 @@ def shot_fields(file: TomlFile, declared: CommonTables) -> dict[str, Any]:
 def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
     """The shot with the curve to which its stiffness factor refers.
 
-    Raises ValueError if the conditioned curve is asked for and the shot has none.
+    Raises ValueError if the conditioned curve is requested and the shot has none.
     """
     if pull == "first":
         return shot

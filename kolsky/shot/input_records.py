@@ -163,7 +163,7 @@ class Cause:
     changed: Callable[[float], Change]
     """The change at a coordinate."""
     needs: Needs = "nothing"
-    """What a shot must have for this cause to be tested."""
+    """Data that a shot must have for this cause to be tested."""
     scan: tuple[float, ...] = ()
     """Coordinates far from the declared value that are tried before the search."""
     finer: float = 0.0
@@ -231,9 +231,9 @@ class Input:
     relative: bool = False
     """Whether its step and its uncertainty are relative to its value."""
     shared: str = ""
-    """What makes shots share it: "rig", "curve" or "group"; empty if each shot has a separate value."""
+    """Shots with this in common share the input: "rig", "curve" or "group"; empty if it is not shared."""
     needs: Needs = "nothing"
-    """What a shot must have for its uncertainty to contribute to that of the result."""
+    """Data that a shot must have for the input's uncertainty to contribute to that of the result."""
     step: float = 0.0
     """Step for its finite difference, in its unit or relative; 0 if it is not varied. For a parameter it is a
     share of its scale, for a force a share of the largest force."""

@@ -223,11 +223,11 @@ def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
     from kolsky.shot.surface import measured_surface
 
     declared, folder = toml.declared, toml.path.parent
-    assert declared.surface is not None  # the caller saw to it
+    assert declared.surface is not None  # checked by the caller
     centre_line, flyer, inputs = measured_surface(toml, declared.surface, frames)
     source = folder / declared.surface.pattern
     if flyer is None:
-        assert declared.flyer is not None  # the schema saw to it
+        assert declared.flyer is not None  # checked by the schema
         flyer, inputs[declared.flyer.file] = flyer_motion(
             folder, frames, declared.flyer, toml, check=_moves(toml, rest)
         )
@@ -331,7 +331,7 @@ def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     gate(Evidence(file=toml, declared=toml.declared))
     calibration = toml.declared.calibration
     if calibration is not None and calibration.target is not None:
-        from kolsky.pictures.calibration import target_of  # brings image correlation: for pictures only
+        from kolsky.pictures.calibration import target_of  # imports image correlation: for pictures only
 
         target_of(calibration.target, toml)
     frames = read_frames(toml)
@@ -444,7 +444,7 @@ def load_bar_driven(source: Source) -> Shot:
     shot without a centre line, identified from the force only. Raises InputError if a file is missing or
     damaged, a declaration is impossible, or the signals are not those of such a test.
     """
-    from kolsky.bars.reduction.analyse import analyse  # brings scipy.stats
+    from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)

@@ -188,7 +188,7 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
 
 def _speed(e: Evidence) -> float:
     """Largest speed of the flyer over a tenth of its record [m/s]; noise would dominate single frames."""
-    assert e.travel is not None  # the callers saw to both
+    assert e.travel is not None  # checked by the caller
     assert e.flyer_time is not None
     lag = max(1, e.travel.size // 10)
     moved = np.abs(e.travel[lag:] - e.travel[:-lag]) / (e.flyer_time[lag:] - e.flyer_time[:-lag])
@@ -267,7 +267,7 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         if table == "centre_line"
         else "check surface.origin and surface.unit"
     )
-    assert e.outline is not None  # the caller saw to it
+    assert e.outline is not None  # checked by the caller
     heights = e.outline.Z
     swapped = (
         abs(float(np.median(y)) - radius) <= RADIUS_TOLERANCE * radius

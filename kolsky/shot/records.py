@@ -65,7 +65,7 @@ class ModelSettings:
     damping: float
     """Stiffness-proportional damping beta, Eq. (M.2) [s]."""
     damping_kind: str
-    """What beta acts on: "deviatoric" or "full"."""
+    """Part of the stiffness that beta acts on: "deviatoric" or "full"."""
     mass_damping: float
     """Mass-proportional damping alpha [1/s]."""
 
@@ -142,7 +142,7 @@ class ShotBase(ResultViews):
     support: str
     """Support behind the specimen: "rigid", "bar" or "mesh"."""
     transmission_bar: Bar | None
-    """The bar if support is "bar"; for "mesh", a bar of its length with the material of its longest part."""
+    """The bar if support is "bar"; for "mesh", a bar like the longest part, with the length of all parts."""
     transducer_depth: float = 0.0
     """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
@@ -180,7 +180,7 @@ class Shot(ShotBase):
     """One test, ready to be identified."""
 
     flyer: FlyerMotion | FrontVelocity
-    """What moves the front face: the flyer's displacement at the frames, zero as in its file, or the
+    """Motion of the front face: the flyer's displacement at the frames, with the zero of its file, or the
     velocity of the incident bar's face."""
     centre_line: CentreLine | None
     """The specimen's outline at the frames; None if it was not measured."""

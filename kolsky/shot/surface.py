@@ -90,7 +90,7 @@ def surface_history(
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
         outcome[export.state == state] = int(meaning)
-    from dic.surfaces.surface_history import SurfaceHistory  # brings image correlation
+    from dic.surfaces.surface_history import SurfaceHistory  # imports image correlation
 
     return SurfaceHistory(
         t=time,
@@ -133,7 +133,7 @@ def measured_surface(
     Raises InputError if an export cannot be read, has a frame that the frames' file lacks, or does not fit
     the declared axes.
     """
-    from dic.surfaces.surface_history import centre_line  # brings image correlation
+    from dic.surfaces.surface_history import centre_line  # imports image correlation
 
     folder, specimen = toml.path.parent, toml.declared.specimen
     export, time = _export(folder, section.pattern, section, frames, toml)
@@ -247,9 +247,8 @@ def check_outline(
 
     ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: the file it came from.
     ``rest``: time of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the
-    shot file. ``line_of``: line of the file on which a row stands, where the file is a table. Raises
-    InputError for the first point that cannot be one of this specimen's outline, or if no point is in the
-    window.
+    shot file. ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first
+    point that cannot be on this specimen's outline, or if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length

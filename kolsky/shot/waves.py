@@ -92,7 +92,7 @@ class FlyerTest:
         specimen = varied_specimen(shot.specimen, values)
         strain, rate, second = path_strain(self.events.path, time, length=specimen.length)
         acceleration = path_acceleration(self.events.path, time)
-        assert isinstance(shot.force, ForceChannel)  # `analyse_flyer` saw to it
+        assert isinstance(shot.force, ForceChannel)  # checked by `analyse_flyer`
         back = _at(_channel_force("transmitted force", shot.force, given, values).signal, time)
         front = back
         if given.incident is not None:
@@ -425,7 +425,7 @@ def waves(
     try:
         if "gauges" in file.content or is_bar_driven(file):
             return analyse(load_waves(file), progress=progress)
-        from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
+        from kolsky.shot.optical_data import measured  # imports image correlation: for pictures only
 
         loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(_load_flyer_test(loaded.file or file, loaded), progress=progress)

@@ -60,13 +60,13 @@ HALF = """
 def assemble_kernel(kind: Any) -> Any:
     """The kernel for a precision; one thread adds to the front whose number it is given.
 
-    F11, F21, F12 and F22 of a front are 0 before and stand column by column. `shapes` has p, q and the
-    front's first and last cell and half; `starts` where F11 (p, p), F21 (q, p) and F12 (p, q) start in
-    `kept`, and F22 (q, q) in `left`. The components of a cell come in the order of their places, `inside`
-    says how many are eliminated here and how many are unknowns at all; `elements` are transposed. Of a half
-    `halves` has where its matrix starts in `left`, its size, its first run and their number; of a run `runs`
-    has where it starts there, where here, and its length. With `lower` 1 only entries on and below the
-    diagonal are summed, and there is no F12.
+    F11, F21, F12 and F22 of a front are initially 0 and stored column by column. `shapes` has p, q and the
+    front's first and last cell and half. `starts` has the starts of F11 (p, p), F21 (q, p) and F12 (p, q) in
+    `kept`, and of F22 (q, q) in `left`. The components of a cell are in the order of their positions.
+    `inside` has the number of components that are eliminated here, and the number that are unknowns.
+    `elements` are transposed. `halves` has, for each half, the start of its matrix in `left`, its size, its
+    first run and the number of runs. `runs` has, for each run, its start there, its start here, and its
+    length. With `lower` 1 only entries on and below the diagonal are summed, and there is no F12.
     """
 
     @wp.func_native(ELEMENT)

@@ -400,7 +400,7 @@ Eliminate = Callable[[Blocks], tuple[FloatArray, ...]]
 def _factorised(
     assembly: Assembly, elements: FloatArray, eliminate: Eliminate, *, lower: bool
 ) -> tuple[list[tuple[FloatArray, ...]], Assembled]:
-    """Factors of every front, and where they stand; `lower`: only lower triangles are filled in."""
+    """Factors of every front, and their storage; `lower`: only lower triangles are filled."""
     assembled = assembly.start(elements, lower=lower)
     return [eliminate(assembled.front(number)) for number in range(len(assembly.shapes))], assembled
 

@@ -321,7 +321,7 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
 
 @figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
 def sheet_map(view: SheetView, panels: Panels) -> str:
-    assert view.stiffness is not None  # `applies` has looked
+    assert view.stiffness is not None  # checked by `applies`
     factors = view.stiffness.factors[view.stiffness.regions]
     _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
     words = "explains" if view.stiffness.explained else "does not explain"

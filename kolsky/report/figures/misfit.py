@@ -276,7 +276,7 @@ MOST_SAMPLES = 5.0
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
 def ridge(result: Identification, panels: Panels) -> str:
     ax, ridge = panels["plane"], result.ridge
-    assert ridge is not None  # `applies`
+    assert ridge is not None  # checked by `applies`
     symbols = [name_of(name).symbol for name in ridge.names]
     caption = (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "

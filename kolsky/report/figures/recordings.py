@@ -330,7 +330,7 @@ def checked_curve(shot: Shot | PicturedShot, panels: Panels) -> str:
 
 def force_over_area(shot: Shot) -> tuple[FloatArray, FloatArray]:
     """Return the flyer's travel over the length [-] and force over area [Pa] at the frames of the window."""
-    assert isinstance(shot.flyer, FlyerMotion)  # the callers saw to it
+    assert isinstance(shot.flyer, FlyerMotion)  # checked by the caller
     time = shot.flyer.time
     inside = (time >= shot.window[0]) & (time <= shot.window[1])
     zero = float(np.median(shot.flyer.displacement[time <= shot.window[0]]))

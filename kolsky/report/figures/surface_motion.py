@@ -91,7 +91,7 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
 )
 def flyer(view: SurfaceView, panels: Panels) -> str:
     result, travel = view.result, view.result.axial_displacement
-    assert travel is not None  # `applies`
+    assert travel is not None  # checked by `applies`
     time = MS * travel.t
     end = MS * result.t[result.static].max(initial=result.t[0])
     for ax in panels.values():
@@ -128,7 +128,7 @@ COVERAGE = 2.0
 )
 def flight(view: SurfaceView, panels: Panels) -> str:
     result = view.flight
-    assert isinstance(result, FlightOfSpecimen)  # `applies`
+    assert isinstance(result, FlightOfSpecimen)  # checked by `applies`
     t, path = result.time, result.flight.toward
     ms = MS * t
     ax = panels["motion"]

@@ -312,7 +312,7 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 
 
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
-    """The numbers as JSON that may stand inside a page.
+    """The numbers as JSON for embedding in a page.
 
     ``result``: the identification, in SI. ``recordings``: recordings of the shot; their pictures are shown if
     there are any.

@@ -149,7 +149,7 @@ def render_page(
 
 
 def script(name: str) -> Markup:
-    """A script of this folder, to stand inside a page."""
+    """A script of this folder, for embedding in a page."""
     return Markup((_HERE / name).read_text(encoding="utf-8"))
 
 

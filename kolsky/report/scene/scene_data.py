@@ -82,20 +82,20 @@ def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
 
 def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Minus the mean Cauchy stress [MPa]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     return np.asarray(-1e-6 * solid.stiffness_factor * solid.volume.pressure(np.linalg.det(F)))
 
 
 def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Stored energy per undeformed volume [MJ/m^3]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     J, b_bar = _isochoric(F)
     return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
 
 
 def mises_stress(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Equivalent stress of von Mises, sqrt(3/2 s : s) of the elastic Cauchy stress [MPa]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     J, b_bar = _isochoric(F)
     rr, yy, ry, tt = np.moveaxis(solid.law.stress(b_bar), -1, 0)
     return np.asarray(
@@ -204,7 +204,7 @@ def scene_of(
 
     ``result``: its response must hold the nodes, its provenance the specimen's size; else SceneDataMissing is
     raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are stresses or energies.
-    ``surface``: measured points of the whole surface, beside the outline. ``chosen``: gives the indices of
+    ``surface``: measured points of the whole surface, with the outline. ``chosen``: gives the indices of
     the pictures among this many times; default all. The colour scale is that of all. Raises ValueError if the
     field is unknown or lacks the solid.
     """
