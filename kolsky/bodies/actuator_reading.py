@@ -25,7 +25,7 @@ from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayout
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
 Gauge = Annotated[float, BeforeValidator(f.physical("Pa", what="a pressure over that outside"))]
-"""Gauge pressure; negative for suction."""
+"""Gauge pressure [Pa]; below 0 it is suction."""
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 Count = Annotated[int, Field(ge=1, le=200)]

@@ -56,7 +56,7 @@ class CommonTables(Section):
 
     @property
     def baseline(self) -> CurveSection | LawSection:
-        """The reference of m: [curve], or [law] if it is declared as the baseline."""
+        """The reference of m: [curve], or [law] if it is declared and is the baseline."""
         return chosen_baseline(self.curve, self.law)
 
 
