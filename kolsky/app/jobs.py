@@ -118,7 +118,7 @@ def start(folder: Path, command: str, options: list[str]) -> Job:
             stdout=file,
             stderr=subprocess.STDOUT,
             env={**os.environ, "KOLSKY_PROGRESS_EVERY": PROGRESS_EVERY},
-            start_new_session=os.name == "posix",  # the end of the server is not its end
+            start_new_session=os.name == "posix",  # it continues after the server ends
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
     _CHILDREN[log] = child
@@ -184,7 +184,7 @@ def read_job(log: Path) -> Job:
         file.seek(max(file.tell(), size - _LONGEST))
         tail = file.read().decode("utf-8", "replace").split("\n")
     found, child = _HEAD.match(head), _CHILDREN.get(log)
-    if found is None and child is not None:  # it has not begun to write, or ended before
+    if found is None and child is not None:  # it has not begun to write, or ended before that
         code = _code_of(child)
         return Job(log, log.stem, child.pid, "just now", "\n".join(tail).strip(), (), code, code is None)
     if found is None:

@@ -176,7 +176,7 @@ def free_port(number: int | None) -> int:
     for port in tried:
         with socket.socket() as probe:
             try:
-                if os.name != "nt":  # a server that was killed leaves its port waiting for a minute
+                if os.name != "nt":  # the port of a killed server is blocked for a minute
                     probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind((HOST, port))
             except OSError:

@@ -108,7 +108,7 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
             return ListedShot(name, f"{SUMMARY}.csv cannot be read", {}, done)
         return ListedShot(name, state, dict(zip(head, values, strict=False)), done)
     if (done := _written(f"{place}/results/{RESULT_FILE}")) == done:
-        return ListedShot(name, "finished", {}, done)  # before there was a summary: `kolsky report` shows it
+        return ListedShot(name, "finished", {}, done)  # results without a summary: `kolsky report` writes one
     try:
         with open(f"{place}/{file}", encoding="utf-8", errors="replace") as text:
             state = "not filled in" if _BLANK.search(text.read()) else "ready to run"

@@ -324,7 +324,7 @@ class Search:
             self.high = self.pressure
         step = self.pressure - (angle - self.wanted) / slope if slope > 0.0 else np.nan
         inside = self.low < step < self.high
-        beyond = step >= self.high == self.most  # nothing was seen above it yet: look there
+        beyond = step >= self.high == self.most  # no computed angle above it yet: search there
         self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
 
 

@@ -219,7 +219,7 @@ class Bending:
         names = tuple(h for h in self.solution.model.histories if h != WEIGHT)
         found = direct(self.solution, histories=names)
         tip, origin = (found.mean_displacement(where) for where in ("tip", "origin"))
-        by = (tip - origin)[:, -len(names) :]  # the constants stand before the histories
+        by = (tip - origin)[:, -len(names) :]  # the constants come before the histories
         return np.einsum("nd,npd->np", bend_slope(self.chord), by)
 
 

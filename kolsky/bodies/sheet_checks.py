@@ -205,13 +205,13 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
             lacking = lacking_factor(data.force[-1:], alone.cost.state.force, spread, data.sigma_force)
             near = [factor for factor in near if lacking.near(factor)]
         except (ValueError, np.linalg.LinAlgError):
-            pass  # the field alone does not determine the constants: every factor is tried
+            pass  # the field does not determine the constants: try every factor
     for factor in near:
         if _explains(problem, replace(data, force=factor * data.force)):
             return _words("force", "field.pad.force", FORCE_FACTORS[factor], factor)
     lack = _field_factor(found)
     for factor, cause in FIELD_FACTORS.items():
-        # the constants of a fit that failed are not those of the sheet: only the order of size is compared
+        # the constants of a failed fit are not those of the sheet: compare only orders of magnitude
         if factor * lack > 0.0 and abs(np.log10(lack / factor)) < 1.0:
             sigma = abs(factor) * data.sigma_displacement
             moved = replace(data, displacements=factor * data.displacements, sigma_displacement=sigma)

@@ -635,7 +635,7 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
         (relative[seen] > 0.0).all()
         and np.linalg.eigvalsh((final / np.outer(relative, relative))[np.ix_(seen, seen)])[0] > 0.0
     ):
-        final, converged = here.gauss_newton, False  # no minimum: its slopes alone are known
+        final, converged = here.gauss_newton, False  # not a minimum: only its slopes are known
     own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
     mixed = -own.loaded(here.state.by_constants)
@@ -697,7 +697,7 @@ def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = 
         try:
             ended = _search(problem.last, start, tolerance=ROUGH_TOLERANCE, progress=progress)
         except ValueError:
-            continue  # no equilibrium at that start: nothing is said of it
+            continue  # no equilibrium at that start: it is left out
         runs += ended.runs
         ends.append((start, ended.free, ended.cost.value))
     lowest = min(ends, key=lambda one: one[2], default=None)

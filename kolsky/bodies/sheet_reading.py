@@ -56,7 +56,7 @@ class MeasuredField:
 def read_field(spec: Specification) -> MeasuredField:
     """Read the mesh, the points and the pad of a sheet."""
     section, toml = spec.declared.field, spec.toml
-    assert section is not None  # whoever calls this has looked
+    assert section is not None  # checked by the caller
     folder = toml.path.parent
     raw = read_gmsh(folder / section.mesh)
     sheet, constants = _sheet(toml, section, spec.constants, raw)

@@ -192,7 +192,7 @@ class _Stepper:
         """The equilibrium without load."""
         start = self.equations.evaluate(np.zeros(self.equations.model.n_dofs), self.at(0.0))
         if not start.external.any():
-            return start  # nothing loads it: it is at rest
+            return start  # no load: it is at rest
         return Iteration(self.equations, Newton(tolerance=self.tolerance)).equilibrium(start)
 
     def slope(self, state: State) -> FloatArray | None:

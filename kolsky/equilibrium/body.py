@@ -206,7 +206,7 @@ class Body:
         weighted = np.moveaxis(by_parameter * volumes[..., None, None], 3, 2)
         m, _g, _columns, k = T.shape
         count, d = weighted.shape[2], self.model.dimension
-        # the constants stand beside the components: one product of matrices for all
+        # constants and components in one array: a single matrix product for all
         found = element_forces(T, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 

@@ -48,7 +48,7 @@ def element_masses(model: Model, density: float | tuple[float, ...]) -> FloatArr
     """Consistent mass of each element [kg], shape [m, k d, k d]; `density` as for `Gravity`."""
     if not np.all(np.asarray(density) > 0.0):
         raise ValueError(f"density must be > 0 kg/m3, got {density}")
-    # products of shape functions are of twice their degree
+    # products of shape functions have twice their degree
     gauss = (model.mesh.element.gauss if model.gauss is None else model.gauss) + 1
     g = geometry(model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=gauss)
     each = np.broadcast_to(density, model.n_regions)[model.cell_regions]

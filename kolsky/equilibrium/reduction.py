@@ -131,7 +131,7 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
                 w[:] = 0.0
                 w[active] = found
                 break
-            # the way to the unconstrained optimum is left where the first weight becomes zero
+            # the path to the unconstrained optimum ends where the first weight becomes zero
             old = w[active]
             falling = found <= 0.0
             share = float((old[falling] / (old[falling] - found[falling])).min())
@@ -143,7 +143,7 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
         before = residual
         residual = b - G @ w
         if np.linalg.norm(residual) >= (1.0 - 1e-12) * np.linalg.norm(before):
-            barred[best] = True  # it does not help: not again
+            barred[best] = True  # no improvement: do not try it again
     cells = np.flatnonzero(w > 0.0)
     left = float(np.linalg.norm(residual)) / size
     return Sample(cells, w[cells], left, left <= tolerance)

@@ -157,11 +157,11 @@ class Iteration:
             self.iterations += 1
             direction = self.kept.direction(state.residual)
             if np.linalg.norm(direction) <= ROUNDING * np.linalg.norm(state.u):
-                return state  # what is left of the residual is rounding
+                return state  # the remaining residual is round-off
             following, length = self._line_search(state, direction)
             before, after = float(np.linalg.norm(state.residual)), float(np.linalg.norm(following.residual))
             if self.kept.uses > 0 and not after < before:
-                self.kept = None  # an old tangent leads nowhere: once more from here with a new one
+                self.kept = None  # an old tangent fails: repeat from here with a new one
                 continue
             self.kept.learn(length * direction, following.residual - state.residual)
             tolerance = self.options.tolerance * (1.0 if self.kept.uses == 1 else BEYOND)
@@ -178,7 +178,7 @@ class Iteration:
         if not self.equations.smooth:
             serves = ratio <= SERVED
         elif self.kept.uses == 1 and self.equations.worth > 1:
-            serves = ratio < 1.0  # the second iteration knows of the first
+            serves = ratio < 1.0  # the second iteration has the update of the first
         else:
             excess = self.equations.excess(state, BEYOND * self.options.tolerance)
             serves = excess * ratio**self.equations.worth <= 1.0

@@ -292,7 +292,7 @@ class SurfaceContact:
             hessian = metric - np.einsum(
                 "tkab,tk->tab", item.curvatures(at), (nodes @ away[..., None])[..., 0]
             )
-            # far from a bent face the Hessian may be indefinite: then the metric alone leads nearer
+            # far from a curved face the Hessian may be indefinite: then use only the metric
             wrong = np.linalg.det(hessian) <= 1e-3 * np.linalg.det(metric)
             hessian[wrong] = metric[wrong]
             step = np.linalg.solve(hessian, np.einsum("tad,td->ta", tangents, away)[..., None])[..., 0]

@@ -320,7 +320,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
         decade = np.floor(np.log10(np.abs(values)))  # -inf for 0
     rows = np.linspace(0, values.size - 1, SAMPLED).astype(int)
     found = np.unique(decade)
-    # A decade near 0 has few rows, which an even choice may miss.
+    # A decade near 0 has few rows, which evenly spaced samples may miss.
     rows = np.unique(np.concatenate([rows, *(np.flatnonzero(decade == d)[:20] for d in found)]))
     digits = _printed_digits([field_of(int(row)) for row in rows])
     coarsest = {d: float(digits[decade[rows] == d].max()) for d in found}
@@ -362,7 +362,7 @@ def column_clock(
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
-    # Some programs cut digits off where others round: a whole digit instead of half of one.
+    # Some programs truncate instead of rounding: the error is a whole digit instead of half a digit.
     for share in (0.5, 1.0):
         slack = share * digit * 1.001 + 1e-12 * np.abs(time) + tolerance * index
         low, high = (
@@ -458,13 +458,13 @@ def _uniform(
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
-    # Most steps alike, or digits much finer than a step: then the median is the step, whatever a gap does to
-    # the mean. A column of few digits has steps of 0 and 1 digit, and only the mean tells anything.
+    # Most steps alike, or digits much finer than a step: then the median is the step, even if a gap changes
+    # the mean. A column of few digits has steps of 0 and 1 digit, so that only the mean is useful.
     alike = float(np.mean(np.abs(steps - median) <= 0.01 * median)) > 0.5 and median > 0.0
     fine = alike or bool(printed.max() < LARGEST_JITTER * median)
     step, of_step = (median, float(np.median(printed))) if fine else (shown, doubt)
     excess = np.abs(steps - step)
-    # A step is off by a digit at most, half a digit for each of its times; so is the one it is held against.
+    # The error of a step is at most one digit, half a digit for each time; also that of the reference step.
     beyond = excess - 1.001 * (printed + of_step) - 1e-9 * step - 4e-16 * np.abs(time).max()
     row = int(np.argmax(beyond))
     if beyond[row] > 0.0 and float(excess.max()) <= LARGEST_VARIATION * step:

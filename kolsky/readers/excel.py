@@ -149,7 +149,7 @@ def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]
 
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
-    except Exception as error:  # openpyxl lets its parsers' errors through
+    except Exception as error:  # openpyxl passes on the errors of its parsers
         raise damaged(path, error) from None
     try:
         sheets = {sheet.title: sheet for sheet in book.worksheets}

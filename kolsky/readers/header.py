@@ -74,7 +74,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
     for name, unit in _unit_places(heading) if tail is None else ():
         if si_unit(unit) is not None:
             return name, unit
-        if "/" in unit and dimension_of(unit, DIMENSIONS):  # "Rate/1/s" is in 1/s and no time
+        if "/" in unit and dimension_of(unit, DIMENSIONS):  # "Rate/1/s" is in 1/s and is not a time
             return heading.strip(), None
     if tail is not None and (known := si_unit(tail.group(2))) is not None:
         name, unit = tail.groups()

@@ -449,7 +449,7 @@ class SignalTable:
             interval, tolerance, source = layout.interval, 0.0, "stated"
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
-            number = None  # the header says everything, and nobody says what the column counts
+            number = None  # the header has all data, and the unit of the column is unknown
         if number is None:
             if interval is None:
                 raise sheet.error(

@@ -225,7 +225,7 @@ class Table:
                 )
 
     def _index(self, column: Column) -> int:
-        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a stroke
+        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a slash
         found = [i for i, name in enumerate(self.header) if name in names_of_array]
         if len(found) == 1:
             return found[0]
@@ -307,7 +307,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         sheet.check_fields()
     except InputError:
         if layout is PLAIN and len(names) == 1:
-            find_table(path, lines, Layout())  # says which other dialect the lines almost have
+            find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
         raise
     division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
     if source in (excel, excel_97):

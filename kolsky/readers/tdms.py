@@ -57,7 +57,7 @@ def read(path: Path, layout: Layout) -> Contents:
                 for channel in group.channels()
             ]
             waveforms = _waveforms(stream)
-    except Exception as error:  # npTDMS lets whatever damaged bytes lead to through
+    except Exception as error:  # npTDMS raises any exception for damaged bytes
         raise _damaged(path, error) from None
     if incomplete:
         raise InputError(path, "ends inside a segment", cure="the file is cut off; copy it again")

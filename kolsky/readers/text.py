@@ -291,7 +291,7 @@ class Dialect:
             cells = csv.reader([line], delimiter=self.delimiter, skipinitialspace=True)
             try:
                 return [part.strip() for part in next(cells, [])]
-            except csv.Error:  # a field of more than 131 072 characters: no number, whatever it is
+            except csv.Error:  # a field of more than 131 072 characters is not a number
                 pass
         return [part.strip() for part in line.split(self.delimiter)]
 
@@ -434,7 +434,7 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     if not numeric:
         return None
     empty = tuple(i for i, count in enumerate(filled) if count == 0)
-    mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
+    mostly = len(numeric) + len(empty) > fields / 2  # empty fields are not evidence
     return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
 
 

@@ -50,7 +50,7 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
             continue
         size = _size(stated, kind)
         if size is None and not dimension_of(stated) and si_unit(stated) is None:
-            continue  # no unit at all, a remark
+            continue  # not a unit but a remark
         if size is None:
             yield e.finding(
                 f"{key}.unit",
@@ -86,7 +86,7 @@ def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
         return None
     try:
         return next((one.unit for one in list_channels(path) if one.name == heading), None)
-    except InputError:  # the file's own reader says what is wrong with it
+    except InputError:  # the reader of the file reports the error
         return None
 
 
@@ -187,7 +187,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
     low, high = BAR_SPEEDS
     if low <= speed <= high:
         return
-    factor = power_of_1000(speed / 5000.0)  # of metals; the square of it belongs to a modulus
+    factor = power_of_1000(speed / 5000.0)  # of metals; the modulus has the square of this factor
     if si:
         factor = power_of_1000((speed / 5000.0) ** 2)
     scaled = speed * (math.sqrt(factor) if si else factor)

@@ -123,14 +123,14 @@ INPUTS: dict[str, Input] = {
             shared="rig",
             needs="force channel",
             step=RELATIVE,
-            # A larger sensitivity is a smaller force.
+            # A larger sensitivity gives a smaller force.
             seen=lambda model, u: model.change(transmitted=u * model.transmitted()),
             applied=with_gain,
             cause=Cause(
                 key=SENSITIVITY,
                 words="a force gain",
                 check="check force.sensitivity",
-                # The force that was evaluated, times the gain, is the simulated one.
+                # The evaluated force times the gain is the simulated force.
                 changed=lambda u: Change(force_factor=u),
                 scan=_RATIOS,
                 step=1e-3,
@@ -152,7 +152,7 @@ INPUTS: dict[str, Input] = {
             place="[force] baseline",
             unit="N",
             step=RELATIVE,
-            # What is taken for zero is subtracted.
+            # The assumed zero is subtracted.
             seen=lambda model, u: model.change(transmitted=u),
             applied=with_zero,
             cause=Cause(
@@ -220,7 +220,7 @@ INPUTS: dict[str, Input] = {
             place="[flyer] time",
             unit="s",
             step=CLOCK,
-            # All that is simulated comes later.
+            # All simulated data are delayed.
             seen=lambda model, u: model.change(
                 force=-u * model.force_rate(), outline=-u * model.outline_rate()
             ),
@@ -260,7 +260,7 @@ INPUTS: dict[str, Input] = {
             words="Poisson’s ratio",
             place="[model] poisson",
             shared="group",
-            step=0.01,  # its scale is its distance from 1/2, which sets the frequency of what rings
+            step=0.01,  # its scale is its distance from 1/2, which sets the frequency of oscillations
             parameter="poisson",
             cause=Cause(
                 key=POISSON,

@@ -99,7 +99,7 @@ def surfaces(
             result = read_stereo_result(path)
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except InputError:
-            pass  # damaged since it was written: made anew
+            pass  # damaged after it was written: computed again
     with single_threaded_libraries(), infrequent_gc():
         result = correlate(pictures, device, progress, cameras=cameras)
         with filling(folder) as partial:

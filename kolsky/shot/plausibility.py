@@ -168,9 +168,9 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
     length = e.declared.specimen.length
     speed, far = _speed(e), float(np.abs(e.travel).max())
     low, high = IMPACT_SPEEDS
-    if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the last
+    if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the latter
         return
-    # A unit's power of 1000 that leads into the middle of the range, by the time or by the displacement.
+    # The power of 1000 of a unit (time or displacement) that gives a value in the middle of the range.
     factor = power_of_1000(speed / 5.0)
     by_time = unit_cure(e.file, "frames.time", "s", 1.0 / factor)
     where = "flyer.displacement" if written_value(e.file, "flyer") is not None else "surface.unit"
@@ -202,7 +202,7 @@ def _travel(e: Evidence) -> Iterator[Finding]:
     length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
     if (
         far < length or written_value(e.file, "flyer") is None
-    ):  # what pictures or surfaces show has other causes
+    ):  # errors of pictures or surfaces have other causes
         return
     # A test compresses its specimen by at least a twentieth; for a column of frame numbers no factor fits.
     factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
@@ -244,7 +244,7 @@ def _outline_size(e: Evidence) -> Iterator[Finding]:
         return
     elif not 0.7 <= top / length <= 1.1:  # the outline may end below the flyer's face
         if factor in (2.0, 0.5):
-            return  # an outline of half the height is one that was cut
+            return  # an outline of half the height was cut
         yield e.finding(
             "specimen.length",
             f"contradicts {table} ({source}): the outline at rest reaches y = {1e3 * top:.4g} mm above the"

@@ -499,7 +499,7 @@ def repeats(
         If there are fewer than two shots, or they have no strains in common.
     """
     paths = [Path(shot) for shot in shots]
-    given = [load_waves(path) for path in paths]  # bad input is refused before any work
+    given = [load_waves(path) for path in paths]  # reject invalid input before any computation
     found: dict[str, Reduction] = {}
     for number, (path, one) in enumerate(zip(paths, given, strict=True)):
         progress("repeats", number, len(paths))

@@ -313,7 +313,7 @@ def energy(result: Identification, panels: Panels) -> str:
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
-    # nothing relaxes in most tests, and a part that is nowhere needs no place in the legend
+    # most tests have no relaxation; a part that is zero is left out of the legend
     parts = [name for name in PARTS if name != "viscous" or (np.abs(ledger.viscous[0]) > 0.0).any()]
     shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in parts]
     labels = [

@@ -215,7 +215,7 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     x, y = points.T
     if len(points) < 4 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return
-    # Triangles and curvature are those of the unit box, or the wider parameter would decide alone.
+    # Triangles and curvature are those of the unit box; else the wider parameter would dominate.
     low, span = box[:, 0], box[:, 1] - box[:, 0]
     unit = Triangulation((x - low[0]) / span[0], (y - low[1]) / span[1])
     fine, smooth = UniformTriRefiner(unit).refine_field(

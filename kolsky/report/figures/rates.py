@@ -58,7 +58,7 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
     slowest = min([low, *rates])
     wide.set_xlim(slowest / 3.0, high * 3.0)
     near.set_xlim(low / 1.3, high * 1.3)
-    if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
+    if not rates:  # from quasi-static to impact there are decades, so powers of ten are used
         _plain_rates(wide)
     _plain_rates(near)
     near.margins(y=0.25)

@@ -191,7 +191,7 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
     for (part, through), changes in group.common.items():
         moved = np.abs(changes[changes != 0.0])
         low, high = plain(float(moved.min()), 2), plain(float(moved.max()), 2)
-        # A file is known by its hash; eight digits tell it from others on a page.
+        # A file is identified by its hash; eight digits are unique on a page.
         short = through[:8] if re.fullmatch("[0-9a-f]{64}", through) else through
         rows.append(
             {

@@ -176,7 +176,7 @@ def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], No
 
     def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
         with replacing(Path(path)) as partial:
-            # Names of files can contain bytes that are no text; they are written as escapes.
+            # File names can contain bytes that are not text; they are written as escapes.
             partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
 
     return write_page

@@ -218,7 +218,7 @@ def scene_of(
     mesh, whole = _simulated_frames(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    # Picture by picture: the gradients of all of them would outgrow the caches.
+    # One picture at a time: the gradients of all pictures would not fit in the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
