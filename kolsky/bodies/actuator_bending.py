@@ -236,7 +236,8 @@ def warnings_of(directions: list[Direction]) -> list[str]:
 def relative_bend(one: Direction) -> FloatArray:
     """Relative change of the bend by healing: healed over pristine, both from rest, minus 1.
 
-    At the declared pressures [-], shape [n_pressures]."""
+    At the declared pressures [-], shape [n_pressures].
+    """
     assert one.healed is not None
     before, after = (run.angle - run.angle[0] for run in (one.pristine, one.healed))
     with np.errstate(divide="ignore", invalid="ignore"):

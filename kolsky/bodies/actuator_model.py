@@ -1,5 +1,4 @@
-"""A bending actuator of chambers (Pneunet): mesh, material, weight, touching walls, equilibria along a
-pressure path.
+"""A bending actuator of chambers (Pneunet): mesh, material, weight, wall contact, equilibria under pressure.
 
 The bending angle is the rotation towards the base of the chord from the base's clamped end to its free end,
 
@@ -104,7 +103,8 @@ class Actuator:
     def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
         """Constants of each region with all moduli multiplied by a factor, shape [n_regions, n_parameters].
 
-        `body`: a material in place of `solid`."""
+        `body`: a material in place of `solid`.
+        """
         solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
         return np.array([one.scaled(factor).parameters() for one in solids])
 
@@ -446,7 +446,8 @@ def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
 def forces_outside(run: Bending) -> dict[str, FloatArray]:
     """Force of the whole actuator on each fixed set besides the clamp, and on each plane [N], shape [n, 3].
 
-    Keys are the names of their point sets."""
+    Keys are the names of their point sets.
+    """
     solution, found = run.solution, {}
     half = "mirror" in solution.model.mesh.sets
     planes = iter(solution.contact_forces)

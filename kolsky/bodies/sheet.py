@@ -110,7 +110,8 @@ def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int6
     """Nearest neighbours of each point, shape [n, k], and its deviation from their prediction.
 
     The deviation is divided by the noise of the prediction, which is larger at an edge where the prediction
-    extrapolates. Shape [n, fields]."""
+    extrapolates. Shape [n, fields].
+    """
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     weights = _weights(points[near] - points[:, None], distance)

@@ -50,7 +50,8 @@ class ArcPath:
     def limits(self) -> FloatArray:
         """Loads at limit points, in their order, shape [...].
 
-        At a limit point the load has an extremum; it is that of the parabola through three equilibria."""
+        At a limit point the load has an extremum; it is that of the parabola through three equilibria.
+        """
         found = []
         for k in range(1, len(self.load) - 1):
             if (self.load[k] - self.load[k - 1]) * (self.load[k + 1] - self.load[k]) < 0.0:

@@ -1,5 +1,4 @@
-"""The body of a model: internal forces, stiffness, their derivatives by the constants, and the mixed
-formulation.
+"""The body of a model: internal forces, stiffness, derivatives by the constants, mixed formulation.
 
 Mixed: volume ratio and pressure are fields that are eliminated in each element. The monomials phi_m of degree
 n in the element's coordinates are 1, or 1 and the coordinates. The functional

@@ -263,7 +263,10 @@ ELEMENTS: dict[str, Element] = {
 
 
 def element(name: str) -> Element:
-    """Return an element by name. For an unknown name, raises ValueError that lists the elements."""
+    """Return an element by name.
+
+    Raises ValueError for an unknown name; the message lists the elements.
+    """
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

@@ -113,7 +113,8 @@ def dog_bone(
 ) -> Mesh:
     """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m].
 
-    The waist is in the middle; towards the ends the width increases by a cosine."""
+    The waist is in the middle; towards the ends the width increases by a cosine.
+    """
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
     if not 0.0 <= straight < size[0]:

@@ -267,7 +267,8 @@ class Points:
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the kernels' row at fixed deformation, shape [m, g, 9, n_row].
 
-        They are computed by reverse-mode differentiation of the law's function."""
+        They are computed by reverse-mode differentiation of the law's function.
+        """
         (m, g), n_row = self.shape, rows.shape[1]
         deformations, stresses = stress_kernel(self.functions[1], self.model.kinematics)
         F = wp.zeros((m, g), dtype=wp.mat33d, device=self.device)

@@ -454,7 +454,8 @@ def _uniform(
 ) -> bool:
     """Whether the steps are uniform within the printed digits.
 
-    Raises an error for gaps, and for rounding that hides the interval."""
+    Raises an error for gaps, and for rounding that hides the interval.
+    """
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))

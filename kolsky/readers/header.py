@@ -231,7 +231,8 @@ class HeaderClock:
 def bare_key(text: str) -> str:
     """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval".
 
-    A text longer than `LONGEST_PAIR` is not a key and gives an empty string."""
+    A text longer than `LONGEST_PAIR` is not a key and gives an empty string.
+    """
     if len(text) > LONGEST_PAIR:
         return ""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))

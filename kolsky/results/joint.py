@@ -230,7 +230,8 @@ def _own_columns(found: JointResult) -> dict[str, list[float]]:
 def _fit_columns(found: JointResult) -> dict[str, list[Any]]:
     """One row per channel of a shot and per slow test.
 
-    Each gives the residual relative to that expected of a correct model, and its limit."""
+    Each gives the residual relative to that expected of a correct model, and its limit.
+    """
     rows = [(shot.name, fit.channel, fit) for shot in found.shots for fit in shot.fit]
     rows += [("slow test", fit.channel, fit) for fit in found.slow_fit]
     return {

@@ -259,7 +259,8 @@ def summary(found: Identification) -> dict[str, str]:
     """Return a short summary as names and values.
 
     It has the main source of the first parameter's uncertainty, the likely causes of a misfit, and the next
-    step for the user."""
+    step for the user.
+    """
     first = next(iter(found.estimates))
     largest = list(variance_shares(found, first).items())[:MOST_PARTS]
     rows = {}

@@ -208,7 +208,8 @@ class GaugeSection(Section):
 class GaugesSection(Section):
     """[gauges]: one station on each bar.
 
-    A second station on the incident bar, farther from the specimen, separates overlapping pulses."""
+    A second station on the incident bar, farther from the specimen, separates overlapping pulses.
+    """
 
     incident: GaugeSection
     incident_far: GaugeSection | None = None
