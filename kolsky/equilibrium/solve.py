@@ -99,7 +99,7 @@ class Iteration:
         self.single = options.single and equations.model.volumetric == "displacement"
         """Whether factors are in single precision, until they fail to guide the iteration."""
         self.kept: QuasiNewtonTangent | None = None
-        """The last factorised tangent, possibly from an earlier equilibrium; None if there is none or it is slow."""
+        """The last factorised tangent, possibly from an earlier equilibrium; None if there is none."""
         self._poor = 0
 
     def factorised(self, state: State) -> FloatArray:
