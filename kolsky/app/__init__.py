@@ -1,1 +1,1 @@
-"""`kolsky open`: pages in the browser on this computer to set up, run, look at and compare shots."""
+"""`kolsky open`: browser pages on this computer to set up, run, view and compare shots."""

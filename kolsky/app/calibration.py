@@ -1,4 +1,4 @@
-"""The calibration in a page: every pair of pictures of the target, detected points and residuals."""
+"""The calibration page: every pair of pictures of the target, with detected points and residuals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kolsky.pictures.regions import png_of
 from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
 
 ARROW = 0.02
-"""Length of an arrow of the rms residual over the width of a picture."""
+"""Length of the arrow of an rms residual, relative to the width of a picture [-]."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class OpenCalibration:
 
 
 def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> OpenCalibration:
-    """Calibrate as `kolsky calibrate` does; `progress` gets the pictures done.
+    """Calibrate as `kolsky calibrate` does; `progress` is called with the number of pictures done.
 
     Raises InputError as `calibration_of`.
     """
@@ -42,10 +42,10 @@ def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> OpenCalibration
 
 
 class CalibrationView:
-    """Pairs of pictures with what was detected, the table of pairs, the numbers of the calibration."""
+    """Pairs of pictures with detected points, the table of pairs, and the numbers of the calibration."""
 
     def __init__(self, folder: Path) -> None:
-        """Build the view; the target is looked for when a person asks."""
+        """Build the view; the target is detected when the user requests it."""
         self.folder = folder
         self.progress: dict[str, tuple[int, int]] = {}
         self.place = ui.column().classes("w-full gap-2")
@@ -150,7 +150,7 @@ class CalibrationView:
 
 
 def arrow_scale(found: Calibration, columns: int) -> float:
-    """How many times the arrows of residuals are enlarged: the rms residual is `ARROW` of a picture."""
+    """Magnification of the residual arrows: the rms residual is `ARROW` of a picture's width."""
     return float(ARROW * columns / max(found.rms, 1e-9))
 
 
@@ -173,7 +173,7 @@ def view_svg(view: PairView, scale: float, width: float) -> str:
 
 
 def pair_words(pair: Pair) -> str:
-    """What became of a pair."""
+    """Outcome of a pair, in words."""
     parts = [
         f"camera {i}: "
         + ("not recognised" if view is None else f"{len(view.ids)} points, {view.rms:.3f} px rms")

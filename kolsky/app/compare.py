@@ -92,7 +92,7 @@ def _forces(results: dict[str, Identification]) -> None:
 
 
 def _outlines(results: dict[str, Identification]) -> None:
-    """The largest measured radius over time: one curve a shot."""
+    """The largest measured radius over time: one curve per shot."""
     series = []
     for (name, one), colour in zip(results.items(), SHADES * len(results), strict=False):
         line = one.comparison.centre_line

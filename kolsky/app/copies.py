@@ -1,4 +1,4 @@
-"""A copy of a shot with one input as a diagnosis prefers it, to be identified and compared."""
+"""A copy of a shot with one input changed to its diagnosed value, to be identified and compared."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ _UNITS = {
     "specimen.density": "kg/m^3",
     "force.sensitivity": "V/N",
 }
-"""SI unit of a declared quantity that a cause is a factor of."""
+"""SI unit of a declared quantity that a cause multiplies."""
 _OFFSETS = {
     "force.clock_offset": ("s", -1.0),
     "centre_line.y_offset": ("m", 1.0),
     "centre_line.Z_offset": ("m", 1.0),
 }
-"""SI unit of an offset, and the sign with which what was found enters: a lag is taken off a clock."""
+"""SI unit of an offset, and the sign of the correction: a lag is subtracted from a clock."""
 _VALUES: dict[str, Callable[[float], str]] = {
     "model.poisson": lambda value: f"{value:.6g}",
     "model.damping": lambda value: f'"{1e6 * value:.6g} us"',
 }
-"""Values that take the place of the declared one."""
+"""Text of values that replace the declared value."""
 
 
 def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None:
-    """The declared value as the data prefer it, as TOML; None for an input that is no single value.
+    """The value estimated from the data in place of the declared one, as TOML; None if it is not one value.
 
-    ``content``: what the shot file declares.
+    ``content``: the content of the shot file.
     """
     table, _, key = cause.key.partition(".")
     declared = content.get(table, {}).get(key)
@@ -57,21 +57,21 @@ def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None
 
 
 def copy_of(folder: Path, cause: CauseFinding) -> Path:
-    """Where the copy of a shot with one changed input is."""
+    """Path of the copy of a shot with one changed input."""
     return folder.with_name(f"{folder.name}, {cause.key} changed")
 
 
 def original_of(copy: Path) -> Path | None:
-    """The shot that a copy was made of; None if it is no copy, or that shot is gone."""
+    """The original of a copied shot; None if it is not a copy, or the original does not exist."""
     m = re.fullmatch(r"(?P<name>.+), [\w.]+ changed", copy.name)
     original = copy.with_name(m["name"]) if m else None
     return original if original is not None and (original / SHOT_FILE).is_file() else None
 
 
 def copy_with(folder: Path, cause: CauseFinding) -> Path:
-    """A copy of a shot's folder beside it, with one input changed; results are not copied.
+    """Copy a shot's folder to the same parent folder, with one input changed; results are not copied.
 
-    Raises InputError if the input is no single value of the shot file, or the copy is there already.
+    Raises InputError if the input is not a single value of the shot file, or if the copy exists already.
     """
     draft = Draft(folder / SHOT_FILE)
     value = changed_value(cause, draft.content())

@@ -1,7 +1,7 @@
-"""The text of a shot file while a page edits it: fields, single changes that keep remarks, undo, conflicts.
+"""The text of a shot file edited by a page: fields, single changes that keep comments, undo, conflicts.
 
-The file on the disk is the state. A change is written at once, as a whole file in place of the old one. It is
-refused if the file is no longer the one that was read: another tab, an editor or a script has changed it.
+The file on disk is the state. A change is written immediately, as a complete new file. It is rejected if
+another tab, an editor or a script has changed the file since it was read.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from kolsky.survey.tables import quoted
 _REMARK = re.compile(r"\s*#\s?(?P<words>.*)")
 _OFF = re.compile(r"#\s*(?P<key>\w+) = ")
 MOST_UNDONE = 200
-"""Most changes that can be taken back."""
+"""Maximum number of changes that can be undone."""
 
 
 class Conflict(InputError):
-    """The file on the disk is another one than the one that was read."""
+    """The file on disk differs from the file that was read."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class FieldEntry:
     """One key of a shot file, for a form."""
 
     table: str
-    """Dotted name of its table; empty above the first."""
+    """Dotted name of its table; empty above the first table."""
     key: str
     """Its name in the table."""
     value: str
-    """Its value as TOML writes it."""
+    """Its value as TOML text."""
     remark: str
-    """What stands behind it and above it as remarks."""
+    """Comments after it and above it."""
 
     @property
     def dotted(self) -> str:
@@ -60,20 +60,20 @@ class FieldEntry:
 
     @property
     def display(self) -> str:
-        """Its value as a person types it: a text without quotes."""
+        """Its value as typed by the user: a text without quotes."""
         value = self.parsed
         return value if isinstance(value, str) else self.value.strip()
 
     @property
     def blank(self) -> bool:
-        """True if it, or a part of it, is not filled in."""
+        """True if it, or a part of it, is blank."""
         return bool(list(blanks({"value": self.parsed})))
 
 
 def fields_of(text: str) -> list[FieldEntry]:
-    """The keys of a shot file in their order, each with its remarks.
+    """The keys of a shot file in their order, each with its comments.
 
-    Raises tomllib.TOMLDecodeError if the text is no TOML.
+    Raises tomllib.TOMLDecodeError if the text is not TOML.
     """
     tomllib.loads(text)
     found, end = [], 0
@@ -95,7 +95,7 @@ def fields_of(text: str) -> list[FieldEntry]:
 
 
 def optional_keys(text: str, table: str) -> list[str]:
-    """Keys of a table that stand in the file as remarks and can be switched on."""
+    """Keys of a table that are commented out in the file and can be enabled."""
     inside, found = False, []
     for line in text.splitlines():
         bare = line.lstrip("# ")
@@ -107,7 +107,7 @@ def optional_keys(text: str, table: str) -> list[str]:
 
 
 def choices(dotted: str) -> tuple[str, ...]:
-    """The texts that a key may have; empty if it takes others than listed ones."""
+    """The allowed texts of a key; empty if other texts are allowed too."""
     if dotted in ("interface.faces", "interface.side"):  # a registry: laws may be added
         return tuple(CONTACT_LAWS)
     kind: Any = FullShotFile
@@ -140,7 +140,7 @@ class Draft:
     path: Path
     """The file."""
     text: str = ""
-    """Its text as it was read or written last."""
+    """Its text when it was last read or written."""
     undone: list[str] = field(default_factory=list)
     """Earlier texts, the last change at the end."""
 
@@ -152,17 +152,17 @@ class Draft:
         return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
 
     def reload(self) -> None:
-        """Take the file as it is now; earlier changes can no longer be taken back.
+        """Read the file again; earlier changes can then not be undone.
 
         Raises InputError if it cannot be read.
         """
         self.text, self.undone = self._on_disk(), []
 
     def write(self, text: str) -> None:
-        """Write another text, in place of the one that was read.
+        """Write a new text in place of the one that was read.
 
-        Raises Conflict if the file was changed meanwhile; it is left as it is then. Raises InputError if the
-        text is no TOML or cannot be written.
+        Raises Conflict, and leaves the file unchanged, if it was changed in the meantime. Raises InputError
+        if the text is not TOML or cannot be written.
         """
         before = self.text
         self._replace(text)
@@ -191,7 +191,7 @@ class Draft:
         self.text = text
 
     def undo(self) -> bool:
-        """Take the last change back; False if there is none.
+        """Undo the last change; False if there is none.
 
         Raises Conflict as `write`.
         """
@@ -202,9 +202,9 @@ class Draft:
         return True
 
     def set_values(self, values: Mapping[str, str]) -> None:
-        """Write values of keys as one change: dotted key -> value as TOML writes it.
+        """Write values of keys as one change: dotted key -> value as TOML text.
 
-        Raises InputError as `write`, or if a key cannot be edited alone.
+        Raises InputError as `write`, or if a key cannot be edited separately.
         """
         text = self.text
         for dotted, value in values.items():
@@ -213,14 +213,14 @@ class Draft:
             self.write(text)
 
     def enter(self, dotted: str, typed: str) -> None:
-        """Write what a person typed for a key: a quantity or word gets its quotes, a number has none.
+        """Write the user's input for a key: quantities and words get quotes, numbers do not.
 
         Raises InputError as `set_values`.
         """
         self.set_values({dotted: self.as_toml(dotted, typed)})
 
     def as_toml(self, dotted: str, typed: str) -> str:
-        """What a person typed, as the schema wants it."""
+        """The user's input as TOML text for the schema."""
         typed = typed.strip()
         if not typed:
             return BLANK
@@ -240,14 +240,14 @@ class Draft:
         return ways[-1]
 
     def content(self) -> dict[str, Any]:
-        """What the text declares; nothing while it is no TOML."""
+        """The content of the text; empty while it is not TOML."""
         try:
             return tomllib.loads(self.text)
         except tomllib.TOMLDecodeError:
             return {}
 
     def problems(self) -> list[InputError]:
-        """What keeps the file from being used, by the schema alone; data files are not opened."""
+        """Problems of the file by the schema; data files are not opened."""
         return schema_problems(self.path, tomllib.loads(self.text))
 
 
@@ -264,9 +264,9 @@ def schema_problems(path: Path, content: dict[str, Any]) -> list[InputError]:
 
 
 def with_one(path: Path, text: str, dotted: str, value: str) -> str:
-    """A text with one value replaced or added; a line that is a remark is taken out of it.
+    """A text with one value replaced or added; a commented-out line of the key is replaced.
 
-    Raises InputError if the key cannot be edited alone.
+    Raises InputError if the key cannot be edited separately.
     """
     table, _, key = dotted.rpartition(".")
     present = {(s.table, s.key) for s in statements(text)}
@@ -285,12 +285,12 @@ def with_one(path: Path, text: str, dotted: str, value: str) -> str:
 
 
 def column_toml(column: str, unit: str) -> str:
-    """A column as a shot file declares it."""
+    """The declaration of a column in a shot file."""
     return f"{{ column = {quoted(column)}, unit = {quoted(unit)} }}"
 
 
 def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
-    """The pictures of a camera as a shot file declares them; numbers without quotes, blanks as such."""
+    """The declaration of a camera's pictures in a shot file; numbers without quotes, blanks stay blank."""
     places = []
     for text in offset:
         try:
@@ -301,7 +301,7 @@ def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
 
 
 def by_key(problems: Iterable[InputError]) -> dict[str, str]:
-    """Problems as texts by the key that they belong to; those of no key by ""."""
+    """Problems as texts, by key; those without a key are under ""."""
     words_by_key: dict[str, list[str]] = {}
     for one in problems:
         words = one.message if one.allowed is None else f"{one.message}; it must be {one.allowed}"

@@ -1,4 +1,4 @@
-"""Measured fields over the pictures and in space, and a chosen point followed through time."""
+"""Measured fields over the pictures and in space, and a selected point over time."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from kolsky.shot.measured_points import OUTCOME, MeasuredPoints
 
 NO_FIELD = ""
 OPACITY = 0.8
-"""Of a map: the speckles stay visible."""
+"""Opacity of a map [-]; the speckles remain visible."""
 TURN = 0.4
-"""Turn of the surface in space for each pixel of a drag [°/px]."""
+"""Rotation of the surface in space for each pixel of a drag [°/px]."""
 STEEPEST = 89.0
-"""Largest elevation of the eye [°]: above it, up is not defined."""
+"""Largest elevation of the viewing direction [°]; above it, "up" is undefined."""
 FIRST_FIELD = "Eyy"
 
 
 def data_uri(png: bytes) -> str:
-    """A PNG as an address."""
+    """A PNG as a data URI."""
     return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
 class FieldsView:
-    """Choice of a field, its maps, its scale, the surface in space, one point over time."""
+    """Selection of a field, its maps and scale, the surface in space, and one point over time."""
 
     def __init__(
         self, surfaces: tuple[MeasuredPoints, ...], shape: tuple[int, int], changed: Callable[[], None]
     ) -> None:
-        """Begin with no field shown; `changed` draws the pictures again."""
+        """Build the view without a field; `changed` redraws the pictures."""
         self.surfaces, self.shape, self.changed = surfaces, shape, changed
         self.points = surfaces[0]
         self.field = NO_FIELD
@@ -58,7 +58,7 @@ class FieldsView:
         self.can_render = True
 
     def controls(self) -> None:
-        """Make the choice of surface and field, with the scale of the colours."""
+        """Create the selection of surface and field, with the colour scale."""
         with ui.row().classes("w-full items-center gap-3"):
             if len(self.surfaces) > 1:
                 names = {i: one.name for i, one in enumerate(self.surfaces)}
@@ -70,7 +70,7 @@ class FieldsView:
             self.scale = ui.html(sanitize=False).classes("grow")
 
     def panels(self) -> None:
-        """Make the plot of a point over time and the surface in space."""
+        """Create the plot of a point over time and the surface in space."""
         with ui.column().classes("w-full gap-1"):
             frame.heading("One point over time")
             self.about = frame.note("Click on the surface in a picture to choose a point.").mark("point")
@@ -86,7 +86,7 @@ class FieldsView:
                 ui.button("Draw the surface", on_click=self._begin_space).props("outline dense")
 
     def _begin_space(self) -> None:
-        """Make the picture in space and its sliders; VTK is loaded now and not before."""
+        """Create the picture in space and its sliders; this loads VTK."""
         self.place.clear()
         self.space_note.text = "The surface is drawn; the first time takes some seconds ..."
         with self.place:
@@ -127,7 +127,7 @@ class FieldsView:
 
     @property
     def followed(self) -> str:
-        """The field of the plot over time: the one of the colours, or the strain along y."""
+        """The field of the plot over time: the coloured field, or the strain along y."""
         known = self.points.fields
         if self.field not in (NO_FIELD, OUTCOME):
             return self.field
@@ -143,7 +143,7 @@ class FieldsView:
             self._describe()
 
     def overlay(self, camera: int) -> str:
-        """The map and the chosen point's path over a camera's picture, as SVG."""
+        """The map and the selected point's path over a camera's picture, as SVG."""
         parts = []
         rows, columns = self.shape
         if self.field and camera < len(self.points.pixels):
@@ -158,14 +158,14 @@ class FieldsView:
         return "".join(parts)
 
     def choose(self, camera: int, place: tuple[float, float]) -> None:
-        """Follow the point that is nearest to a place of a picture."""
+        """Select the point nearest to a position in a picture."""
         if camera >= len(self.points.pixels):
             return
         self.chosen = self.points.nearest(camera, self.k, place)
         self._point()
 
     def _scale(self) -> None:
-        """Show what the colours mean."""
+        """Show the colour scale or legend."""
         if not self.field:
             self.scale.content = ""
         elif self.field == OUTCOME:
@@ -175,7 +175,7 @@ class FieldsView:
             self.scale.content = scale_html(low, high, self.points.fields[self.field].unit)
 
     def _point(self) -> None:
-        """Draw the chosen point over time."""
+        """Draw the selected point over time."""
         self.plot.set_visibility(self.chosen is not None)
         if self.chosen is None:
             return
@@ -224,7 +224,7 @@ class FieldsView:
             slider.value = value
 
     async def _space(self) -> None:
-        """Draw the surface in space if something changed; one picture at a time, the last one wanted."""
+        """Draw the surface in space if something changed; one picture at a time, the latest request."""
         name = self.field or self.followed
         wanted = (self.points, name, self.k, self.view, self.chosen)
         if self.busy or not self.can_render or wanted == self.drawn:
@@ -250,12 +250,12 @@ class FieldsView:
 
 
 def time_of(points: MeasuredPoints) -> np.ndarray:
-    """Times for a plot: µs, or numbers of frames."""
+    """Times for a plot: in µs, or frame numbers."""
     return (1e6 if points.timed else 1.0) * points.surface.t
 
 
 def scale_html(low: float, high: float, unit: str) -> str:
-    """A scale of colours with its ends."""
+    """A colour scale with its limits, as HTML."""
     stops = ", ".join(scale_colours())
     digits = max(0, 2 - math.floor(math.log10(high - low)))
     first, last = (f'<span class="soft">{v:.{digits}f} {unit}</span>' for v in (low, high))
@@ -278,7 +278,7 @@ def outcome_legend(counts: dict[PointOutcome, int]) -> str:
 
 
 def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: float) -> str:
-    """The path of a point in a camera's picture up to a frame, and its place there; hollow if it is lost."""
+    """The path of a point in a camera's picture up to a frame, and its position; hollow if it is lost."""
     places = points.pixels[camera][: k + 1, number]
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):
@@ -294,7 +294,7 @@ def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: fl
 
 
 def point_words(points: MeasuredPoints, number: int, k: int, name: str) -> str:
-    """What is known of a point in a frame: its value, or why there is none."""
+    """The value of a point in a frame, or why there is none, in words."""
     x, y = points.reference[number]
     head = f"Point {number}, at ({x:.0f}, {y:.0f}) px of the reference: "
     outcome = PointOutcome(int(points.surface.outcome[k, number]))

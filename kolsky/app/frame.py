@@ -1,4 +1,4 @@
-"""What every page has: head line, colours, addresses of shots, files of results."""
+"""Common parts of all pages: head line, colours, addresses of shots, result files."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ T = TypeVar("T")
 
 
 async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-    """What a long function returns; the page goes on meanwhile."""
+    """Run a long function in a thread and return its result; the page stays responsive."""
     return cast(T, await run.io_bound(act, *given, **named))
 
 
 class NoShot(ValueError):
-    """An address that names no folder of the tree."""
+    """An address that is not a folder of the tree."""
 
 
 def folder_at(root: Path, name: str) -> Path:
@@ -54,7 +54,7 @@ def address(view: str, shot: str = "", **more: str) -> str:
 
 
 BETWEEN = "|"
-"""What separates shots in an address; no folder's name has it on every system."""
+"""Separator of shots in an address; it is not allowed in folder names on all systems."""
 
 
 def comparison(*shots: str) -> str:
@@ -63,13 +63,13 @@ def comparison(*shots: str) -> str:
 
 
 def beside(shot: str, folder: Path) -> str:
-    """Name in an address of a folder next to a shot's."""
+    """Name in an address of a folder in the parent folder of a shot."""
     return f"{shot.rpartition('/')[0]}/{folder.name}".lstrip("/")
 
 
 @contextmanager
 def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
-    """A page with the head line; what is made inside is its content."""
+    """A page with the head line; elements created inside the context are its content."""
     ui.add_css(STYLE)
     ui.colors(primary=BLUE, negative=RED)
     ui.page_title(f"{title} - kolsky")
@@ -100,7 +100,7 @@ def note(words: str, kind: str = "soft") -> ui.label:
 
 
 def serve_files(root: Path) -> None:
-    """Pages of results, as they lie in a shot's folder; one of a stranger cannot act for the person here."""
+    """Serve the result pages in a shot's folder, sandboxed: a foreign page cannot act for the user."""
 
     def result_page(shot: str, name: str) -> Response:
         try:
@@ -120,7 +120,7 @@ def serve_files(root: Path) -> None:
 
 
 def plain(values: Any) -> list[float | None]:
-    """Numbers for a plot: seven figures, and a gap where one is not finite."""
+    """Numbers for a plot, with seven digits; numbers that are not finite are gaps."""
     return [float(f"{v:.7g}") if math.isfinite(v) else None for v in map(float, values)]
 
 
@@ -148,7 +148,7 @@ def axis(name: str, **more: Any) -> dict[str, Any]:
 def chart(
     x: str, y: str, series: Sequence[dict[str, Any]], *, words: str, legend: bool = True, **more: Any
 ) -> ui.echart:
-    """A plot of lines and points. ``x``, ``y``: names of the axes. ``words``: what it shows, for a reader."""
+    """A plot of lines and points. ``x``, ``y``: axis names. ``words``: description for screen readers."""
     plot = ui.echart(
         {
             "animation": False,
@@ -190,7 +190,7 @@ def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any
 
 
 def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:
-    """A band between two curves: what lies below it, unseen, and its width stacked on top."""
+    """A band between two curves: an invisible lower part, and its width stacked on top."""
     common = {"type": "line", "stack": name, "symbol": "none", "silent": True, "lineStyle": {"width": 0}}
     width = [b - a for a, b in zip(map(float, low), map(float, high), strict=True)]
     return [

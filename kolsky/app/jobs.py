@@ -1,7 +1,7 @@
-"""Commands of a shot as processes of their own: they outlive a closed tab and an ended server.
+"""Run commands of a shot as separate processes, which continue after the tab or the server is closed.
 
-The log in the shot's results is all that is kept: its first line names the command and its process, and what
-the command printed follows, so that a later server finds a run again.
+Only the log in the shot's results is stored. Its first line names the command and its process, and the
+output of the command follows. A later server can therefore find a run again.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ COMMANDS = ("identify", "dic", "sweep", "check", "report")
 PROGRESS_EVERY = "1"
 """Seconds between two lines of progress in a log."""
 _LONGEST = 200_000
-"""Last bytes of a log that are shown."""
+"""Maximum number of bytes shown from the end of a log."""
 _CHILDREN: dict[Path, subprocess.Popen[bytes]] = {}
 """Runs of this server, by log."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """How far a stage of a run is."""
+    """Progress of a stage of a run."""
 
     name: str
     """The stage."""
     done: int
-    """Its runs or frames that are done."""
+    """Number of runs or frames done."""
     total: int
-    """Of so many."""
+    """Total number of runs or frames."""
     time: str
     """Time since the run's start, or the time that is left."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A run of one command, as its log shows it."""
+    """A run of one command, read from its log."""
 
     log: Path
     """The log."""
@@ -63,19 +63,19 @@ class Job:
     process: int
     """Number of its process."""
     started: str
-    """When it began."""
+    """Time at which it began."""
     text: str
-    """What it printed, without lines of progress."""
+    """Its output, without progress lines."""
     stages: tuple[Stage, ...]
     """The stages so far, the current one at the end."""
     exit_code: int | None
-    """Its exit code; None if it runs, or ended in a way that nobody saw."""
+    """Its exit code; None if it is running, or if the exit code is unknown."""
     running: bool
     """True while it runs."""
 
     @property
     def state(self) -> str:
-        """How it is, in words."""
+        """Its state, in words."""
         if self.running:
             return "running"
         if self.exit_code is None:
@@ -86,9 +86,9 @@ class Job:
 
 
 _CANCELLED = (128 + signal.SIGTERM, 130)
-"""Exit codes of a command that a signal ended."""
+"""Exit codes of a command that was ended by a signal."""
 GRACE = 10.0
-"""Seconds that a cancelled command has to end by itself; `kolsky.cli` cuts a long simulation off after 3."""
+"""Time for a cancelled command to exit before it is killed [s]; `kolsky.cli` aborts a simulation after 3."""
 
 
 def log_of(folder: Path, command: str) -> Path:
@@ -118,7 +118,7 @@ def start(folder: Path, command: str, options: list[str]) -> Job:
             stdout=file,
             stderr=subprocess.STDOUT,
             env={**os.environ, "KOLSKY_PROGRESS_EVERY": PROGRESS_EVERY},
-            start_new_session=os.name == "posix",  # the end of the server is not its end
+            start_new_session=os.name == "posix",  # it continues after the server ends
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
     _CHILDREN[log] = child
@@ -126,7 +126,7 @@ def start(folder: Path, command: str, options: list[str]) -> Job:
 
 
 def run_here(words: list[str]) -> None:
-    """Run a command in this process, between the two lines of its log that are read back.
+    """Run a command in this process, and write the first and the last line of its log.
 
     ``words``: the command, the shot's folder and the options.
     """
@@ -147,10 +147,10 @@ def run_here(words: list[str]) -> None:
 
 
 def cancel(job: Job) -> None:
-    """End a running command as Ctrl+C would: it cleans up, and earlier results stay.
+    """End a running command like Ctrl+C: it cleans up, and earlier results are kept.
 
-    One that does not end within `GRACE` is killed with its forks. A command that is cut off in a simulation
-    cannot write the last line of its log: it is written for it.
+    A command that does not end within `GRACE` is killed with its forks. A command that is aborted in a
+    simulation cannot write the last line of its log; this function writes it.
     """
     if job.running:
         with suppress(ProcessLookupError):
@@ -159,7 +159,7 @@ def cancel(job: Job) -> None:
 
 
 def _see_end(job: Job) -> None:
-    """Wait for the end of a cancelled command, kill it if it is late, and complete its log."""
+    """Wait for the end of a cancelled command, kill it after `GRACE`, and complete its log."""
     until = time.monotonic() + GRACE
     while _alive(job.process, job.log):
         if time.monotonic() > until:
@@ -174,9 +174,9 @@ def _see_end(job: Job) -> None:
 
 
 def read_job(log: Path) -> Job:
-    """A run as its log shows it.
+    """A run, read from its log.
 
-    Raises InputError if the file is no log of a command.
+    Raises InputError if the file is not the log of a command.
     """
     size = log.stat().st_size
     with log.open("rb") as file:
@@ -184,7 +184,7 @@ def read_job(log: Path) -> Job:
         file.seek(max(file.tell(), size - _LONGEST))
         tail = file.read().decode("utf-8", "replace").split("\n")
     found, child = _HEAD.match(head), _CHILDREN.get(log)
-    if found is None and child is not None:  # it has not begun to write, or ended before
+    if found is None and child is not None:  # it has not begun to write, or ended before that
         code = _code_of(child)
         return Job(log, log.stem, child.pid, "just now", "\n".join(tail).strip(), (), code, code is None)
     if found is None:
@@ -207,13 +207,13 @@ def read_job(log: Path) -> Job:
 
 
 def _code_of(child: subprocess.Popen[bytes]) -> int | None:
-    """The exit code of a process as shells give it, though it wrote no last line; None while it runs."""
+    """The exit code of a process as given by a shell, for a log without a last line; None while it runs."""
     code = child.poll()
     return code if code is None or code >= 0 else 128 - code
 
 
 def _stages(lines: list[str]) -> tuple[Stage, ...]:
-    """The last state of each stage; one that comes back goes to the end."""
+    """The last state of each stage; a repeated stage moves to the end."""
     last: dict[str, Stage] = {}
     for m in filter(None, map(_PROGRESS.fullmatch, lines)):
         last.pop(m["name"], None)
@@ -231,17 +231,17 @@ def jobs_of(folder: Path) -> list[Job]:
 
 
 def running_job(folder: Path) -> Job | None:
-    """The command of a shot that runs; None if none does."""
+    """The running command of a shot; None if none is running."""
     return next((job for job in jobs_of(folder) if job.running), None)
 
 
 def is_running(folder: Path) -> bool:
-    """True if a command of a shot runs; only runs of this server are looked up, so that lists are quick."""
+    """True if a command of a shot is running; checks only runs of this server, for speed."""
     return any(child.poll() is None for log, child in _CHILDREN.items() if log.parent.parent == folder)
 
 
 def _alive(process: int, log: Path) -> bool:
-    """True if a process is there and is a command of ours, not another one with its number."""
+    """True if a process exists and is a kolsky command, not another process with the same number."""
     child = _CHILDREN.get(log)
     if child is not None and child.pid == process:
         return child.poll() is None

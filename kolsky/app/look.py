@@ -1,4 +1,4 @@
-"""The view of a result: force, outline and specimen linked in time, other parameters, causes."""
+"""The view of a result: force, outline and specimen linked in time, what-if parameters, causes."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
 
 LEAST_EXPLAINED = 0.05
-"""Least share of the misfit that an input must explain to be offered [-]; less is within its own noise."""
+"""Least share of the misfit that an input must explain to be listed [-]; less is within the noise."""
 SECONDS_OF_PLAY = 0.12
-"""Time between two pictures of a play [s]."""
+"""Time between two pictures of the playback [s]."""
 PICTURE_WIDTH = 640
-"""Most columns of a camera's picture beside the plots [px]: as wide as it is shown."""
+"""Maximum width of a camera's picture next to the plots [px], equal to the displayed width."""
 EXPECTED = "expected scatter, k = 2"
-"""The band about the measured force."""
+"""Name of the band about the measured force."""
 
 
 @dataclass
 class Result:
-    """A result with its shot, as a page looks at it."""
+    """A result with its shot, for a page."""
 
     folder: Path
     found: Identification
     shot: Shot | None
     why: str
-    """Why the shot is not there; empty if it is."""
+    """Why the shot is missing; empty if it is not."""
     pictures: PictureSet | None = None
     """The shot's pictures; None if it has none, or they cannot be opened."""
 
@@ -75,7 +75,7 @@ def read_result(folder: Path) -> Result:
 
 
 def _pictures(folder: Path) -> PictureSet | None:
-    """The pictures of a shot, if it has some that can be opened; its own page says why they cannot."""
+    """The pictures of a shot, or None if they cannot be opened; the pictures page gives the reason."""
     if "pictures" not in Draft(folder / SHOT_FILE).content():
         return None
     try:
@@ -111,7 +111,7 @@ def page(root: Path) -> None:
 
 
 class LookView:
-    """Answer, plots over time, what-if and causes of one result."""
+    """Estimates, plots over time, what-if and causes of one result."""
 
     def __init__(self, result: Result, name: str) -> None:
         """Build the view."""
@@ -147,7 +147,7 @@ class LookView:
             ui.link("report.html, the whole result on one page", target, new_tab=True)
 
     def _scene(self) -> Scene | None:
-        """The simulated specimen with the chosen field; None if the result does not hold it."""
+        """The simulated specimen with the selected field; None if the result does not contain it."""
         if self.field not in self.scenes:
             shot = self.result.shot
             try:
@@ -158,7 +158,7 @@ class LookView:
         return self.scenes[self.field]
 
     def _parameters(self) -> dict[str, float]:
-        """Every parameter of the simulation at the answer."""
+        """All parameters of the simulation at the result."""
         return {**self.found.fixed, **{name: e.value for name, e in self.found.estimates.items()}}
 
     def _over_time(self) -> None:
@@ -400,7 +400,7 @@ class LookView:
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
-        """Simulate with the sliders' values and show it; of two that overlap, the values set last count."""
+        """Simulate with the sliders' values and show the result; of overlapping calls, the last counts."""
         assert self.what_if is not None
         values = self._values()
         try:
@@ -472,13 +472,13 @@ class LookView:
 
 
 def answer_words(e: Estimate) -> str:
-    """An estimate as a page writes it: the terminal's line with Greek letters."""
+    """An estimate in words for a page: the terminal's line with Greek letters."""
     name, _, rest = answer(e).partition(" = ")
     return f"{PARAMETERS[e.name].written if e.name in PARAMETERS else name} = {rest.replace(' us ', ' µs ')}"
 
 
 def misfit_words(tried: Misfit, reference: Misfit) -> str:
-    """Residual of each channel, that at the answer, and the change in per cent."""
+    """Residual of each channel, the residual at the result, and the change in per cent."""
     parts = [
         f"{name} {now:.2f}, at the answer {then:.2f} ({100.0 * (now / then - 1.0):+.0f} %)"
         for name, now, then in (
@@ -491,7 +491,7 @@ def misfit_words(tried: Misfit, reference: Misfit) -> str:
 
 
 def picture_source(pictures: Pictures, k: int) -> str:
-    """A frame as the source of an image, no larger than it is shown; empty if it cannot be read."""
+    """A frame as an image source, no larger than displayed; empty if it cannot be read."""
     png = png_of(pictures, k)
     if isinstance(png, str):
         return ""
@@ -505,7 +505,7 @@ def picture_source(pictures: Pictures, k: int) -> str:
 
 
 def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
-    """The misfit over two parameters, with the sliders' place."""
+    """The misfit over two parameters, with the position of the sliders."""
     shown = np.log10(np.maximum(valley.misfit, 1e-3))
     axes: list[dict[str, Any]] = []
     for name, along in zip(valley.names, (valley.x, valley.y), strict=True):

@@ -31,16 +31,16 @@ from kolsky.shot.measured_points import MeasuredPoints, read_measured_points
 from kolsky.shot.optical_data import RESULT_FILE
 
 MOST_AVERAGED = 8
-"""Most frames at rest that the quality of the speckles is judged by."""
+"""Maximum number of frames at rest for evaluating the speckles."""
 GRAB = 0.02
-"""Distance from a corner, relative to the picture's width, within which a press takes it."""
+"""Distance from a corner, relative to the picture's width, within which a click grabs it."""
 BINS = 64
 MODES = {
     "draw": "adds or moves a corner of a region",
     "subset": "shows what a subset there can measure",
     "follow": "follows the point there through time",
 }
-"""What a click on a picture does; camera 1 only has points to follow."""
+"""Effect of a click on a picture; in camera 1 only points can be followed."""
 
 
 @dataclass
@@ -49,17 +49,17 @@ class OpenPictures:
 
     session: Session
     series: Sequence[Pictures]
-    """Of one camera or two."""
+    """Pictures of one camera or two."""
     static: int
-    """Frames at rest."""
+    """Number of frames at rest."""
     subset: int
     """Side of the subsets [px]."""
     surfaces: tuple[MeasuredPoints, ...] = ()
-    """What `kolsky dic` measured; empty if it has not run."""
+    """Surfaces measured by `kolsky dic`; empty if it has not run."""
     remark: str = ""
-    """Why there is none, or why it may be out of date."""
+    """Why there are none, or why they may be out of date."""
     shot: PictureSet | None = None
-    """The pictures of a shot, whose regions can be found."""
+    """The pictures of a shot, whose regions can be detected."""
 
 
 def open_all(folder: Path) -> OpenPictures:
@@ -84,7 +84,7 @@ def open_all(folder: Path) -> OpenPictures:
 
 
 def measured_in(folder: Path, series: Sequence[Pictures]) -> tuple[tuple[MeasuredPoints, ...], str]:
-    """What the pictures of a folder gave, and why there is nothing."""
+    """The surfaces measured from the pictures of a folder; if there are none, the reason."""
     if not (folder / "results" / RESULT_FILE).is_file():
         return (), "No fields yet: run dic first."
     try:
@@ -230,7 +230,7 @@ class PicturesView:
             self.problems = ui.label().props("role=status").mark("problems")
 
     async def _find(self) -> None:
-        """Draw the regions that the file leaves to the pictures; nothing is saved."""
+        """Detect the undeclared regions in the pictures and draw them; nothing is saved."""
         assert self.opened.shot is not None  # else there is no button
         self.problems.text = "The pictures are searched for the regions ..."
         try:
@@ -255,7 +255,7 @@ class PicturesView:
         return self.corners.setdefault(self.wanted.key, [])
 
     def _mouse(self, camera: int, event: events.MouseEventArguments) -> None:
-        """Add a corner, move one, look at a subset, or follow a point."""
+        """Add a corner, move one, show a subset, or follow a point."""
         rows, columns = self.session.pictures.shape
         place = [float(np.clip(event.image_x, 0, columns - 1)), float(np.clip(event.image_y, 0, rows - 1))]
         if self.mode == "follow":
@@ -311,7 +311,7 @@ class PicturesView:
         self._draw()
 
     def _content(self) -> dict[str, list[dict[str, object]]]:
-        """What is drawn, as the session takes it; a list of regions keeps those that are not on the page."""
+        """The drawn regions in the form of the session; regions that are not on the page are kept."""
         content: dict[str, list[dict[str, object]]] = {}
         for one in self.session.wanted:
             corners = self.corners.get(one.key, [])
@@ -403,7 +403,7 @@ class PicturesView:
         self.text.value = "\n".join(f"{x:g}, {y:g}" for x, y in self._mine())
 
     async def _look_at_subset(self) -> None:
-        """Say what a subset at the chosen place can measure."""
+        """Show the expected noise of a subset at the chosen position."""
         if self.quality is None:
             try:
                 self.quality = await frame.in_thread(quality_of, self.opened)
@@ -415,7 +415,7 @@ class PicturesView:
 
 
 def quality_of(opened: OpenPictures) -> SpeckleQuality:
-    """The speckles of camera 0, from its frames at rest.
+    """Speckle quality of camera 0, from its frames at rest.
 
     Raises ValueError if the frames have no contrast or there is only one. Raises PictureError if one cannot
     be read.
@@ -430,7 +430,7 @@ def quality_of(opened: OpenPictures) -> SpeckleQuality:
 
 
 def subset_words(quality: SpeckleQuality, place: tuple[float, float]) -> str:
-    """What a subset at a place (x, y) holds and how exactly it is matched."""
+    """Number of speckles in a subset at (x, y) and the expected noise of a match, in words."""
     x, y = (round(v) for v in place)
     floor, size = quality.floor[y, x], float(np.nanmean(quality.size))
     speckles = f"about {(quality.subset / (2.0 * size)) ** 2:.0f} speckles" if size > 0.0 else "no speckles"

@@ -1,4 +1,4 @@
-"""The view that runs commands of a shot: their progress, their log, their end."""
+"""The view that runs commands of a shot: progress, log and exit."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ WORDS = {
     "sweep": "Sweep: many simulations over the free parameters",
     "report": "Write the report again",
 }
-"""Commands that can be chosen."""
+"""Commands that can be selected."""
 EVERY = 1.0
-"""Seconds between two looks at a running command."""
+"""Interval of updates of a running command [s]."""
 
 
 def page(root: Path) -> None:
@@ -47,7 +47,7 @@ class RunView:
     """Start, progress and log of the commands of one shot."""
 
     def __init__(self, folder: Path, shot: str, commands: dict[str, str]) -> None:
-        """Build the view; it finds a run that another page or an earlier server started."""
+        """Build the view; it also shows a run started by another page or an earlier server."""
         self.folder, self.shot = folder, shot
         with ui.row().classes("w-full items-end gap-3"):
             self.command = (
@@ -72,13 +72,13 @@ class RunView:
         ui.timer(EVERY, self.look)
 
     def _job(self) -> jobs.Job | None:
-        """The run that is shown: the running one, else the last one."""
+        """The displayed run: the running one, else the last one."""
         found = jobs.jobs_of(self.folder)
         running = [job for job in found if job.running]
         return max(running or found, key=lambda job: job.log.stat().st_mtime, default=None)
 
     def look(self) -> None:
-        """Show how the run is."""
+        """Show the state of the run."""
         job = self._job()
         self.begin.set_enabled(job is None or not job.running)
         self.end.set_visibility(job is not None and job.running)
@@ -119,7 +119,7 @@ class RunView:
                     ui.link(f"{name}.html", target, new_tab=True)
 
     def start(self) -> None:
-        """Start the chosen command."""
+        """Start the selected command."""
         try:
             options = shlex.split(str(self.options.value or ""))
             jobs.start(self.folder, str(self.command.value), options)

@@ -1,4 +1,4 @@
-"""The server of `kolsky open`: on this computer only, behind a secret, without a file from a network."""
+"""The server of `kolsky open`: on this computer only, protected by a secret, without network resources."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from kolsky.base.errors import InputError
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8420, 20
-"""First port that is tried, and how many."""
+"""First port that is tried, and number of ports."""
 
 RECONNECT = 60.0
-"""Seconds in which a page may come back before it is built anew; a busy computer answers late."""
+"""Time within which a page may reconnect before it is rebuilt [s]; a busy computer responds late."""
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -32,7 +32,7 @@ Send = Callable[[Message], Awaitable[None]]
 
 
 def policy(port: int) -> str:
-    """Content security policy: what a page may load. NiceGUI compiles its templates in the browser."""
+    """Content security policy: the sources a page may load. NiceGUI compiles templates in the browser."""
     return (
         "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
         "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -43,12 +43,12 @@ def policy(port: int) -> str:
 
 @dataclass(frozen=True)
 class Door:
-    """Who may come in: the own host, the own pages, and the secret."""
+    """Access control of requests, by host, origin and secret."""
 
     port: int
     """Port of the server."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    """The secret: in the first address, then in a cookie."""
+    """The secret: first in the address, then in a cookie."""
 
     @property
     def hosts(self) -> tuple[str, str]:
@@ -57,7 +57,7 @@ class Door:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie; cookies do not know ports, so its name does."""
+        """Name of the cookie; it contains the port, because cookies are not separated by port."""
         return f"kolsky-{self.port}"
 
     def url(self, first: str = "/") -> str:
@@ -66,10 +66,10 @@ class Door:
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
     def objection(self, scope: Scope) -> str:
-        """Why a request is refused; empty if it is let in, or brings the secret in its address."""
+        """Why a request is rejected; empty if it is accepted or has the secret in its address."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
-        if host not in self.hosts:  # a page whose name was pointed at this computer sends another
+        if host not in self.hosts:  # a page whose host name was redirected to this computer sends another
             return "this host is not known here"
         origin = headers.get("origin")
         if origin is not None and origin not in {f"http://{one}" for one in self.hosts}:
@@ -96,14 +96,14 @@ def given_token(scope: Scope) -> str:
 
 
 class Gate:
-    """Lets requests in as `Door` says, by HTTP and by websocket, and sets the policy of every page."""
+    """Accepts requests by HTTP and websocket according to `Door`, and sets the policy of every page."""
 
     def __init__(self, app: Callable[[Scope, Receive, Send], Awaitable[None]], door: Door) -> None:
-        """Stand before an ASGI application."""
+        """Wrap an ASGI application."""
         self.app, self.door = app, door
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a request, exchange the secret for a cookie, or hand the request on."""
+        """Reject a request, exchange the secret for a cookie, or pass the request on."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -150,7 +150,7 @@ async def _refuse(scope: Scope, send: Send, reason: str) -> None:
 
 
 async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
-    """Set the cookie, and go on without the secret in the address, where a history would keep it."""
+    """Set the cookie and redirect to an address without the secret, which browser history would store."""
     words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
     place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
     cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"
@@ -168,15 +168,15 @@ def pages(folder: Path) -> None:
 
 
 def free_port(number: int | None) -> int:
-    """The wanted port, or the first free one.
+    """The requested port, or the first free one.
 
-    Raises InputError if the wanted one, or each that was tried, is in use.
+    Raises InputError if the requested port, or every port that was tried, is in use.
     """
     tried = [number] if number is not None else [*range(FIRST_PORT, FIRST_PORT + PORTS)]
     for port in tried:
         with socket.socket() as probe:
             try:
-                if os.name != "nt":  # a server that was killed leaves its port waiting for a minute
+                if os.name != "nt":  # the port of a killed server is blocked for a minute
                     probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind((HOST, port))
             except OSError:
@@ -191,13 +191,13 @@ def serve(folder: Path, *, port: int | None = None, browser: bool = True, first:
     Parameters
     ----------
     folder
-        Folder that the shots lie below.
+        Folder that contains the shots.
     port
         Port; the first free one from 8420 on if left out.
     browser
-        Whether a browser is opened.
+        Whether to open a browser.
     first
-        Address of the page that is opened.
+        Address of the page to open.
 
     Raises
     ------

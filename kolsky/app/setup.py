@@ -1,4 +1,4 @@
-"""The view in which a shot file is made: a form beside plots of the files, and its text, edited both ways."""
+"""The view for editing a shot file: a form with plots of the files, and the text; both can be edited."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ TITLES = {
     "uncertainty": "Uncertainty of the declared inputs",
 }
 PLOTTED = {"force": signals.force_signal, "frames": signals.motion_signal, "curve": signals.curve_signal}
-"""Tables with a plot, and what it shows."""
+"""Tables with a plot, and the function that reads its signal."""
 KINDS = {
     "exports": "Exports of a DIC program",
     "pictures": "Pictures of two cameras",
@@ -67,9 +67,9 @@ KINDS = {
 
 
 def new_shot(folder: Path, kind: str) -> None:
-    """Write the shot file of a folder without one, as `kolsky new` does.
+    """Write a new shot file into a folder, as `kolsky new` does.
 
-    ``kind``: one of `KINDS`. Raises InputError if there is one.
+    ``kind``: one of `KINDS`. Raises InputError if the folder has a shot file.
     """
     found = survey(folder)
     pictures = survey_pictures(folder, found) if kind == "pictures" else None
@@ -104,7 +104,7 @@ def page(root: Path) -> None:
 
 
 def _begin(folder: Path, shot: str) -> None:
-    """The choice of a kind of shot for a folder of raw files."""
+    """The selection of a kind of shot for a folder of raw files."""
     frame.note(
         f"{folder.name} has no shot.toml. It is made from what its files show; what they do not show is left "
         "blank."
@@ -237,14 +237,14 @@ class SetupView:
         self.inputs[e.dotted] = element
 
     def _listed(self, e: FieldEntry, listed: Iterable[str], words: str) -> None:
-        """A key that is chosen from a list; a value that is not in it stays."""
+        """A key with a list of values; a value that is not in the list is kept."""
         options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
         self._keep(
             e, ui.select(options, value=e.display or None, label=words, on_change=partial(self._chosen, e))
         )
 
     def _pictures(self, e: FieldEntry, value: dict[str, Any], words: str) -> None:
-        """The series of a camera, from those of the folder, and its place on the sensor."""
+        """The picture series of a camera, selected from those of the folder, and its offset on the sensor."""
         known = {one.name: one for one in signals.picture_series(self.folder)}
         name = str(value.get("file") or value.get("pattern") or "")
         crop = value.get("crop_offset", ["", ""])
@@ -302,7 +302,7 @@ class SetupView:
             )
 
     def _assign(self, e: FieldEntry, change: events.ValueChangeEventArguments) -> None:
-        """Take a file for a table, with the layout and columns that it shows."""
+        """Assign a file to a table, with its detected layout and columns."""
         name = str(change.value or "")
         if name == e.display:
             return
@@ -316,7 +316,7 @@ class SetupView:
         self._change(lambda: self.draft.set_values(values), rebuild=True)
 
     def _units(self, table: str) -> dict[str, str]:
-        """The columns of a table's file with their units; none while it is not chosen."""
+        """The columns of a table's file with their units; empty while no file is selected."""
         section = self.draft.content().get(table, {})
         with suppress(InputError):  # the file's own field says why
             return {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
@@ -393,7 +393,7 @@ class SetupView:
         self._change(lambda: self.draft.enter(e.dotted, typed))
 
     def _change(self, act: Callable[[], object], *, rebuild: bool = False) -> None:
-        """Change the file; what is not written is said."""
+        """Change the file; report a change that could not be written."""
         before = self.draft.text
         try:
             act()
@@ -419,7 +419,7 @@ class SetupView:
                 self._fill(table, plot)
 
     def _report(self) -> None:
-        """Say what is missing or wrong, at its field and above the text."""
+        """Show what is missing or wrong, at its field and above the text."""
         try:
             self.wrong = by_key(self.draft.problems())
             content = tomllib.loads(self.draft.text)
@@ -442,7 +442,7 @@ class SetupView:
                     frame.note(f"{key}: {words}".removeprefix(": "), "caution")
 
     def _show_values(self, entries: Iterable[FieldEntry]) -> None:
-        """Show values that changed elsewhere, as by a drag, in their fields."""
+        """Update the fields with values that changed elsewhere, such as by dragging."""
         for e in entries:
             value = e.parsed
             parts = {f"{e.dotted}.{i}": v for i, v in enumerate(value)} if isinstance(value, list) else {}
@@ -451,20 +451,20 @@ class SetupView:
                     self.inputs[key].value = shown or ""
 
     def _label(self) -> None:
-        """Show each problem at the field of its key, or of the key that it is a part of."""
+        """Show each problem at the field of its key or of the parent key."""
         for key, label in self.labels.items():
             parts = [words for one, words in self.wrong.items() if one == key or one.startswith(f"{key}.")]
             label.text = "; ".join(parts)
 
     def undo(self) -> None:
-        """Take the last change of this page back."""
+        """Undo the last change of this page."""
         if not self.draft.undone:
             ui.notify("There is nothing to take back on this page.")
             return
         self._change(self.draft.undo, rebuild=True)
 
     def reload(self) -> None:
-        """Take the file as it is on the disk."""
+        """Read the file from disk again."""
         try:
             self.draft.reload()
         except InputError as error:
@@ -473,12 +473,12 @@ class SetupView:
         self.show()
 
     def write_text(self) -> None:
-        """Write the text as it stands beside the form."""
+        """Write the text of the text editor to the file."""
         text = str(self.text.value)
         self._change(lambda: self.draft.write(text), rebuild=True)
 
     async def check(self) -> None:
-        """Read the shot with its files, and say what is wrong or what was read."""
+        """Read the shot with its files, and show the errors or a summary."""
         self.status.text = "The files are read ..."
         try:
             loaded = await frame.in_thread(check_shot, self.folder)
@@ -508,7 +508,7 @@ class SetupView:
                     frame.note(f"{line.section} {line.name}: {line.written()}")
 
     def _plot(self, table: str) -> None:
-        """The plot of a table, with what is dragged on it."""
+        """The plot of a table, with its draggable spans."""
         words = {
             "force": "The force's signal",
             "frames": "Motion of the flyer",
@@ -535,7 +535,7 @@ class SetupView:
         self._fill(table, plot)
 
     def _static_slider(self, plot: ui.echart) -> None:
-        """The slider of the frames at rest: over the pictures where there are some, else under a motion."""
+        """The slider of the frames at rest, with the pictures if there are any, else below the motion."""
         content = self.draft.content()
         number = content.get("frames", {}).get("static", 0)
         first = int(number) if isinstance(number, int) else 0
@@ -562,7 +562,7 @@ class SetupView:
             ui.timer(0.05, partial(self._compare_pictures, plot), once=True)
 
     def _pictures_at_rest(self, slider: ui.slider) -> None:
-        """Both cameras' picture of the last frame at rest, as the slider moves."""
+        """The pictures of both cameras in the last frame at rest; they follow the slider."""
         now = ui.label().classes("soft").mark("frame-at-rest")
         with ui.row().classes("w-full no-wrap gap-2"):
             images = [ui.image().classes("w-1/2").props(f'alt="Camera {i}"') for i in range(len(self.series))]
@@ -578,14 +578,14 @@ class SetupView:
         show()
 
     async def _compare_pictures(self, plot: ui.echart) -> None:
-        """Read the pictures, then plot how they change."""
+        """Read the pictures, then plot their change over time."""
         self.changes = await frame.in_thread(signals.changes, self.series)
         self._fill("frames", plot)
         if "force" in self.plots:
             self._fill("force", self.plots["force"])
 
     def _signal(self, table: str, content: dict[str, Any]) -> signals.Signal | None:
-        """What the plot of a table shows; None while a file or column is not known."""
+        """The signal in the plot of a table; None while a file or column is not declared."""
         try:
             if table == "frames" and self.series:
                 return None if self.changes is None else signals.change_signal(self.changes)
@@ -602,7 +602,7 @@ class SetupView:
             return None
 
     def _fill(self, table: str, plot: ui.echart) -> None:
-        """Draw a plot as the file declares it now."""
+        """Draw a plot with the current declarations of the file."""
         content = self.draft.content()
         signal = self._signal(table, content)
         plot.set_visibility(signal is not None)
@@ -646,7 +646,7 @@ class SetupView:
         }
 
     def _add_motion(self, plot: ui.echart, content: dict[str, Any]) -> list[dict[str, Any]]:
-        """The flyer's motion beside the force: both begin together where the clocks are right."""
+        """Add the flyer's motion to the plot of the force: both begin together if the clocks are correct."""
         motion = self._motion(content)
         plot.options["legend"]["show"] = motion is not None
         plot.options["grid"] |= {"top": 34 if motion else 14, "right": 62 if motion else 18}
@@ -659,7 +659,7 @@ class SetupView:
         return [line]
 
     def _dragged(self, event: events.GenericEventArguments) -> None:
-        """Take a dragged stretch of time for the baseline or the window."""
+        """Use a dragged time span as the baseline or the window."""
         areas = event.args.get("areas") if isinstance(event.args, dict) else event.args[0]
         if not areas:
             return
@@ -674,14 +674,14 @@ class SetupView:
 
 
 def one_sided(name: str, **more: Any) -> dict[str, Any]:
-    """An axis at the side of its plot, not through zero."""
+    """An axis at the edge of its plot, not through zero."""
     made = frame.axis(name, **more)
     made["axisLine"]["onZero"] = False
     return made
 
 
 def _brush_on(plot: ui.echart) -> None:
-    """Let a drag on a plot choose a stretch of time; the one before is taken away."""
+    """Let the user drag a time span on a plot; the previous span is removed."""
     plot.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
     plot.run_chart_method(
         "dispatchAction",

@@ -1,4 +1,4 @@
-"""The shots below a folder, and the table of them: one file is read a shot, so that thousands are quick."""
+"""The shots below a folder and their table; only one file per shot is read, for speed with thousands."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ M = "stiffness_factor"
 PICTURES_ONLY = "pictures only"
 """State of a measurement by image correlation without a shot."""
 NOT_SEARCHED = {"results", "__pycache__", "node_modules"}
-"""Folders in which no shots are looked for."""
+"""Folders that are not searched for shots."""
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class ListedShot:
     """A shot of the table."""
 
     name: str
-    """Its folder, from the root on."""
+    """Its folder, relative to the root."""
     state: str
     """ "no shot.toml", "not filled in", "ready to run", "running", "finished", "changed since",
     `PICTURES_ONLY`, or which file cannot be read."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
     time: float
-    """When its result was written, else its shot file [s since 1970]; NaN if neither is there."""
+    """Time at which its result, else its shot file, was written [s since 1970]; NaN if neither exists."""
 
     def number(self, key: str) -> float:
         """A number of the row; NaN if it has none."""
@@ -65,11 +65,11 @@ class ListedShot:
 
 
 def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
-    """Folders of shots, of pictures alone and of raw files below a root, in order of names.
+    """Folders of shots, of pictures without a shot and of raw files below a root, in order of names.
 
     Yields: a folder with the name of its shot file or dic.toml, empty without one.
 
-    Inside a shot none is looked for, and neither in folders with a name that begins with a dot.
+    Shots are not searched for inside a shot, nor in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
@@ -84,7 +84,7 @@ def _raw(files: list[str]) -> bool:
 
 
 def list_shots(root: Path) -> list[ListedShot]:
-    """The shots below a root; of each one file is read, its summary or else its shot file."""
+    """The shots below a root; one file is read for each, its summary or else its shot file."""
     start = len(os.path.join(root, ""))
     return [
         _listed(place[start:].replace(os.sep, "/") or ".", place, file) for place, file in shot_folders(root)
@@ -108,7 +108,7 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
             return ListedShot(name, f"{SUMMARY}.csv cannot be read", {}, done)
         return ListedShot(name, state, dict(zip(head, values, strict=False)), done)
     if (done := _written(f"{place}/results/{RESULT_FILE}")) == done:
-        return ListedShot(name, "finished", {}, done)  # before there was a summary: `kolsky report` shows it
+        return ListedShot(name, "finished", {}, done)  # results without a summary: `kolsky report` writes one
     try:
         with open(f"{place}/{file}", encoding="utf-8", errors="replace") as text:
             state = "not filled in" if _BLANK.search(text.read()) else "ready to run"
@@ -118,7 +118,7 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
 
 
 def _written(path: str) -> float:
-    """When a file was written [s]; NaN if it is not there."""
+    """Time at which a file was written [s]; NaN if it does not exist."""
     try:
         return os.stat(path).st_mtime
     except OSError:
@@ -126,7 +126,7 @@ def _written(path: str) -> float:
 
 
 def table_row(shot: ListedShot) -> dict[str, Any]:
-    """A row of the page's table: texts, and the numbers they are sorted by."""
+    """A row of the page's table: texts, and the numbers for sorting."""
     m, U = shot.number(f"{M} (1)"), shot.number(f"U {M} (1)")
     texts = tuple(map(plain_sentence, measured(m, U))) if m == m and U == U else ("", "")
     return {
@@ -165,7 +165,7 @@ def campaign_csv(found: list[ListedShot]) -> str:
 
 
 def campaign_parquet(found: list[ListedShot]) -> bytes:
-    """The same as Parquet.
+    """The rows of all summaries as a Parquet table, with the folder of each.
 
     Raises InputError if no library for it is installed.
     """

@@ -1,6 +1,6 @@
-"""What the files of an unfinished shot show, for the plots beside its form; nothing here is guessed.
+"""Signals from the files of an incomplete shot, for the plots of its form; nothing is guessed.
 
-A plot begins as soon as its file and column are known; clocks, units and signs act on it when they are
+A plot appears when its file and column are declared. Clocks, units and signs are applied when they are
 declared.
 """
 
@@ -26,10 +26,10 @@ from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 from kolsky.survey.tables import SUFFIXES, Survey, TableEntry, read_entry
 
 MOST_POINTS = 3000
-"""Most points of a plotted signal; of longer ones each stretch shows its smallest and largest sample."""
+"""Maximum points of a plotted signal; for longer signals, each section has its minimum and maximum."""
 PREVIEW_ROWS = 6
 RIGS = (".xml", ".yml", ".yaml", ".txt", ".csv", ".caldat", ".cal", ".json")
-"""Endings of files that may hold two cameras."""
+"""Endings of files that may contain two calibrated cameras."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Signal:
 
 
 def candidate_files(folder: Path) -> list[str]:
-    """Files of a folder and of folders inside it that may be tables or recordings, as a shot file names them.
+    """Files of a folder and its subfolders that may be tables or recordings, named as in a shot file.
 
-    Of a series of exports only the first file is listed.
+    Only the first file of a series of exports is listed.
     """
     found: list[str] = []
     for place in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results")):
@@ -68,7 +68,7 @@ def _entry(path: Path, changed: float) -> TableEntry:
 def entry(folder: Path, name: str) -> TableEntry:
     """A file of a shot as a table.
 
-    Raises InputError if it is not there or cannot be read.
+    Raises InputError if it does not exist or cannot be read.
     """
     path = folder / name
     if not name or not path.is_file():
@@ -99,13 +99,13 @@ def _series(folder: Path, state: tuple[int, float]) -> tuple[SeriesEntry, ...]:
 
 
 def picture_series(folder: Path) -> tuple[SeriesEntry, ...]:
-    """The picture series of a folder; looked for again if something was added to it."""
+    """The picture series of a folder; searched again if something was added to it."""
     places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     return _series(folder, (len(places), max(place.stat().st_mtime for place in places)))
 
 
 def rig_files(folder: Path) -> list[str]:
-    """Files of a folder and of folders inside it that may hold two calibrated cameras."""
+    """Files of a folder and its subfolders that may contain two calibrated cameras."""
     places = (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     return [
         one.relative_to(folder).as_posix()
@@ -116,7 +116,7 @@ def rig_files(folder: Path) -> list[str]:
 
 
 def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
-    """The pictures of both cameras as far as they are declared; nothing while one cannot be opened."""
+    """The declared pictures of both cameras; empty while one cannot be opened."""
     found = []
     for camera in CAMERAS:
         section = content.get("pictures", {}).get(camera)
@@ -136,7 +136,7 @@ def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
 
 
 def changes(series: list[Pictures]) -> PictureChanges | None:
-    """How far the pictures differ from their first one, by number of the frame; None without pictures."""
+    """Difference of the pictures from the first one, by frame number; None without pictures."""
     count = min((one.n_frames for one in series), default=0)
     return picture_changes(series, np.arange(count, dtype=float), 1) if count else None
 
@@ -155,7 +155,7 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
-    """Values of a table of the shot file that follow from its file: file, layout and columns."""
+    """Values of a table of the shot file that are found in its file: file, layout and columns."""
     from kolsky.survey.new_file import values_of
 
     found = values_of(Survey({part: table}, {}))
@@ -171,7 +171,7 @@ def _samples(table: TableEntry, name: str) -> FloatArray:
 
 
 def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
-    """Name and unit of a declared column; empty where they are blank."""
+    """Name and unit of a declared column; empty if blank."""
     declared = section.get(key)
     if not isinstance(declared, dict):
         return "", ""
@@ -179,7 +179,7 @@ def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
 
 
 def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, into: float) -> FloatArray:
-    """A declared column in the unit of a plot; its own numbers while its unit is blank or wrong."""
+    """A declared column in the unit of a plot; not converted while its unit is blank or wrong."""
     name, unit = _column(section, key)
     values = _samples(table, name)
     try:
@@ -244,7 +244,7 @@ PERCENT = 100.0
 
 
 def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal | None:
-    """A motion by frame on the shot's clock, as the frames' file and its offset are declared now."""
+    """A motion by frame on the shot's clock, with the declared file of frames and its offset."""
     section = content.get("frames", {})
     time = _values(entry(folder, str(section.get("file", ""))), section, "time", "s", 1.0)
     number = motion.x.astype(int)
@@ -268,7 +268,7 @@ def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 
 def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[float, float] | None:
-    """A declared stretch of time [µs]; None while an end is blank.
+    """A declared time span [µs]; None while an end is blank.
 
     ``keys``: one key with two ends, or the keys of both.
     """
@@ -282,7 +282,7 @@ def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[flo
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A signal of at most `MOST_POINTS`: of each stretch its smallest and largest sample, in their order."""
+    """A signal with at most `MOST_POINTS`: minimum and maximum of each section, in their order."""
     if x.size <= MOST_POINTS:
         return x, y
     size = -(-x.size // (MOST_POINTS // 2))

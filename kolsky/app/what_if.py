@@ -1,4 +1,4 @@
-"""What a shot would look like with other parameters: one simulation, and the valley of the misfit."""
+"""Simulation of a shot with other parameters, and the misfit over two parameters."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
 
 SLIDERS = ("stiffness_factor", "poisson", "damping", "friction")
-"""Parameters that have a slider, where they have an effect."""
+"""Parameters that have a slider if they have an effect."""
 GRID = 13
-"""Values of each of the two parameters over which the valley is drawn."""
+"""Number of values of each of the two parameters of the misfit map."""
 AROUND = 6.0
 """Half the range of a slider in standard uncertainties of an identified parameter: three times U (k = 2)."""
 LEAST_SHARE = 0.06
-"""Least half range of a slider, relative to its value, so that a well-known parameter can be moved too."""
+"""Least half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
 _ONE_AT_A_TIME = Lock()
-"""The solver's threads are all of one simulation's."""
+"""Allows one simulation at a time, because a simulation uses all threads of the solver."""
 
 
 @dataclass(frozen=True)
@@ -46,19 +46,19 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Answer:
-    """One simulation beside the data."""
+    """One simulation, compared with the data."""
 
     parameters: dict[str, float]
     """Parameters by name, SI."""
     prediction: Prediction
-    """What the instruments would have observed."""
+    """The predicted data of the instruments."""
     misfit: Misfit
-    """How far it is from the data."""
+    """Its misfit to the data."""
 
 
 @dataclass(frozen=True)
 class Valley:
-    """The misfit over two parameters, the others as they are."""
+    """The misfit over two parameters, with the others constant."""
 
     names: tuple[str, str]
     """Parameters along x and y."""
@@ -90,7 +90,7 @@ class WhatIf:
         }
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Range of a parameter's slider, inside what is allowed."""
+        """Range of a parameter's slider, within the allowed range."""
         value, (low, high) = self.start[name], PARAMETERS[name].allowed
         estimate = self.found.estimates.get(name)
         known = AROUND * estimate.sigma if estimate is not None and np.isfinite(estimate.sigma) else 0.0
@@ -130,7 +130,7 @@ class WhatIf:
         return Valley(names, x, y, found.reshape(GRID, GRID))
 
     def misfit(self, prediction: Prediction, i: int) -> Misfit:
-        """Misfit of one run of a prediction, by the result's own yardstick."""
+        """Misfit of one run of a prediction, computed as in the result."""
         observed, expected = self.prepared.observations, {one.channel: one.expected for one in self.found.fit}
         force = np.sqrt(np.mean((prediction.force_bins[i] - observed.force_mean) ** 2))
         outline = np.nan

@@ -1,14 +1,14 @@
-"""Bend of an actuator for a pressure in every direction of gravity, and the pressure for a wanted bend.
+"""Bending angle of an actuator under a pressure and gravity, and the pressure for a target angle.
 
-The inverse is Newton's method on the exact slope, or bounded least squares for several pressures.
+The inverse uses Newton's method with the exact slope, or bounded least squares for several pressures.
 
-For one pressure and one angle the equilibrium's own sensitivity gives the step,
+For one pressure and one angle the sensitivity of the equilibrium gives the step,
 
     p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
 
-kept inside the bracket that the angles met so far make, by bisection where it would leave it. Several
-pressures, or a position of the tip, are found by SciPy's trust region with bounds (Branch, Coleman and Li
-1999) on (Theta - Theta_d) and (t - t_d) / L with their exact Jacobian.
+The step stays inside the bracket of the computed angles; bisection replaces a step that would leave it.
+Several pressures, or a target position of the tip, are found by SciPy's trust region with bounds (Branch,
+Coleman and Li 1999). Its residuals are (Theta - Theta_d) and (t - t_d) / L, with their exact Jacobian.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 
 OVERLAP = 0.1
-"""Overlap of facing points with contact, as a share of the gap at rest, from which on it is named [-]."""
+"""With contact, a larger overlap of facing points gives a warning; share of the gap at rest [-]."""
 _FILM_STEPS = 8
 """Least number of steps to the largest pressure."""
 
@@ -50,24 +50,27 @@ class Direction:
     name: str
     """Name of the direction in SPEC."""
     pristine: Bending
-    """Equilibria under rising pressures."""
+    """Equilibria under increasing pressures."""
     healed: Bending | None
-    """The same of the healed material."""
+    """Equilibria of the healed material."""
     asked: FloatArray
-    """Steps of the declared pressures, shape [n_pressures]."""
+    """Indices of the steps at the declared pressures, shape [n_pressures]."""
     gap: FloatArray
     """Smallest distance of neighbouring chambers [m], shape [n]; below 0 they overlap. NaN without gaps."""
     path: ArcPath | None = None
-    """Equilibria by arc length, where SPEC declares it."""
+    """Equilibria by arc length, if SPEC declares them."""
     touching: Touching | None = None
-    """Their contact, where SPEC declares it."""
+    """Their contact, if SPEC declares it."""
     forces: dict[str, FloatArray] = field(default_factory=dict)
     """Force on each plane and holder [N], shape [n, 3]."""
 
     @property
     def overlapping(self) -> BoolArray:
-        """Steps at which chambers have passed through each other, shape [n]; the facing points by which gaps
-        are measured may slide along walls in contact, so a tenth of the gap at rest is allowed there."""
+        """Steps at which chambers have passed through each other, shape [n].
+
+        With contact, a tenth of the gap at rest is allowed: the facing points that measure the gap may slide
+        along the walls.
+        """
         allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
         with np.errstate(invalid="ignore"):
             return np.asarray(self.gap < -allowed)
@@ -101,7 +104,7 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
 def _simulated(
     spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, body: Solid | None
 ) -> tuple[Bending, ArcPath | None]:
-    """Equilibria step by step, or along the path where SPEC declares one."""
+    """Equilibria step by step, or along the path if SPEC declares one."""
     section = spec.declared.path
     constants = spec.actuator.constants(body=body)
     if section is None:
@@ -127,8 +130,7 @@ def path_angle(path: ArcPath) -> FloatArray:
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Steps from 0 to the largest pressure or suction [Pa] that pass each of those given, and their
-    places."""
+    """Steps from 0 to the largest pressure or suction [Pa], and the indices of the given pressures."""
     step = float(pressures[-1]) / _FILM_STEPS
     ends = np.concatenate([[0.0], pressures[pressures != 0.0]])
     parts = [np.array([0.0])]
@@ -153,9 +155,9 @@ class BendInTime:
 
 
 def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
-    """Raise the largest pressure in time, from rest under the weight, as [motion] declares.
+    """Simulate in time how the pressure rises to its largest value, as [motion] declares.
 
-    Raises ValueError if a step is not found, with its reason.
+    The motion begins at rest under the weight. Raises ValueError with the reason if a step fails.
     """
     section = spec.declared.motion
     if section is None:
@@ -193,12 +195,12 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
 
 
 LARGEST_LOAD = 5.0
-"""Pressure over the shear modulus beyond which no soft actuator is used [-]: walls of half the chambers'
-width carry about twice the pressure, and rubbers tear at a few shear moduli."""
+"""Largest plausible pressure over the shear modulus [-]. The stress in walls of half the chambers' width is
+about twice the pressure, and rubbers tear at a few shear moduli."""
 
 
 def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
-    """A warning of a pressure [Pa] that no material of this shear modulus [Pa] carries; else none."""
+    """A warning if the pressure [Pa] is too large for a material of this shear modulus [Pa]; else empty."""
     share = abs(pressure) / shear_modulus
     if share <= LARGEST_LOAD:
         return []
@@ -209,7 +211,7 @@ def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
 
 
 def warnings_of(directions: list[Direction]) -> list[str]:
-    """What a reader must know before using the bends."""
+    """Warnings about the bends."""
     first = directions[0].pristine
     model = first.solution.model
     warnings = implausible_load(float(np.abs(first.pressures).max()), float(model.solid.shear_modulus))
@@ -232,8 +234,10 @@ def warnings_of(directions: list[Direction]) -> list[str]:
 
 
 def relative_bend(one: Direction) -> FloatArray:
-    """Bend of the healed actuator over that of the pristine one, both from rest, less 1, at the declared
-    pressures [-], shape [n_pressures]."""
+    """Relative change of the bend by healing: healed over pristine, both from rest, minus 1.
+
+    At the declared pressures [-], shape [n_pressures].
+    """
     assert one.healed is not None
     before, after = (run.angle - run.angle[0] for run in (one.pristine, one.healed))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -241,11 +245,11 @@ def relative_bend(one: Direction) -> FloatArray:
 
 
 TOLERANCE = 1e-6
-"""Largest difference of the angle from the wanted one [rad]."""
+"""Largest difference from the target angle [rad]."""
 ITERATIONS = 25
-"""Most equilibria of a search."""
+"""Maximum number of equilibria in a search."""
 RAMP = 4
-"""Steps to the first pressure."""
+"""Number of steps to the first pressure."""
 
 
 class SearchEnd(StrEnum):
@@ -261,19 +265,19 @@ class SearchEnd(StrEnum):
 
 @dataclass(frozen=True)
 class Inversion:
-    """A pressure that was searched for."""
+    """Result of a search for a pressure."""
 
     angle: float
-    """The wanted angle [rad]."""
+    """The target angle [rad]."""
     pressures: FloatArray
-    """Pressure of each cavity [Pa], shape [n_cavities]; NaN where there was no equilibrium."""
+    """Pressure of each cavity [Pa], shape [n_cavities]; NaN without an equilibrium."""
     found: float
     """The angle there [rad]."""
     slope: FloatArray
     """dTheta/dp there [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
     equilibria: int
-    """Equilibria that were needed."""
+    """Number of computed equilibria."""
 
 
 def pressure_for(
@@ -281,9 +285,9 @@ def pressure_for(
 ) -> Inversion:
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
-    ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: wanted angle [rad].
-    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way: angle and pressure
-    count with the other sign in the search, so that its function rises.
+    ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad].
+    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way; the search then
+    reverses the signs of angle and pressure, so that its function increases.
     """
     rest = actuator.simulate(gravity, np.zeros(1))
     way = -1.0 if most < 0.0 else 1.0
@@ -306,7 +310,7 @@ def pressure_for(
 
 
 class Search:
-    """The bracket of a rising function, and the next place to look."""
+    """The bracket of an increasing function, and the next trial pressure."""
 
     def __init__(self, wanted: float, most: float, at_zero: float, first: float) -> None:
         self.wanted, self.most = wanted, most
@@ -314,14 +318,14 @@ class Search:
         self.pressure = first
 
     def take(self, angle: float, slope: float) -> None:
-        """Go on from the angle and slope at `pressure`."""
+        """Update the bracket with the angle and slope at `pressure`."""
         if angle < self.wanted:
             self.low = self.pressure
         else:
             self.high = self.pressure
         step = self.pressure - (angle - self.wanted) / slope if slope > 0.0 else np.nan
         inside = self.low < step < self.high
-        beyond = step >= self.high == self.most  # nothing was seen above it yet: look there
+        beyond = step >= self.high == self.most  # no computed angle above it yet: search there
         self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
 
 
@@ -350,12 +354,11 @@ def pressures_for(
     tip: Sequence[float] | FloatArray | None = None,
     most: float,
 ) -> Inversion:
-    """Find the pressure of each cavity for a wanted angle, and position of the tip if there is one.
+    """Find the pressure of each cavity for a target angle and, if given, a target position of the tip.
 
-    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies between 0 and most.
-    ``angle``:
-    wanted angle [rad]. ``tip``: wanted position of the tip from the origin [m], shape [3]; None: only the
-    angle counts.
+    ``actuator``, ``gravity``, ``most``: as for `pressure_for`; every pressure is between 0 and most.
+    ``angle``: target angle [rad]. ``tip``: target position of the tip from the origin [m], shape [3]; None:
+    only the angle is a target.
     """
     count, memory = len(actuator.cavities), _Memory(actuator, gravity)
     size = float(np.ptp(actuator.mesh.points[:, 0]))
@@ -391,11 +394,11 @@ def _chord_slopes(near: Bending) -> FloatArray:
 
 
 class _NoEquilibriumError(Exception):
-    """A place of the search has no equilibrium."""
+    """A trial point of the search has no equilibrium."""
 
 
 class _Memory:
-    """The last equilibrium, from which the next is reached."""
+    """The last equilibrium, from which the next one is computed."""
 
     def __init__(self, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> None:
         self.actuator, self.gravity = actuator, gravity

@@ -4,9 +4,9 @@ The controller converts the measured bend to a pressure by the inverse of the re
 
     s <- s + K (Theta_d - Theta_m),   p = Theta_model^-1(Theta_d + s)                           (A.3)
 
-at every tick, with the wanted angle, the measured one and the gain K. The sum s estimates the model's error
-and does not grow while the pressure is at a bound. With a plant whose slope is gamma times the model's and a
-measurement delayed by d ticks, the loop is stable for
+at every tick, with the target angle, the measured angle and the gain K. The sum s estimates the model's error
+and does not grow while the pressure is at a bound. If the plant's slope is gamma times the model's and the
+measurement is delayed by d ticks, the loop is stable for
 
     K gamma < 2 sin(pi / (2 (2 d + 1)))                                                        (A.4)
 
@@ -31,10 +31,10 @@ from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Samp
 from kolsky.equilibrium.solution import Outcome
 
 FINER = 3
-"""How often the tolerance of the elements' choice is divided by ten: beyond, 1e-6 of the forces, it is the
-modes that are missing."""
+"""How often the tolerance for choosing elements is divided by ten. Below 1e-6 of the forces, the remaining
+error is due to missing modes."""
 BASIS_PRESSURES = 13
-"""Pressures that the basis is made from; one less lie between them."""
+"""Number of pressures for the basis; there is one check pressure less, between them."""
 
 
 @dataclass(frozen=True)
@@ -81,21 +81,21 @@ class Reduction:
     model: ReducedActuator
     """The reduced actuator."""
     pressure: FloatArray
-    """Pressures between those that it is made from [Pa], shape [n]."""
+    """Check pressures, between the pressures of the basis [Pa], shape [n]."""
     angle: FloatArray
-    """Angle of the whole model there [rad], shape [n]."""
+    """Angle of the full model there [rad], shape [n]."""
     error: FloatArray
-    """Angle of the reduced model less that of the whole one [rad], shape [n]."""
+    """Angle of the reduced model minus that of the full model [rad], shape [n]."""
     gap: float
-    """Smallest distance of neighbouring chambers of the whole model at any pressure [m]; NaN without gaps."""
+    """Smallest distance of neighbouring chambers of the full model at any pressure [m]; NaN without gaps."""
 
     @property
     def largest_error(self) -> float:
-        """Largest error at an unseen pressure [rad]."""
+        """Largest error at a check pressure [rad]."""
         return float(np.abs(self.error).max())
 
     def error_up_to(self, angle: float) -> float:
-        """Largest error at unseen pressures up to the first that bends it by `angle` or more [rad]."""
+        """Largest error at check pressures up to the first with a bend of at least `angle` [rad]."""
         beyond = np.flatnonzero(self.angle >= angle)
         last = beyond[0] + 1 if len(beyond) else len(self.angle)
         return float(np.abs(self.error[:last]).max())
@@ -113,9 +113,9 @@ def reduce_actuator(
 ) -> Reduction:
     """Reduce an actuator with one cavity for pressures in [0, most].
 
-    ``within``: an angle, and the largest error of the bend at unseen pressures up to it [rad]. The elements
-    are chosen by forces, of which the bend may be a small part: the tolerance is divided by ten, up to
-    `FINER` times, until the error is within.
+    ``within``: an angle, and the largest allowed error of the bend at check pressures up to it [rad]. The
+    elements are chosen by the error of the forces, to which the bend may contribute little. The tolerance is
+    therefore divided by ten, up to `FINER` times, until the error is small enough.
     """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
@@ -149,7 +149,7 @@ def reduce_actuator(
 
 
 def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
-    """Angles of the reduced actuator [rad], shape [n]; a ValueError if it has none."""
+    """Angles of the reduced actuator [rad], shape [n]. Raises ValueError if there is no equilibrium."""
     angles, start = [], None
     for pressure in pressures:
         bend = made.bend(float(pressure), start=start)
@@ -179,9 +179,9 @@ def _every(whole: Bending, offset: int) -> Bending:
 
 
 ANGLE_TOLERANCE = 1e-5
-"""Difference of the model's angle from the one asked for at which the inverse ends [rad]."""
+"""Difference from the requested angle at which the inverse ends [rad]."""
 _INVERSIONS = 8
-"""Most steps of Newton's method in a tick."""
+"""Maximum number of Newton steps in a tick."""
 _EQUILIBRIUM = 1e-6
 """Tolerance of the equilibria in a tick, as a share of the forces [-]."""
 
@@ -193,18 +193,18 @@ def largest_gain(delay: int) -> float:
 
 @dataclass(frozen=True)
 class Tick:
-    """What the controller decided."""
+    """Output of the controller at one tick."""
 
     pressure: float
     """Pressure [Pa], in [0, most]."""
     bounded: bool
-    """Whether it stands at a bound."""
+    """Whether it is at a bound."""
     held: bool
-    """Whether the model gave none, and the last pressure was kept."""
+    """Whether the model gave no pressure, so that the last one was kept."""
 
 
 class Controller:
-    """The controller of Eq. (A.3); it holds the sum s and the last equilibrium."""
+    """The controller of Eq. (A.3); its state is the sum s and the last equilibrium."""
 
     def __init__(self, model: ReducedActuator, *, gain: float, most: float) -> None:
         if not 0.0 < gain <= 2.0:
@@ -224,11 +224,11 @@ class Controller:
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Angles of the model at the least and the largest pressure [rad]."""
+        """Angles of the model at the smallest and the largest pressure [rad]."""
         return self._low.angle, self._high.angle
 
     def tick(self, wanted: float, measured: float) -> Tick:
-        """Take a measured angle and give the pressure for the wanted one; both in rad."""
+        """Return the pressure for a target angle, given the measured angle; both in rad."""
         error = wanted - measured
         asked = wanted + self.sum + self.gain * error
         bounded = not self._low.angle <= asked <= self._high.angle
@@ -244,7 +244,7 @@ class Controller:
         return Tick(self.pressure, False, not found)
 
     def _inverse(self, asked: float) -> bool:
-        """Newton's method for the pressure from the last one; False where it ends nowhere."""
+        """Newton's method for the pressure, from the last pressure; False if it does not converge."""
         pressure, near = self.pressure, self._last
         for _ in range(_INVERSIONS):
             left = asked - near.angle
@@ -268,19 +268,19 @@ class Plant:
     """A simulated actuator with its pressure supply and camera."""
 
     pressure: FloatArray
-    """Pressures [Pa], rising, shape [n]."""
+    """Pressures [Pa], increasing, shape [n]."""
     angle: FloatArray
-    """Angle of the whole model with the plant's own stiffness there [rad], shape [n]."""
+    """Angle of the full model with the plant's stiffness there [rad], shape [n]."""
     lag: float
     """Time constant of the pressure [s]."""
     delay: int
-    """Ticks by which the camera is late."""
+    """Delay of the camera in ticks."""
     noise: float
     """Standard deviation of a measured angle [rad]."""
 
 
 JUDGED_SHARE = 0.5
-"""Last share of the time of each wanted angle in which the error is judged [-]."""
+"""The error is evaluated in this last share of the time of each target angle [-]."""
 
 
 @dataclass(frozen=True)
@@ -290,17 +290,17 @@ class Closed:
     time: FloatArray
     """Of the ticks [s], shape [n]."""
     wanted: FloatArray
-    """Wanted angle [rad], shape [n]."""
+    """Target angle [rad], shape [n]."""
     measured: FloatArray
-    """Angle that the controller saw [rad], shape [n]."""
+    """Measured angle, the input of the controller [rad], shape [n]."""
     angle: FloatArray
     """Angle of the plant [rad], shape [n]."""
     pressure: FloatArray
-    """Pressure that was asked for [Pa], shape [n]."""
+    """Requested pressure [Pa], shape [n]."""
     wall: FloatArray
     """Wall time from the beginning of each tick to its pressure [s], shape [n]."""
     processor: FloatArray
-    """Processor time of the controller in each tick [s], which other programs do not lengthen, shape [n]."""
+    """Processor time of the controller in each tick [s], independent of other programs, shape [n]."""
     bounded: BoolArray
     """Ticks at a bound of the pressure, shape [n]."""
     held: BoolArray
@@ -308,7 +308,7 @@ class Closed:
     rate: float
     """Ticks a second [1/s]."""
     real_time: bool = False
-    """Whether every tick waited for its time; its wall time then begins when it was due."""
+    """Whether every tick waited for its scheduled time; its wall time then begins at that time."""
 
     @property
     def late(self) -> int:
@@ -316,7 +316,7 @@ class Closed:
         return int((self.wall > 1.0 / self.rate).sum())
 
     def settled_error(self) -> FloatArray:
-        """Root mean square of plant less wanted angle in the last half of each wanted angle [rad]."""
+        """Root mean square of plant minus target angle, over the last half of each target's time [rad]."""
         starts = np.flatnonzero(np.diff(self.wanted, prepend=np.nan) != 0.0)
         ends = [*starts[1:], len(self.wanted)]
         errors = []
@@ -335,11 +335,11 @@ def run_loop(
     seed: int,
     real_time: bool = False,
 ) -> Closed:
-    """Close the loop for wanted angles [rad] of shape [n], one a tick.
+    """Run the closed loop for target angles [rad] of shape [n], one per tick.
 
-    The pressure in the actuator follows the one asked for with the plant's lag; the camera sees its angle,
-    with noise, some ticks late. In real time a tick waits until it is due, and what it takes to wake up is
-    part of its wall time; else the ticks follow one another at once.
+    The pressure in the actuator follows the requested one with the plant's lag. The camera measures its
+    angle with noise and a delay of some ticks. In real time each tick waits for its scheduled time, and the
+    wake-up delay is part of its wall time. Else the ticks follow one another without waiting.
     """
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
@@ -373,10 +373,10 @@ CURE = "delete it: it is made again from the SPEC"
 
 @dataclass(frozen=True)
 class StoredBasis:
-    """A reduced actuator and its plant as they are stored."""
+    """A reduced actuator and its plant, as stored in a file."""
 
     key: str
-    """SHA-256 of what they follow from."""
+    """SHA-256 of their inputs."""
     modes: FloatArray
     """Orthonormal columns [-], shape [n_dofs, r]."""
     singular: FloatArray
@@ -386,15 +386,15 @@ class StoredBasis:
     weights: FloatArray
     """Their weights [-], shape [s]."""
     residual: float
-    """Share of the forces that they leave [-]."""
+    """Relative residual of the forces [-]."""
     reached: bool
-    """Whether that is within the tolerance."""
+    """Whether the residual is within the tolerance."""
     pressure: FloatArray
-    """Pressures that the basis has not seen [Pa], shape [k]."""
+    """Check pressures, which are not in the basis [Pa], shape [k]."""
     angle: FloatArray
-    """Angle of the whole model there [rad], shape [k]."""
+    """Angle of the full model there [rad], shape [k]."""
     error: FloatArray
-    """Angle of the reduced model less that [rad], shape [k]."""
+    """Angle of the reduced model minus that of the full model [rad], shape [k]."""
     gap: float
     """Smallest distance of neighbouring chambers at any of the pressures [m]; NaN without gaps."""
     plant_pressure: FloatArray
@@ -427,7 +427,7 @@ _BASIS = Record(
 def basis_key(
     actuator: Actuator, gravity: Sequence[float] | FloatArray, section: ControlSection, steps: int
 ) -> str:
-    """SHA-256 of all that a reduction and its plant, simulated at `steps` pressures, follow from."""
+    """SHA-256 of all inputs of a reduction and of its plant, simulated at `steps` pressures."""
     digest = sha256()
     mesh, solid = actuator.mesh, actuator.solid
     words = (
@@ -448,7 +448,7 @@ def basis_key(
 
 
 def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
-    """What is stored of a reduction and a plant."""
+    """The stored form of a reduction and a plant."""
     reduced = made.model.reduced
     sample, basis = reduced.sample, reduced.basis
     return StoredBasis(
@@ -458,14 +458,14 @@ def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
 
 
 def _write_basis(path: Path, basis: StoredBasis) -> None:
-    """Write the file, and its folder where there is none."""
+    """Write the file; create its folder if absent."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with writing(path, FORMAT) as place:
         _BASIS.write(place, basis)
 
 
 def _read_basis(path: Path, key: str) -> StoredBasis | None:
-    """Read a file back; None where there is none, or one of another key."""
+    """Read a stored file; None if it is absent or has another key."""
     if not Path(path).exists():
         return None
     with reading(path, FORMAT, cure=CURE) as place:
@@ -487,7 +487,7 @@ def _restored(
 
 
 _PLANT_STEPS = 9
-"""Pressures at which the plant's own bend is simulated."""
+"""Number of pressures at which the plant's bend is simulated."""
 
 
 def run_control(
@@ -499,8 +499,8 @@ def run_control(
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
     """Reduce the actuator, simulate the plant, and close the loop.
 
-    ``basis``: folder in which the reductions and the plants' bends are kept, and from which they are taken
-    where they follow from the same inputs; None: neither.
+    ``basis``: folder in which the reductions and the plants' bends are stored. Stored ones are reused if the
+    inputs are equal. None: nothing is stored or reused.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
     controllers = {}
@@ -523,7 +523,7 @@ def run_control(
 def _prepared(
     actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
 ) -> tuple[Reduction, Plant]:
-    """The reduction and the plant of a direction of gravity, from the folder where it has them."""
+    """The reduction and the plant for a direction of gravity, read from the folder if stored there."""
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
     file = None if basis is None else basis / f"{name}.h5"
     found = None if file is None else _read_basis(file, key)
@@ -548,7 +548,7 @@ def _prepared(
 def check_targets(
     name: str, made: Reduction, plant: Plant, section: ControlSection, *, reach: tuple[float, float]
 ) -> None:
-    """Refuse angles that model or plant do not reach, and a reduced model that is too far off on the way.
+    """Check that model and plant reach the target angles, and that the reduced model is accurate up to them.
 
     ``name``: the direction of gravity. ``reach``: angles of the model at pressures 0 and `most` [rad].
 
@@ -582,12 +582,12 @@ def allowed_error(section: ControlSection) -> float:
 
 
 def schedule(section: ControlSection) -> FloatArray:
-    """Wanted angle of each tick [rad], shape [n]."""
+    """Target angle of each tick [rad], shape [n]."""
     return np.repeat(np.array(section.angles), max(1, round(section.hold * section.rate)))
 
 
 def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) -> Plant:
-    """The plant: the whole model with its own stiffness, a lag, a delay and noise."""
+    """The plant: the full model with a separate stiffness, a lag, a delay and noise."""
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
     run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
     if not run.solution.outcome.ok:
@@ -598,7 +598,7 @@ def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) 
 def loop_warnings(
     closed: Mapping[str, Closed], reductions: Mapping[str, Reduction], section: ControlSection
 ) -> list[str]:
-    """What a reader must know before trusting the loop."""
+    """Warnings about the results of the loop."""
     warnings = []
     bound = largest_gain(section.delay)
     if section.gain / section.plant_stiffness >= bound:

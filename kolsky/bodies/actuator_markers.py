@@ -5,9 +5,9 @@ distance of n of them is
 
     RMSE = sqrt(1/n sum |x_measured - x_simulated|^2),                                          (A.5)
 
-and noise of sigma in each coordinate explains them where sum |.|^2 / sigma^2 is below the 99.9 % quantile of
-chi-square with 2 n degrees of freedom. One factor m of all moduli, Poisson's ratio held, is fitted to all
-markers of all directions and pressures by Gauss and Newton's method with the exact du/dm; its interval is
+Noise of sigma in each coordinate explains them if sum |.|^2 / sigma^2 is below the 99.9 % quantile of
+chi-square with 2 n degrees of freedom. One factor m of all moduli is fitted to all markers, directions and
+pressures, with a fixed Poisson's ratio. The method is Gauss-Newton with the exact du/dm; the interval is
 
     m +- t s_m,  s_m = sigma max(1, sqrt(chi2 / dof)) / |J|,                                    (A.6)
 
@@ -34,9 +34,9 @@ COUNT = 9
 EXPLAINED = 0.999
 """Probability of the chi-square quantile above which noise does not explain a distance."""
 ITERATIONS = 12
-"""Most iterations of the fit."""
+"""Maximum number of iterations of the fit."""
 RANGE = 0.02, 50.0
-"""Factors within which the fit looks [-]; it ends at the last one inside."""
+"""Range of the factor in the fit [-]; the fit ends at the last factor inside."""
 FIT_TOLERANCE = 1e-3
 """Step of m at which the fit ends, in its standard deviations."""
 PLANE = (0, 2)
@@ -54,7 +54,7 @@ class MarkerComparison:
     measured: FloatArray
     """Measured x and z [m], shape [n, 2]."""
     simulated: FloatArray
-    """Simulated ones, likewise."""
+    """Simulated x and z [m], shape [n, 2]."""
     sigma: float
     """Standard deviation of a measured coordinate [m]."""
 
@@ -78,7 +78,7 @@ class MarkerComparison:
 
 @dataclass(frozen=True)
 class StiffnessFit:
-    """The factor of all moduli that the markers ask for."""
+    """The factor of all moduli, fitted to the markers."""
 
     factor: float
     """m [-]."""
@@ -97,7 +97,7 @@ class StiffnessFit:
 
     @property
     def explained(self) -> bool:
-        """Whether noise explains what is left."""
+        """Whether noise explains the residual."""
         return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
 
 
@@ -123,7 +123,7 @@ def compare(run: Bending, gravity: str, step: int, measured: FloatArray, sigma: 
 
 
 def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
-    """As `marker_weights`, of the rising places of a line [m]."""
+    """As `marker_weights`, for the increasing coordinates of the points of a line [m]."""
     shares = x[0] + (x[-1] - x[0]) * np.arange(1, count + 1) / count
     return np.stack([np.interp(shares, x, unit) for unit in np.eye(len(x))], axis=-1)
 
@@ -131,7 +131,7 @@ def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
 def interval(
     left: FloatArray, J: FloatArray, sigma: float, factor: float, *, converged: bool
 ) -> StiffnessFit:
-    """Interval of a factor by Eq. (A.6), from what is left [m] and dx/dm [m], each of shape [n]."""
+    """Interval of a factor by Eq. (A.6), from the residual [m] and dx/dm [m], each of shape [n]."""
     degrees = left.size - 1
     square = float((left**2).sum()) / sigma**2
     deviation = sigma * max(1.0, np.sqrt(square / degrees)) / float(np.linalg.norm(J))
@@ -181,13 +181,13 @@ def fit_stiffness(
 
 
 EQUAL_PRESSURES = 1e-6
-"""Difference of pressures that are the same, as a share of the largest [-]."""
+"""Largest difference of pressures that count as equal, as a share of the largest pressure [-]."""
 
 
 def compared_markers(
     spec: ActuatorSpec, directions: Sequence[Direction]
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
-    """Compare the markers that a SPEC names, fit the stiffness to them; with the hash of their file."""
+    """Compare the markers of a SPEC with the simulation, and fit the stiffness; with their file's hash."""
     section = spec.declared.markers
     if section is None:
         return [], None, {}
@@ -206,7 +206,7 @@ def compared_markers(
 def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]], str]:
     """Markers [m] of shape [n, 2] by direction of gravity and pressure [Pa], and the hash of their file."""
     section = spec.declared.markers
-    assert section is not None  # asked for only then
+    assert section is not None  # called only if declared
     path = spec.toml.path.parent / section.file
     if "line" not in spec.actuator.mesh.sets:
         raise spec.toml.error(

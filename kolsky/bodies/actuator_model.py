@@ -1,25 +1,23 @@
-"""A bending actuator of chambers (Pneunet): mesh, material, weight, touching walls, equilibria along a
-pressure path.
+"""A bending actuator of chambers (Pneunet): mesh, material, weight, wall contact, equilibria under pressure.
 
-The bending angle is the one through which the chord from the base's clamped end to its free one has turned
-towards the base,
+The bending angle is the rotation towards the base of the chord from the base's clamped end to its free end,
 
     Theta = atan2((t - o) . b, (t - o) . a),                                                   (A.1)
 
 with the positions o and t of these two points, the actuator's axis a at rest and the direction b out of its
-base. The angle counted from another direction
-in that plane, such as the vertical through the base, differs by the angle between it and the axis at rest.
+base. An angle from another direction in that plane, such as the vertical through the base, differs by the
+angle between that direction and the axis at rest.
 
-The actuator lies along x with the middle of its clamped end's lower edge in the origin; its base is the side
-z = 0, and the chambers stand on it. A channel along the base joins them and goes on through the inlet to the
-clamped end. Inside a row along x the parts are
+The actuator lies along x. The origin is the middle of the lower edge of its clamped end. Its base is the side
+z = 0 with the chambers on it. A channel along the base connects them and continues through the inlet to the
+clamped end. Inside, the parts along x are
 
     inlet, wall, chamber, wall, gap, wall, chamber, wall, gap, ... , wall, chamber, wall,
 
-along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers the gap is
-open above the channel's roof. Every part is cut into the whole number of cells that makes them nearest to the
-wanted size, walls into at least `through_wall`. Without gravity across it the actuator is its own mirror
-image in the plane y = 0, and half of it is enough.
+and along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers the gap
+is open above the channel's roof. Every part is divided into the number of cells that gives a size nearest to
+the requested one, walls into at least `through_wall`. Without gravity along y the actuator is symmetric about
+the plane y = 0, and half of it is sufficient.
 """
 
 from collections.abc import Sequence
@@ -42,7 +40,7 @@ from kolsky.equilibrium.surface_contact import surface_contacts
 
 @dataclass(frozen=True)
 class Part:
-    """Cells of another material of the same law, such as a stiff layer in the base."""
+    """Cells with other constants of the same law, such as a stiff layer in the base."""
 
     name: str
     """Name in SPEC."""
@@ -55,7 +53,7 @@ class Part:
 
 
 WEIGHT = "weight"
-"""History that lets the weight act, 0 or 1."""
+"""Name of the history that switches the weight on, 0 or 1."""
 AXIS, BEND = 0, 2
 """Coordinates of the axis a = +x and of b = -z."""
 
@@ -66,21 +64,21 @@ class Actuator:
 
     mesh: Mesh
     cavities: tuple[str, ...]
-    """Sets of pressurised walls; each has a pressure of its own."""
+    """Sets of pressurised walls; each has a separate pressure."""
     solid: Solid
     """The material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     mixed: bool = False
-    """Whether volume ratio and pressure are fields of their own (nearly incompressible materials)."""
+    """Whether volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
     """Where the element kernels run."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
-    """Parts of other materials; a cell of two belongs to the later."""
+    """Parts of other materials; a cell in two parts belongs to the later one."""
     world: tuple[Fixed | RigidPlane, ...] = ()
-    """What the outside holds, and rigid planes that it may press on."""
+    """Point sets fixed from outside, and rigid planes that the actuator may touch."""
 
     @property
     def histories(self) -> tuple[str, ...]:
@@ -103,8 +101,10 @@ class Actuator:
         return (self.density, *(part.density for part in self.parts))
 
     def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
-        """Constants of each region with all moduli multiplied by a factor; `body`: a material in place of
-        `solid`; shape [n_regions, n_parameters]."""
+        """Constants of each region with all moduli multiplied by a factor, shape [n_regions, n_parameters].
+
+        `body`: a material in place of `solid`.
+        """
         solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
         return np.array([one.scaled(factor).parameters() for one in solids])
 
@@ -143,7 +143,7 @@ class Actuator:
     ) -> "Bending":
         """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities].
 
-        `constants`: those of each region in place of the actuator's own; `guess` as of
+        `constants`: constants of each region in place of the actuator's; `guess` as for
         `kolsky.equilibrium.solve.solve`.
         """
         table = np.asarray(pressures, dtype=float)
@@ -164,10 +164,10 @@ class Actuator:
         longest: float = 4.0,
         constants: FloatArray | None = None,
     ) -> tuple["Bending", ArcPath]:
-        """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
+        """Equilibria under increasing pressures [Pa] of shape [n], equal in all cavities, past limit points.
 
-        Returns: the equilibria that a pressure raised from 0 meets, and the whole path between them. Raises
-        ValueError if the path ends before the last pressure, with its reason.
+        Returns: the equilibria reached if the pressure is raised from 0, and the whole path between them.
+        Raises ValueError with the reason if the path ends before the last pressure.
         """
         path = follow(
             self.model(gravity),
@@ -193,13 +193,13 @@ class Bending:
     """Equilibria of an actuator."""
 
     solution: Solution
-    """Displacements and how it ended."""
+    """Displacements, and how the solution ended."""
     pressures: FloatArray
     """Pressure of each cavity at each step [Pa], shape [n, n_cavities]."""
 
     @property
     def angle(self) -> FloatArray:
-        """Bending angle, Eq. (A.1) [rad], shape [n]; NaN of steps that were not reached."""
+        """Bending angle, Eq. (A.1) [rad], shape [n]; NaN for steps that were not reached."""
         return bend_of(self.chord)
 
     @property
@@ -219,7 +219,7 @@ class Bending:
         names = tuple(h for h in self.solution.model.histories if h != WEIGHT)
         found = direct(self.solution, histories=names)
         tip, origin = (found.mean_displacement(where) for where in ("tip", "origin"))
-        by = (tip - origin)[:, -len(names) :]  # the constants stand before the histories
+        by = (tip - origin)[:, -len(names) :]  # the constants come before the histories
         return np.einsum("nd,npd->np", bend_slope(self.chord), by)
 
 
@@ -245,7 +245,7 @@ TIGHT = 1e-9
 
 @dataclass(frozen=True)
 class Pneunet:
-    """Dimensions of an actuator and the fineness of its mesh."""
+    """Dimensions of an actuator and the size of its mesh."""
 
     chambers: int = 6
     """Number of chambers."""
@@ -258,19 +258,19 @@ class Pneunet:
     gap: float = 2.0e-3
     """Distance between the walls of neighbouring chambers [m]."""
     channel: tuple[float, float] = (2.0e-3, 2.0e-3)
-    """Width and height of the channel that joins the chambers [m]; it is the inlet's bore too."""
+    """Width and height of the channel that connects the chambers [m]; also of the inlet's bore."""
     inlet: float = 5.0e-3
     """Length of the clamped inlet block [m]."""
     cell: float = 4.0e-3
-    """Wanted size of the cells [m]."""
+    """Requested size of the cells [m]."""
     through_wall: int = 1
-    """Fewest cells through a wall."""
+    """Least number of cells through a wall."""
     element: str = "hex27"
     """hex27, hex8, tet10 or tet4."""
     half: bool = True
-    """Half of it, with the plane y = 0 as a mirror."""
+    """Whether to model half of it, with y = 0 as the symmetry plane."""
     separate: bool = False
-    """Chambers that nothing joins, each with a pressure of its own."""
+    """Whether the chambers are separate, without a channel, each with its pressure."""
     heights: tuple[float, ...] = ()
     """Heights z at which faces of cells lie, such as those of a layer [m]."""
 
@@ -433,8 +433,7 @@ def smallest_gap(run: Bending) -> FloatArray:
 
 
 def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
-    """Points of the faces on the boundary that do not belong wholly to one of the sets `apart`, without the
-    clamped points."""
+    """Points of boundary faces that are not entirely in one of the sets `apart`, without clamped points."""
     everything = mesh.with_set("all", np.arange(len(mesh.points)))
     found = []
     for faces in faces_on(everything, "all"):
@@ -445,8 +444,10 @@ def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
 
 
 def forces_outside(run: Bending) -> dict[str, FloatArray]:
-    """Force of the whole actuator on what holds it beside the clamp, and on each plane [N], shape [n, 3],
-    by the name of their set of points."""
+    """Force of the whole actuator on each fixed set besides the clamp, and on each plane [N], shape [n, 3].
+
+    Keys are the names of their point sets.
+    """
     solution, found = run.solution, {}
     half = "mirror" in solution.model.mesh.sets
     planes = iter(solution.contact_forces)
@@ -470,11 +471,11 @@ class Touching:
     force: FloatArray
     """Sum of the pressures between all walls over their area [N], of the whole actuator, shape [n]."""
     depth: FloatArray
-    """Depth of the deepest point, which the penalty leaves [m], shape [n]."""
+    """Largest penetration, due to the penalty [m], shape [n]."""
 
 
 def touching(run: Bending) -> Touching | None:
-    """Contact forces and depths of equilibria; None of a model without contact."""
+    """Contact forces and depths of equilibria; None for a model without contact."""
     model = run.solution.model
     contacts = surface_contacts(model)
     if not contacts:

@@ -38,7 +38,7 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
 
 
 def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
-    """A row a step of the pressure."""
+    """One row per pressure step."""
     run = one.pristine
     healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
     slopes = run.slopes()
@@ -59,7 +59,7 @@ def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
 
 
 def _line_rows(one: Direction) -> Iterator[dict[str, Any]]:
-    """A row a node of the middle line at each declared pressure; none where the mesh has no such line."""
+    """One row per node of the middle line and declared pressure; empty if the mesh has no such line."""
     run, mesh = one.pristine, one.pristine.solution.model.mesh
     if "line" not in mesh.sets:
         return
@@ -184,7 +184,7 @@ def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit |
 
 
 def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
-    """Write measured and simulated places of every marker."""
+    """Write measured and simulated positions of every marker."""
     rows = (
         {
             "gravity": one.gravity,

@@ -1,5 +1,4 @@
-"""SPEC.toml of an actuator: its tables, and the actuator with directions of gravity and pressures made from
-them."""
+"""SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures made from them."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,7 +25,7 @@ from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayout
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
 Gauge = Annotated[float, BeforeValidator(f.physical("Pa", what="a pressure over that outside"))]
-"""Below 0 it is suction."""
+"""Gauge pressure [Pa]; below 0 it is suction."""
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 Count = Annotated[int, Field(ge=1, le=200)]
@@ -64,7 +63,7 @@ class GeometrySection(Section):
 
 
 class ConstantsSection(Section):
-    """Constants of a law, and how it resists a change of volume."""
+    """Constants of a law, including its resistance to volume change."""
 
     constants: dict[str, Any]
     D1: Any = None
@@ -91,7 +90,7 @@ class MaterialSection(ConstantsSection):
 
 
 class PartSection(ConstantsSection):
-    """[part.NAME]: cells between two heights, or of a mesh's set NAME, with other constants of the law."""
+    """[part.NAME]: cells between two heights, or in the mesh set NAME, with other constants of the law."""
 
     height: Annotated[list[f.Offset], Field(min_length=2, max_length=2)] | None = None
     density: f.Density | None = None
@@ -106,7 +105,7 @@ class PlaneSection(Section):
 
 
 class BlockedSection(Section):
-    """[blocked]: a set of points that is held where it is at rest."""
+    """[blocked]: a set of points that is fixed at its rest position."""
 
     set: f.Name = "end"
     axes: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1, max_length=3)] = ("z",)
@@ -134,14 +133,14 @@ class PathSection(Section):
 
 
 class PronySection(Section):
-    """One term of [motion] prony: the stress at once over the slow one, less 1, and its time."""
+    """One term of [motion] prony: instantaneous over long-term stress, minus 1, and its relaxation time."""
 
     share: Annotated[float, Field(gt=0.0, le=100.0)]
     time: f.PositiveTime
 
 
 class MotionSection(Section):
-    """[motion]: the largest pressure raised in time, with inertia and damping."""
+    """[motion]: the rise of the pressure in time, with inertia and damping."""
 
     ramp: f.PositiveTime
     hold: f.PositiveTime
@@ -157,7 +156,7 @@ class MotionSection(Section):
 
 
 class InvertSection(Section):
-    """[invert]: the wanted bend, and the largest pressure."""
+    """[invert]: the target bend, and the largest pressure."""
 
     angles: Annotated[list[Angle], Field(min_length=1)]
     most: Gauge
@@ -165,7 +164,7 @@ class InvertSection(Section):
 
 
 class ControlSection(Section):
-    """[control]: the closed loop and the plant it is tried on."""
+    """[control]: the closed loop and its simulated plant."""
 
     angles: Annotated[list[Angle], Field(min_length=1)]
     hold: f.PositiveTime = 5.0
@@ -242,10 +241,10 @@ class ActuatorFile(Section):
 
 
 SIZES = (1e-3, 3.0)
-"""Lengths of a soft actuator [m]: those made and published have some mm to 1 m; beyond, weight folds
-silicone, and a unit is wrong by a factor of ten or more."""
+"""Smallest and largest length of a soft actuator [m]. Published ones have some mm to 1 m. Larger ones of
+silicone collapse under their weight, and a unit error is a factor of ten or more."""
 NEEDED = ("clamp", "origin", "tip")
-"""Sets that a mesh from a file must have, beside "cavity" or "cavity_1" and so on."""
+"""Sets that a mesh from a file must have, in addition to "cavity" or "cavity_1" and so on."""
 
 
 @dataclass(frozen=True)
@@ -254,12 +253,12 @@ class ActuatorSpec:
 
     toml: TomlFile
     declared: ActuatorFile
-    """What it declares, in SI."""
+    """Its declared values, in SI."""
     actuator: Actuator
     shape: Pneunet | None
-    """Its dimensions; None of a mesh from a file."""
+    """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
-    """The healed material, where its constants are declared."""
+    """The healed material, if its constants are declared."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
 
@@ -275,7 +274,7 @@ class ActuatorSpec:
 
     @property
     def pressures(self) -> FloatArray:
-        """Pressures [Pa], rising, shape [n]."""
+        """Pressures [Pa], increasing, shape [n]."""
         return np.array(self.declared.pressures)
 
 
@@ -330,7 +329,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
 
 
 def _check_size(toml: TomlFile, size: float) -> None:
-    """Refuse an actuator whose longest side no soft one has."""
+    """Check that the longest side of the actuator is plausible."""
     if not SIZES[0] <= size <= SIZES[1]:
         raise toml.error(
             "geometry",
@@ -341,13 +340,13 @@ def _check_size(toml: TomlFile, size: float) -> None:
 
 
 _OPENINGS = ("clamp", "mirror", "inlet")
-"""Sets on which the surface of a cavity may end: what closes it there moves no point of the body."""
+"""Sets at which the surface of a cavity may end: its closure there moves no point of the body."""
 
 
 def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:
-    """Refuse a cavity whose surface ends elsewhere than on the clamp, the mirror plane or the inlet.
+    """Check that the surface of a cavity ends only on the clamp, the mirror plane or the inlet.
 
-    The pressure on an open surface has a resultant that no closed cavity has.
+    The pressure on an open surface has a resultant force, which a closed cavity does not have.
     """
     known = [name for name in _OPENINGS if name in mesh.sets]
     for name in cavities:
@@ -399,7 +398,7 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
 def _world(
     toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
 ) -> tuple[Mesh, tuple[Fixed | RigidPlane, ...]]:
-    """What [blocked] holds and the planes, whose sets have the names of their tables; the mesh with these."""
+    """The fixed set of [blocked] and the planes, and the mesh with their sets, named as their tables."""
     world: list[Fixed | RigidPlane] = []
     held: FloatArray | Any = np.zeros(0, dtype=np.int64)
     if declared.blocked is not None:
@@ -437,7 +436,7 @@ def _pneunet_of(declared: ActuatorFile) -> Pneunet:
 
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
-    """The contacts of the walls at the gaps of a mesh; none without a section."""
+    """The contacts of the walls at the gaps of a mesh; empty without a section."""
     contacts: list[SelfContact] = []
     while section is not None and f"gap_{len(contacts) + 1}_left" in mesh.sets:
         n = len(contacts) + 1
@@ -448,10 +447,10 @@ def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContac
 
 
 def volume_reading(d1: Any) -> float:
-    """Bulk modulus K [Pa] of a written D1, by its unit.
+    """Bulk modulus K [Pa] from a declared D1; its unit defines its meaning.
 
-    A compressibility is that of U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper); a modulus
-    is that of U = D1 (J - 1)^2, K = 2 D1.
+    In 1/Pa it belongs to U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper). In Pa it belongs
+    to U = D1 (J - 1)^2, K = 2 D1.
     """
     try:
         value, modulus = quantity(d1, "1/Pa"), None
@@ -466,7 +465,7 @@ def volume_reading(d1: Any) -> float:
 def _solid(
     toml: TomlFile, where: str, law: str, section: ConstantsSection, *, key: str | None = None
 ) -> Solid:
-    """The material of a table; `key`: where its constants stand, if not in `constants`."""
+    """The material of a table; `key`: the key of its constants, if not `constants`."""
     key = f"{where}.constants" if key is None else key
     values = read_constants(toml, key, law, section.constants)
     try:
@@ -485,8 +484,8 @@ def _solid(
 
 
 def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
-    assert section.mesh is not None  # asked for only then
-    assert section.mesh_unit is not None  # the schema saw to it
+    assert section.mesh is not None  # called only if declared
+    assert section.mesh_unit is not None  # checked by the schema
     raw = read_body(toml.path.parent / section.mesh)
     inputs[section.mesh] = raw.sha256
     mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)

@@ -1,18 +1,18 @@
-"""Constants fitted to forces and displacements that both have errors (Schumacher and others 2020, Eqs. 1-2).
+"""Fit constants to forces and displacements that both have errors (Schumacher and others 2020, Eqs. 1-2).
 
-Their objective lets the force of every sample move, f_i, and asks the simulation under it for the
+In their objective the force of every sample, f_i, is an unknown; the simulation under it gives the
 displacement:
 
     g = sum_i 1/2 (d(p, f_i) - d_i)^2 + w_f 1/2 (f_i - F_i)^2,                                  (S.1)
 
-d_i and F_i measured. A force and the displacement in equilibrium with it are one to one, so the moving
-displacement may be the unknown as well, and every simulation is driven by displacements: with sigma_d and
-sigma_f for the noise of each, and w_f = (sigma_d / sigma_f)^2,
+with measured d_i and F_i. Force and displacement in equilibrium correspond one to one. The displacement can
+therefore be the unknown instead, and every simulation is driven by displacements. With the noise sigma_d and
+sigma_f of each, and w_f = (sigma_d / sigma_f)^2,
 
     chi^2 = sum_i |(x_i - d_i) / sigma_d|^2 + |(f(p, x_i) - F_i) / sigma_f|^2.
 
-About x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i is linear in the rest: what is
-left is a least-squares problem in p alone,
+Linearised about x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i depends linearly on
+the step dp. Eliminating it gives a least-squares problem in p only,
 
     r_i = f(p, x_i) - F_i - k (x_i - d_i),   V_i = sigma_f^2 I + k sigma_d^2 k^T,
     minimise sum_i (r_i + S_i dp)^T V_i^-1 (r_i + S_i dp),    x_i - d_i = -sigma_d^2 k^T V_i^-1 (r_i + S_i
@@ -30,16 +30,15 @@ from scipy.optimize import lsq_linear
 from kolsky.base.arrays import FloatArray
 
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-"""First damping, and beyond which no step has lowered chi-square."""
+"""First damping, and the damping above which the search ends without a step that reduces chi-square."""
 STEP_TOLERANCE = 1e-3
-"""Length of the next undamped step, in standard deviations of the residuals, at which the search has
-ended."""
+"""The search ends at this length of the next undamped step, in standard deviations of the residuals."""
 CHI_SQUARE_TOLERANCE = 1e-9
-"""Relative change of chi-square below which it has ended as well: data without noise."""
+"""It also ends below this relative change of chi-square, for data without noise."""
 MOST_STEPS = 60
-"""Most simulations of a search."""
+"""Maximum number of simulations in a search."""
 LONGEST = 2.0
-"""Longest step of a constant over its size (its scale, or its value where that is larger)."""
+"""Longest step of a constant over its size (its scale, or its value if that is larger)."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Forces of a specimen and their slopes at some constants and displacements."""
+    """Forces of a specimen and their derivatives at given constants and displacements."""
 
     force: FloatArray
     """[N], shape [n, ends]."""
@@ -69,12 +68,12 @@ class Linearised:
 
 
 Respond = Callable[[FloatArray, tuple[FloatArray, ...]], tuple[Linearised, ...] | str]
-"""Constants and the displacements of each specimen in; their forces out, or why there are none."""
+"""Function of the constants and each specimen's displacements; returns their forces, or why it failed."""
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """The least-squares problem in the constants alone, all specimens together."""
+    """The least-squares problem in the constants only, for all specimens together."""
 
     residual: FloatArray
     """L^-1 r with V = L L^T, shape [m]."""
@@ -84,7 +83,7 @@ class Reduced:
 
 @dataclass(frozen=True)
 class SearchOptimum:
-    """Where a search ended."""
+    """The end point of a search."""
 
     constants: FloatArray
     """Shape [p]."""
@@ -99,10 +98,10 @@ class SearchOptimum:
     at_bound: tuple[bool, ...]
     """Constants at a bound, shape [p]."""
     converged: bool
-    """Whether the search came to rest."""
+    """Whether the search converged."""
     ended: str
     simulations: int
-    """Trial points, refused ones included."""
+    """Number of trial points, rejected ones included."""
 
 
 def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
@@ -128,7 +127,7 @@ def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
 
 
 def best_displacement(samples: Samples, x: FloatArray, there: Linearised, step: FloatArray) -> FloatArray:
-    """Displacements that go with a step of the constants, shape [n, ends] [m]."""
+    """Best displacements for a step of the constants, shape [n, ends] [m]."""
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
     r = r + there.by_constants @ step
@@ -147,9 +146,9 @@ def search(
 ) -> SearchOptimum:
     """Minimise chi-square over the constants and the displacements of all samples.
 
-    ``respond``: the simulations. ``samples``: data of each specimen; one set of constants holds for all.
-    ``start``, ``scales``: constants to begin with, and their sizes, shape [p]. ``bounds``: least and largest
-    values, each of shape [p]. Raises ValueError if the simulation at the start fails, with its reason.
+    ``respond``: the simulations. ``samples``: data of each specimen; all share one set of constants.
+    ``start``, ``scales``: initial constants and their sizes, shape [p]. ``bounds``: lower and upper bounds,
+    each of shape [p]. Raises ValueError with the reason if the simulation at the start fails.
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)
@@ -213,7 +212,7 @@ def _optimum_at(
     ended: str,
     runs: int,
 ) -> SearchOptimum:
-    """What a search found where it ended; the arguments are the fields of `Found` and those of `search`."""
+    """The record of a search's end point; arguments as for `SearchOptimum` and `search`."""
     problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
     chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
     near = 1e-6 * np.maximum(scales, np.abs(p))
@@ -245,6 +244,6 @@ def _step(
     right = np.concatenate([-problem.residual, np.zeros(len(p))])
     low = np.maximum((bounds[0] - p) / size, -LONGEST)
     high = np.minimum((bounds[1] - p) / size, LONGEST)
-    # A constant on a bound has one side; the other is zero, which must not meet the first.
+    # At a bound, one side of the step's interval is zero; the two limits must differ.
     solved = lsq_linear(matrix, right, (np.minimum(low, -1e-14), np.maximum(high, 1e-14)), method="bvls")
     return np.asarray(solved.x * size)

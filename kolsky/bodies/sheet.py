@@ -1,15 +1,15 @@
-"""A sheet pulled between two pads: its model, and the measured field projected on its nodes.
+"""A sheet pulled between two pads: its model, and the projection of the measured field on its nodes.
 
-The projection is a local quadratic by weighted least squares, with a gate for outliers.
+The projection is a local quadratic by weighted least squares, after outliers are rejected.
 
-The displacements of image correlation stand at points of a grid; the cost of Sutula and others (2020, Sec. 6)
+Image correlation gives displacements at the points of a grid. The cost of Sutula and others (2020, Sec. 6)
 needs them at the nodes of the mesh. At a node x0 the nine nearest points are fitted by
 
     p(x) = a0 + a1 x + a2 y + a3 x^2 + a4 x y + a5 y^2,   x, y from x0,
     weights w = e + (1 - e)(1 - r/r_max)^2
 
-and the node's value is a0 (Belytschko and others 1996). A point that its neighbours do not predict is left
-out before that.
+and the node's value is a0 (Belytschko and others 1996). Points that differ from the prediction of their
+neighbours are rejected first.
 """
 
 from collections.abc import Mapping
@@ -32,27 +32,27 @@ from kolsky.equilibrium.solution import Solution
 from kolsky.equilibrium.solve import solve
 
 NEIGHBOURS = 9
-"""Points of a local fit; six are its least."""
+"""Number of points of a local fit; at least six are needed."""
 LEAST_WEIGHT = 1e-4
 """Weight e of the farthest point."""
 _CONDITION = 1e-6
-"""Least determinant of the normal matrix over the product of its diagonal: below it the points lie on a conic
-and the weighted mean stands in."""
+"""Least determinant of the normal matrix over the product of its diagonal. Below it the points lie on a
+conic, and the weighted mean is used instead."""
 _GATE_NEIGHBOURS = 20
-"""Points that predict one point for the gate."""
+"""Number of neighbours that predict one point in the outlier test."""
 NOISE_POINTS = _GATE_NEIGHBOURS + 1
-"""Least points whose noise can be found: one and those that predict it."""
+"""Least number of points for an estimate of the noise: one point and its neighbours."""
 GATE = 6.0
 """Largest deviation from the prediction, in robust standard deviations of all points."""
 _GATE_PASSES = 5
-"""Most times that the gate is applied again without what it took out."""
+"""Maximum number of repetitions of the outlier test without the rejected points."""
 
 
 def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
     """Project point values on targets by local quadratics, shape [n_targets, k].
 
-    ``points``: where values are known [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
-    any unit. ``targets``: where they are wanted [m], shape [n_targets, 2]. Raises ValueError if there are
+    ``points``: positions of the values [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
+    any unit. ``targets``: positions of the results [m], shape [n_targets, 2]. Raises ValueError if there are
     fewer than `NEIGHBOURS` points, or a value is not finite.
     """
     if len(points) < NEIGHBOURS:
@@ -72,13 +72,12 @@ def spacing(points: FloatArray) -> float:
 
 
 def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> NDArray[np.bool_]:
-    """Find the points that their neighbours do not predict.
+    """Find the outliers: points that differ from the prediction of their neighbours.
 
-    Each point is predicted by the quadratic of its `GATE_NEIGHBOURS` nearest others. Its deviation, over the
-    noise that the prediction has itself and in standard deviations of all of that field (from their median,
-    so that outliers do not widen it), must be at most `gate`. What is found is taken out and the rest judged
-    again, for
-    an outlier spoils its neighbours.
+    Each point is predicted by a quadratic through its `_GATE_NEIGHBOURS` nearest neighbours. Its deviation is
+    divided by the noise of the prediction, and by the robust standard deviation of all points of the field
+    (from the median, which outliers do not affect). The result must be at most `gate`. The test is repeated
+    without the rejected points, because an outlier disturbs the predictions of its neighbours.
 
     ``points``, ``values``: as in `project`; finite. ``gate``: limit in standard deviations, > 0.
     """
@@ -93,23 +92,26 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
         ratio = np.divide(deviation, scale, out=np.zeros_like(deviation), where=scale > 0.0).max(axis=1)
         if not (ratio > gate).any():
             break
-        # Of neighbours that spoil each other the worst goes first.
+        # Neighbouring outliers disturb each other; the worst one is rejected first.
         worst = (ratio > gate) & (ratio >= ratio[near[:, :8]].max(axis=1))
         bad[good[worst]] = True
     return bad
 
 
 def point_noise(points: FloatArray, values: FloatArray) -> float:
-    """Standard deviation of a value from what its neighbours predict, all fields together [unit of values].
+    """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values].
 
-    Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
+    A field that is smooth over `_GATE_NEIGHBOURS` points does not contribute; a rough field counts as noise.
     """
     return float(MAD * np.median(_deviations(points, values)[1]))
 
 
 def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Nearest others of each point, shape [n, k], and its distance from what they predict, over the noise of
-    that: a point at an edge is extrapolated, which has more. Shape [n, fields]."""
+    """Nearest neighbours of each point, shape [n, k], and its deviation from their prediction.
+
+    The deviation is divided by the noise of the prediction, which is larger at an edge where the prediction
+    extrapolates. Shape [n, fields].
+    """
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     weights = _weights(points[near] - points[:, None], distance)
@@ -135,36 +137,36 @@ def _weights(offsets: FloatArray, distance: FloatArray) -> FloatArray:
 
 
 ENDS = "pad"
-"""Name of the history of the pad's displacement."""
+"""Name of the displacement history of the pad."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A flat specimen with two pads."""
+    """A plane specimen with two pads."""
 
     mesh: Mesh
     """Its mesh, with the pads as sets."""
     kinematics: Literal["plane_stress", "plane_strain"]
-    """What the thickness does."""
+    """Kinematics across the thickness."""
     thickness: float
     """[m]."""
     moving: str
     """Set of the moving pad."""
     fixed: str
-    """Set of the pad at rest."""
+    """Set of the fixed pad."""
     axis: int = 0
     """Direction of the pull."""
     regions: IntArray | None = None
     """Region of each cell, the fitted ones first, shape [m]. None: one material."""
     held: Mapping[int, Solid] = field(default_factory=dict)
-    """Materials of the held regions."""
+    """Materials of the regions whose constants are not fitted."""
     device: str = "cpu"
     """Where the element kernels run."""
     turned: int = 0
-    """Cells that run clockwise in the mesh's file and were turned."""
+    """Number of cells with clockwise node order in the mesh file, which was reversed."""
 
     def model(self, solid: Solid) -> Model:
-        """The sheet of a material."""
+        """The model of the sheet with given materials."""
         other = 1 - self.axis
         conditions = (
             Fixed(self.fixed),
@@ -186,9 +188,9 @@ class Sheet:
     ) -> Solution:
         """Equilibria at displacements of the moving pad [m], shape [n].
 
-        ``solid``: the material of the first region. ``further``: those of the next ones that are fitted.
-        ``near``: the sheet at other constants and the same displacements of the pad; its slopes predict these
-        equilibria.
+        ``solid``: the material of the first region. ``further``: the materials of the other fitted regions.
+        ``near``: a solution with other constants and the same pad displacements; its derivatives predict
+        these equilibria.
         """
         n = 1 if self.regions is None else int(self.regions.max()) + 1
         fitted = dict(enumerate((solid, *further)))
@@ -206,7 +208,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class SheetState:
-    """A sheet simulated at some constants, with derivatives by the free ones."""
+    """A sheet simulated at given constants, with derivatives by the free constants."""
 
     solution: Solution
     """Equilibria."""
@@ -219,13 +221,13 @@ class SheetState:
     force_by_constants: FloatArray
     """df/dm, shape [n, p]."""
     slopes: Sensitivities
-    """Derivatives by the constants of all regions' energies."""
+    """Derivatives by the energy constants of all regions."""
 
 
 def sheet_state(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
 ) -> SheetState | str:
-    """Simulate a sheet and differentiate it, or say why it cannot be done; `near` as in `Sheet.simulate`."""
+    """Simulate a sheet with derivatives; return the reason if it fails. `near`: as in `Sheet.simulate`."""
     try:
         solids = constants.solids(free)
     except ValueError as error:

@@ -1,23 +1,24 @@
-r"""What of a sheet's data its model explains: single points, the field, the force, and what one factor mends.
+r"""Checks of a sheet's data against its model: single points, the field, the force, and wrong factors.
 
-**Points.** The gate of `kolsky.bodies.sheet.outliers` doubts a point that its neighbours do not predict. At a
-hole, a pad or the border of a region the field bends within a few points, and neighbours predict none of
-them. So a doubted point counts as an outlier only if the fitted sheet does not predict it either: with u_h
-the field of the mesh, e its error there and s the robust deviation of all points from u_h,
+**Points.** `kolsky.bodies.sheet.outliers` suspects points that differ from their neighbours' prediction. Near
+a hole, a pad or the border of a region the field varies within a few points, and neighbours predict badly.
+A suspected point is therefore an outlier only if the fitted sheet does not predict it either. With u_h the
+field of the mesh, e its error there and s the robust deviation of all points from u_h,
 
     |u - u_h| > gate s + e,     e = (h / 4) max_a |G_a - G|,                                          (P.1)
 
-h the size of the cell, G its gradient and G_a the gradient averaged over the cells at its node a: over a
-parabola the error of a linear element is that much (Zienkiewicz and Zhu 1987).
+Here h is the size of the cell, G its gradient and G_a the gradient averaged over the cells at its node a. For
+a parabola this is the error of a linear element (Zienkiewicz and Zhu 1987).
 
-**Force and field** are fitted together, and each is judged by its own misfit. Where one is not explained, the
-constants are fitted to the field alone, with the covariance C. With the force f and F = df/dm there
+**Force and field** are fitted together, and each misfit is checked separately. If one is not explained, the
+constants are fitted to the field only, with the covariance C. With the force f and F = df/dm there
 
     k = (f . f_msr) / (f_msr . f_msr),
     sigma_k^2 = f_msr . (F C F^T + k^2 sigma_f^2) f_msr / |f_msr|^4                                   (P.2)
 
-is the factor that the measured force lacks. A usual factor k_0 is named if |k - k_0| is at most twice
-sigma_k with the share that counts as explained, and if a fit with the force times k_0 explains both.
+is the factor missing in the measured force. A common factor k_0 is reported under two conditions: |k - k_0|
+is at most twice sigma_k with the share that counts as explained, and a fit with the force times k_0 explains
+both.
 """
 
 from dataclasses import dataclass, replace
@@ -41,13 +42,13 @@ from kolsky.bodies.sheet_reading import MeasuredField, keeping, mesh_scale
 from kolsky.equilibrium.meshes import Mesh
 
 _CELLS = 16
-"""Nearest cells, by their middles, in which a point is looked for."""
+"""Number of nearest cells, by their centres, in which a point is searched."""
 _INSIDE = 1e-6
-"""Distance outside the reference cell within which a point counts as inside [-]: that of round-off."""
+"""Tolerance outside the reference cell within which a point counts as inside, for round-off [-]."""
 _NEWTON_STEPS = 8
-"""Steps of the inverse map; a straight cell takes one, a bent one four or five."""
+"""Newton steps of the inverse map; a straight cell needs one, a curved one four or five."""
 _PASSES = 4
-"""Most fits with points that were taken back."""
+"""Maximum number of fits with readmitted points."""
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]."""
 FORCE_FACTORS = {
@@ -60,17 +61,17 @@ FORCE_FACTORS = {
     1e-3 * STANDARD_GRAVITY: "it is in gf or g, not in N",
     1.0 / STANDARD_GRAVITY: "it was multiplied by the acceleration of gravity once too often",
 }
-"""Factor that a measured force lacks -> what is wrong with it."""
+"""Factor missing in the measured force -> its error."""
 FIELD_FACTORS = {
     -1.0: "their sign is reversed",
     1e3: "their unit is 1000 times larger, as mm for µm",
     1e-3: "their unit is 1000 times smaller, as µm for mm",
 }
-"""Factor that the points' displacements lack -> what is wrong with them."""
+"""Factor missing in the points' displacements -> their error."""
 
 
 def interpolated(mesh: Mesh, values: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Nodal values at points, and the cell of each; NaN and -1 where no cell holds the point.
+    """Nodal values at points, and the cell of each point; NaN and -1 for points outside the mesh.
 
     ``values``: shape [nodes, k]. ``points``: shape [n, d].
     """
@@ -136,7 +137,7 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
 def fit_measured(
     measured: MeasuredField, *, gate: float, progress: Progress = SILENT
 ) -> tuple[MeasuredField, FieldFit]:
-    """Fit a measured sheet, and take back the doubted points that it predicts until none is left to take.
+    """Fit a measured sheet and readmit suspected points that it predicts; repeat until there are none.
 
     ``progress``: see `fit_field`.
 
@@ -158,7 +159,7 @@ def fit_measured(
 
 @dataclass(frozen=True)
 class LackingFactor:
-    """The factor that measured values lack, Eq. (P.2)."""
+    """The factor missing in measured values, Eq. (P.2)."""
 
     value: float
     """[-]."""
@@ -166,17 +167,17 @@ class LackingFactor:
     """Its standard uncertainty [-]."""
 
     def near(self, factor: float) -> bool:
-        """Whether a usual factor is this one, within its uncertainty and the share that is explained."""
+        """Whether a common factor agrees with this one, within uncertainty and the explained share."""
         return abs(self.value - factor) <= 2.0 * np.hypot(self.sigma, 0.5 * EXPLAINED_SHARE * abs(factor))
 
 
 def lacking_factor(
     measured: FloatArray, simulated: FloatArray, covariance: FloatArray, sigma: float
 ) -> LackingFactor:
-    """Factor of measured values that meets the simulated ones best, Eq. (P.2).
+    """Factor of measured values that fits the simulated values best, Eq. (P.2).
 
-    ``measured``, ``simulated``: shape [n]. ``covariance``: of the simulated ones, shape [n, n]. ``sigma``:
-    standard deviation of each measured one.
+    ``measured``, ``simulated``: shape [n]. ``covariance``: of the simulated values, shape [n, n]. ``sigma``:
+    standard deviation of each measured value.
     """
     size = float(measured @ measured)
     k = float(simulated @ measured) / size
@@ -185,10 +186,10 @@ def lacking_factor(
 
 
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
-    """The one change of the data with which the sheet explains field and force, in words; empty if none.
+    """A single change of the data with which the sheet explains field and force, in words; empty if none.
 
-    ``measured``: with the constants to begin at. ``found``: its fit. Tried are usual factors of the force,
-    the displacements and the mesh, and mirrored axes; each is confirmed by a fit.
+    ``measured``: the field, with the initial constants. ``found``: its fit. Common factors of the force, the
+    displacements and the mesh, and mirrored axes are tried; each is confirmed by a fit.
     """
     if found.explained:
         return ""
@@ -204,13 +205,13 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
             lacking = lacking_factor(data.force[-1:], alone.cost.state.force, spread, data.sigma_force)
             near = [factor for factor in near if lacking.near(factor)]
         except (ValueError, np.linalg.LinAlgError):
-            pass  # the field alone does not determine the constants: every factor is tried
+            pass  # the field does not determine the constants: try every factor
     for factor in near:
         if _explains(problem, replace(data, force=factor * data.force)):
             return _words("force", "field.pad.force", FORCE_FACTORS[factor], factor)
     lack = _field_factor(found)
     for factor, cause in FIELD_FACTORS.items():
-        # the constants of a fit that failed are not those of the sheet: only the order of size is compared
+        # the constants of a failed fit are not those of the sheet: compare only orders of magnitude
         if factor * lack > 0.0 and abs(np.log10(lack / factor)) < 1.0:
             sigma = abs(factor) * data.sigma_displacement
             moved = replace(data, displacements=factor * data.displacements, sigma_displacement=sigma)
@@ -220,10 +221,10 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _force_counts(problem: FieldProblem) -> bool:
-    """Whether a positive factor of the force changes more than the moduli.
+    """Whether a positive factor of the force would change more than the moduli.
 
-    With prescribed displacements a common factor of all moduli changes the force by that factor and no
-    displacement; so where all are free, only a reversed force contradicts a field.
+    With prescribed displacements, a common factor of all moduli multiplies the force and changes no
+    displacement. If all moduli are free, only a force of reversed sign contradicts a field.
     """
     constants = problem.constants
     moduli = {spec.name for spec in constants.specs if spec.unit == "Pa"}
@@ -269,7 +270,7 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
 def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
     """Whether a sheet with other points or another mesh is explained.
 
-    ``found``: the fit of the same mesh; no other is made unless its simulation is nearer to these points.
+    ``found``: the fit of the same mesh; a new fit is made only if its simulation is closer to these points.
     """
     try:
         problem = keeping(measured, measured.left_out).problem
@@ -291,11 +292,11 @@ def _words(what: str, key: str, cause: str, factor: float) -> str:
 
 
 _MUTE = 1e9
-"""Standard deviation of a force that counts for nothing [N]."""
+"""Standard deviation that gives a force no weight [N]."""
 
 
 def _field_factor(found: FieldFit) -> float:
-    """Factor of the displacements that meets the simulated ones best [-]."""
+    """Factor of the displacements that fits the simulated ones best [-]."""
     data, state = found.problem.data, found.cost.state
     loaded = found.problem.loaded(data.displacements)
     both = sum(float(np.sum(a * b)) for a, b in zip(loaded, state.displacements, strict=True))
@@ -304,7 +305,7 @@ def _field_factor(found: FieldFit) -> float:
 
 
 def _explains(problem: FieldProblem, data: FieldData) -> bool:
-    """Whether a fit to the last frame of changed data explains field and force, no constant at its bound."""
+    """Whether a fit to the last frame of changed data explains field and force, no constant at a bound."""
     try:
         trial = fit_field(FieldProblem(problem.sheet, data, problem.constants).last)
     except (ValueError, np.linalg.LinAlgError):

@@ -1,28 +1,28 @@
-"""Constants fitted to a displacement field and a pad's force (Sutula and others 2020, Secs. 3 and 4).
+"""Fit constants to a displacement field and a pad's force (Sutula and others 2020, Secs. 3 and 4).
 
 The sensitivity of the constants to a measured displacement or force follows from the same derivatives.
 
-Newton's method, Eq. (K.17): with the curvature of Gauss and Newton and a secant estimate of what that lacks
-(Dennis, Gay and Welsch 1981). The sensitivities of Eq. (K.19) take the exact second derivatives.
+The search is Newton's method, Eq. (K.17), with the Gauss-Newton curvature and a secant estimate of the
+remaining second derivatives (Dennis, Gay and Welsch 1981). The sensitivities of Eq. (K.19) use the exact
+second derivatives. The cost is
 
     J(m) = sum_k 1/2 int |u_k(m) - u_msr,k|^2 dA + w/2 sum_k (f_k(m) - f_msr,k)^2           (K.3-K.6)
 
-of Sutula and others (2020), with its gradient by du/dm, and its second
-derivatives. Their w is a matter of taste. Here it makes both parts count by their noise: with one
-independent point for the area a and the deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J
-/ (a sigma_u^2) is a chi-square.
+of Sutula and others (2020), with its gradient by du/dm, and its second derivatives. They leave the choice of
+w open. Here w weights both parts by their noise. With one independent point per area a and the standard
+deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J / (a sigma_u^2) is a chi-square.
 
-Where the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k.
-The best one for any m is the mean of u_msr - u over the measured region, so that in all integrals above
+If the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k. The
+best translation for any m is the mean of u_msr - u over the measured region, so that in all integrals above
 
     u_k(m) - u_msr,k  becomes  u_k(m) - u_msr,k - mean(u_k(m) - u_msr,k).                   (F.1)
 
-At the minimum of the cost J(m, v) over the constants m a changed measurement v moves them by
+At the minimum of the cost J(m, v) over the constants m, a change of the measurement v changes them by
 
     dm/dv = -[d2J/dm2]^-1 d2J/dm dv                                                         (K.18, K.19)
 
-which gives variances (K.20-25), sensitivity fields on the mesh (K.26, K.27), and before any test has been
-made a map of where a displacement would tell most (K.28-36).
+which gives variances (K.20-25) and sensitivity fields on the mesh (K.26, K.27). Before a test it gives a map
+of where a displacement would constrain the constants most (K.28-36).
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class FieldData:
     force: FloatArray
     """Force on it [N], shape [n]."""
     displacements: FloatArray
-    """Measured displacements at the nodes [m], shape [n, nodes, 2]; zero where there are none."""
+    """Measured displacements at the nodes [m], shape [n, nodes, 2]; zero at nodes without data."""
     cells: BoolArray
     """Cells inside the measured region, shape [m]."""
     sigma_displacement: float
@@ -59,7 +59,7 @@ class FieldData:
     area: float
     """Area of one independent point [m^2]."""
     floating: bool = False
-    """Whether each step's field has a translation that is not measured."""
+    """Whether each step's field has an unknown translation."""
 
     @property
     def weight(self) -> float:
@@ -76,7 +76,7 @@ class FieldData:
 
 @dataclass(frozen=True)
 class Cost:
-    """The cost and its derivatives at some constants."""
+    """The cost and its derivatives at given constants."""
 
     displacement: FloatArray
     """1/2 int |u - u_msr|^2 of each step [m^4], shape [n]."""
@@ -95,12 +95,12 @@ class Cost:
 
     @property
     def gauss_newton(self) -> FloatArray:
-        """Second derivatives of J without those of u and f, shape [p, p]."""
+        """Second derivatives of J without the second derivatives of u and f, shape [p, p]."""
         return self.curvature_displacement + self.curvature_force
 
 
 class FieldProblem:
-    """A sheet, its data and what is free."""
+    """A sheet, its data and its constants, with the free ones."""
 
     def __init__(self, sheet: Sheet, data: FieldData, constants: Constants) -> None:
         self.sheet, self.data, self.constants = sheet, data, constants
@@ -118,7 +118,7 @@ class FieldProblem:
     def loaded(self, fields: FloatArray) -> FloatArray:
         """Mass matrix times nodal fields of shape [..., nodes, 2].
 
-        Where the translation of a field is not measured, the one that fits best is taken out (F.1).
+        If the translation of a field is unknown, the best-fit translation is removed (F.1).
         """
         if self.data.floating:
             fields = fields - self.mean(fields)
@@ -127,16 +127,16 @@ class FieldProblem:
 
     @property
     def last(self) -> "FieldProblem":
-        """The last step alone."""
+        """The problem with the last step only."""
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
     def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or why there are none; `near`: a state to start at."""
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or why it failed; `near`: a state to start from."""
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 
     def advance(self, cost: Cost, step: FloatArray) -> Cost:
-        """The cost after a short step of the constants, its fields by their slopes."""
+        """The cost after a short step of the constants, with fields extrapolated by their derivatives."""
         state = cost.state
         moved = replace(
             state,
@@ -168,7 +168,7 @@ class FieldProblem:
         return self.mean(apart) * float(self.data.floating)
 
     def sizes(self, state: SheetState) -> FloatArray:
-        """int u . u dA of the measured field of each step, less its translation [m^4], shape [n]."""
+        """int u . u dA of the measured field of each step, without its translation [m^4], shape [n]."""
         own = self.data.displacements - self.translation(state)
         return np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in own])
 
@@ -179,9 +179,9 @@ class FieldProblem:
         return np.asarray(np.sqrt(square / self.sizes(state)))
 
     def hessian(self, free: FloatArray, cost: Cost | str | None = None) -> FloatArray:
-        """Second derivatives of J, those of u and f included, shape [p, p].
+        """Second derivatives of J, including the second derivatives of u and f, shape [p, p].
 
-        They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost there, if it is known.
+        They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost there, if known.
 
         Raises ValueError if a simulation fails.
         """
@@ -207,11 +207,11 @@ class FieldProblem:
 
 
 SMALLEST_EIGENVALUE = 1e-9
-"""Least eigenvalue over the largest, of the curvature by relative constants, that counts as not zero."""
+"""Smallest nonzero eigenvalue over the largest, for the curvature by relative constants."""
 
 
 def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
-    """Change of the fitted constants by a measurement, Eq. (K.19)."""
+    """Derivative of the fitted constants by a measurement, Eq. (K.19)."""
     size = np.sqrt(np.abs(np.diag(hessian)))
     if not (size > 0.0).all():
         raise ValueError("the cost does not depend on one of the constants: hold it, or measure more")
@@ -227,8 +227,7 @@ def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
 def variance(change: FloatArray, sigma: FloatArray | float) -> FloatArray:
     """Variance of each constant from uncorrelated noise, Eqs. (K.20-23).
 
-    ``change``: dm/dv, shape [p, n]. ``sigma``: standard deviation of each measurement, one number or shape
-    [n].
+    ``change``: dm/dv, shape [p, n]. ``sigma``: standard deviation of each measurement, a number or shape [n].
     """
     return np.asarray(((change * np.asarray(sigma)) ** 2).sum(axis=1))
 
@@ -241,7 +240,7 @@ def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants:
 
 
 def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
-    """Sensitivity as a field, so that its integral with a disturbance is the change, Eqs. (K.26, K.27).
+    """Sensitivity as a field; its integral with a disturbance is the change, Eqs. (K.26, K.27).
 
     ``mass``: mass matrix of the region with measurements, sparse, [n, n]; rows without mass belong to nodes
     outside it. ``change``: dm/dv of the nodal values, shape [p, n].
@@ -255,26 +254,26 @@ def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class BeforeTest:
-    """What displacements of the whole domain would tell, before any has been measured."""
+    """Sensitivity to displacements of the whole domain, before any measurement."""
 
     directions: FloatArray
-    """Combinations of relative constants that displacements see, one a row, shape [k, p]. The identity where
-    they see every constant apart."""
+    """Combinations of relative constants that displacements constrain, one per row, shape [k, p]. It is the
+    identity if displacements constrain every constant separately."""
     eigenvalues: FloatArray
-    """Of the curvature by relative constants, descending [m^4], shape [p]."""
+    """Eigenvalues of the curvature by relative constants, descending [m^4], shape [p]."""
     change: FloatArray
     """Change of each by a nodal displacement, Eq. (K.32) or (K.35) [1/m], shape [k, n]."""
     field: FloatArray
     """The same as a field, Eq. (K.36) [1/m^3], shape [k, n]."""
     singular: bool
-    """Whether some combination of constants moves no displacement, so that eigenvectors stand in."""
+    """Whether a combination of constants affects no displacement, so that eigenvectors are used."""
 
 
 def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> BeforeTest:
-    """Map where a displacement would tell most of the constants, Eqs. (K.28-36).
+    """Map of where a displacement would constrain the constants most, Eqs. (K.28-36).
 
-    The model is taken as right, u = u_msr, so that the curvature is that of Eq. (K.30). The constants are
-    taken relative to their values: with Pa and pure numbers beside each other an eigenvector has no meaning.
+    The model is assumed correct, u = u_msr, so that the curvature is that of Eq. (K.30). The constants are
+    relative to their values, because eigenvectors have no meaning for mixed units (Pa and pure numbers).
 
     ``slopes``: du/dm of every nodal displacement, shape [p, n]. ``mass``: mass matrix of the whole domain,
     sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p].
@@ -300,24 +299,24 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
 
 
 MOST_RUNS = 40
-"""Most simulations of a search."""
+"""Maximum number of simulations in a search."""
 STEP_TOLERANCE = 1e-4
-"""Step of the constants over their sizes at which a search has ended [-]: that step, by the exact second
-derivatives and the slopes of the fields, then errs by its square."""
+"""A search ends at this step of the constants over their sizes [-]. The error of this last step, with exact
+second derivatives and the slopes of the fields, is its square."""
 ROUGH_TOLERANCE = 3e-3
-"""The same of a search in the last step alone: where the constants drift with the load it ends percents away
-from the answer."""
+"""The same for a search in the last step only. If the constants drift with the load, it ends some per cent
+away from the result."""
 LONGEST = 0.5
 """Longest step of a constant over its size [-]."""
 LEAST_SIZE = {"1": 0.5, "Pa": 1e-2}
-"""Least size of a constant over its scale by its unit [-]: numbers may pass through 0; a modulus falls by
-halves, since no sheet has an equilibrium near 0."""
+"""Least size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
+halves, because no sheet has an equilibrium near 0."""
 OTHER_PLACES = (0.1, 0.9)
-"""Places of other starts in the range of a constant with two bounds [-]."""
+"""Positions of other starts in the range of a constant with two bounds [-]."""
 APART = 0.05
-"""Distance over the size of a constant from which two minima differ [-]: rough ends scatter by less."""
+"""Least distance of two different minima over the size of a constant [-]; rough searches scatter by less."""
 Progress = Callable[[int, int], None]
-"""Called with what is done and with what there is at most to do."""
+"""Called with the number of runs done and their maximum."""
 
 
 def SILENT(done: int, most: int) -> None:
@@ -325,14 +324,14 @@ def SILENT(done: int, most: int) -> None:
 
 
 EXPLAINED_SHARE = 0.05
-"""Largest misfit of displacements or forces over their size, beyond their noise, that counts as explained."""
+"""Largest relative misfit of displacements or forces, beyond their noise, that counts as explained [-]."""
 TESTABLE_SHARE = 0.5
-"""Noise of the forces over their size above which they test nothing: their sign alone is then in doubt."""
+"""Above this noise of the forces over their size, forces test nothing: even their sign is uncertain [-]."""
 
 
 @dataclass(frozen=True)
 class FieldFit:
-    """Constants of a sheet, and what the data say of them."""
+    """Fitted constants of a sheet with their uncertainties and checks."""
 
     problem: FieldProblem
     constants: Constants
@@ -346,15 +345,15 @@ class FieldFit:
     by_force: FloatArray
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
-    """Whether Newton's method came to rest."""
+    """Whether Newton's method converged."""
     at_bound: tuple[bool, ...]
-    """Constants that lie on a bound with the cost falling beyond it: nothing else is said of them."""
+    """Constants at a bound where the cost decreases beyond it; they have no uncertainty."""
     simulations: int
-    """Simulations of the search, those for second derivatives not counted."""
+    """Number of simulations in the search, without those for second derivatives."""
     rough: tuple[FloatArray, float]
-    """Constants where the search in the last step alone ended, and its cost there."""
+    """Constants at the end of the search in the last step only, and its cost there."""
     minima: tuple["LocalMinimum", ...] = ()
-    """Where other starts end."""
+    """Minima from other starts."""
 
     @property
     def values(self) -> FloatArray:
@@ -373,14 +372,13 @@ class FieldFit:
 
     @property
     def noise(self) -> FloatArray:
-        """The misfit that the noise of the points alone would make [-], shape [n]."""
+        """The misfit expected from the noise of the points only [-], shape [n]."""
         area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
         return np.asarray(np.sqrt(2.0 * area) * sigma / np.sqrt(self.problem.sizes(self.cost.state)))
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Variance of the misfit over that of noise, at least 1: of the displacements and of the force
-        [-]."""
+        """Variance of the misfit over that of the noise, at least 1, for displacements and for force [-]."""
         data = self.problem.data
         displacements = 2.0 * len(data.pad) * float(self.problem.mass.sum()) / data.area
         displacements -= 2.0 * len(data.pad) * data.floating
@@ -397,7 +395,7 @@ class FieldFit:
 
     @property
     def force_noise(self) -> float:
-        """The misfit that the declared noise of the forces alone would make [-]."""
+        """The misfit expected from the declared noise of the forces only [-]."""
         data = self.problem.data
         return _share(np.full(len(data.force), data.sigma_force), data.force)
 
@@ -426,9 +424,9 @@ class FieldFit:
     def covariance(self) -> FloatArray:
         r"""Of the constants, shape [p, p].
 
-        H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, A_u and A_f the two parts of the curvature: with s = 1
-        that of the noise; a part that the model does not explain counts by its misfit. Rows of constants
-        at a bound are zero.
+        H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, with the two parts A_u and A_f of the curvature. With
+        s = 1 it is the covariance from noise; a part that the model does not explain is scaled by its misfit.
+        Rows of constants at a bound are zero.
         """
         data = self.problem.data
         field, force = self.scales
@@ -461,7 +459,7 @@ class FieldFit:
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before using the constants."""
+        """Warnings about the constants."""
         warnings = [] if self.converged else ["the search did not come to rest"]
         turned, cells = self.problem.sheet.turned, len(self.problem.sheet.mesh.cells)
         if turned:
@@ -502,21 +500,21 @@ class FieldFit:
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:
-    """Size of a vector over that of another; infinite where the other is zero."""
+    """Norm of a vector over that of another; infinite if the other is zero."""
     size = float(np.linalg.norm(whole))
     return float(np.linalg.norm(part)) / size if size > 0.0 else np.inf
 
 
 @dataclass
 class _Search:
-    """Where a search of `fit_field` stands."""
+    """State of a search of `fit_field`."""
 
     free: FloatArray
     """Constants, shape [p]."""
     cost: Cost
     """The cost there."""
     remainder: FloatArray
-    """Estimate of the second derivatives without those of Gauss and Newton, shape [p, p]."""
+    """Estimate of the second derivatives without the Gauss-Newton part, shape [p, p]."""
     runs: int = 1
     """Simulations of all steps so far."""
     converged: bool = False
@@ -528,9 +526,9 @@ class _Search:
 
 
 def fit_field(problem: FieldProblem, *, progress: Progress = SILENT) -> FieldFit:
-    """Fit a sheet: a rough search in the last step alone, then one in all steps.
+    """Fit a sheet: first a rough search in the last step only, then a search in all steps.
 
-    ``progress``: called with the number of the simulation and the one after which the search gives up.
+    ``progress``: called with the number of the simulation and the maximum number.
 
     Raises ValueError if the simulation at the start fails.
     """
@@ -555,7 +553,7 @@ def _search(
     remainder: FloatArray | None = None,
     progress: Progress,
 ) -> _Search:
-    """Minimise the cost; `remainder`: of `_Search`, over the first second derivative of Gauss and Newton."""
+    """Minimise the cost; `remainder`: of `_Search`, over the first Gauss-Newton second derivative."""
     low, high = problem.constants.bounds
     begun = problem.cost(start)
     if isinstance(begun, str):
@@ -594,9 +592,9 @@ def _search(
 
 
 def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: FloatArray) -> FloatArray:
-    """Second derivatives with which a step changes the gradient by `change`, nearest to the old ones in rank.
+    """Second derivatives updated so that a step changes the gradient by `change`.
 
-    The symmetric change of rank one (Davidon 1991), left out where it has no bound. ``size``: of the
+    This is the symmetric update of rank one (Davidon 1991), left out if it is unbounded. ``size``: of the
     constants, shape [p].
     """
     lacking = change - remainder @ step
@@ -607,7 +605,7 @@ def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: Fl
 
 
 def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Newton's step within bounds, shape [p]: what would leave them stops there, and the others follow."""
+    """Newton's step within bounds, shape [p]; components stop at their bounds, the others are adjusted."""
     step = np.zeros_like(gradient)
     free = ~(((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0)))
     while free.any():
@@ -622,7 +620,7 @@ def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, hig
 
 
 def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[FloatArray, float]) -> FieldFit:
-    """What a search found, its last step made: second derivatives and sensitivities there."""
+    """The result at the end of a search after its last step, with second derivatives and sensitivities."""
     free, here, (low, high) = ended.free, ended.cost, problem.constants.bounds
     final = problem.hessian(free, here)
     if ended.converged:
@@ -637,7 +635,7 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
         (relative[seen] > 0.0).all()
         and np.linalg.eigvalsh((final / np.outer(relative, relative))[np.ix_(seen, seen)])[0] > 0.0
     ):
-        final, converged = here.gauss_newton, False  # no minimum: its slopes alone are known
+        final, converged = here.gauss_newton, False  # not a minimum: only its slopes are known
     own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
     mixed = -own.loaded(here.state.by_constants)
@@ -663,28 +661,28 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
 
 
 def _at_bounds(free: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Constants on a bound with the cost falling beyond it, shape [p]."""
+    """Constants at a bound where the cost decreases beyond it, shape [p]."""
     return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
 
 
 @dataclass(frozen=True)
 class LocalMinimum:
-    """Where a search in the last step ended from another start."""
+    """End of a search in the last step from another start."""
 
     start: FloatArray
-    """Free constants there, shape [p]."""
+    """Free constants at the start, shape [p]."""
     values: FloatArray
-    """Free constants where it ended, shape [p]."""
+    """Free constants at the end, shape [p]."""
     ratio: float
-    """Cost of the last step over that of the answer [-]."""
+    """Cost of the last step over that of the result [-]."""
 
 
 def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = SILENT) -> FieldFit:
-    """The lowest minimum that other starts find, with those that they end in; `begun`: where the fit began.
+    """The best fit from several starts, with the other minima; `begun`: where the first fit began.
 
-    Tried only where the model does not explain the data or a constant is at its bound: with data that the
-    model explains the cost at the answer is that of noise, and no other place has less. Constants with two
-    bounds start at `OTHER_PLACES` of their range, others where the fit has them.
+    Other starts are tried only if the model does not explain the data or a constant is at its bound. If the
+    model explains the data, the cost at the result is that of noise, and no other minimum can be lower.
+    Constants with two bounds start at `OTHER_PLACES` of their range, others at their fitted values.
     """
     if not any(fit.at_bound) and fit.explained:
         return fit
@@ -699,7 +697,7 @@ def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = 
         try:
             ended = _search(problem.last, start, tolerance=ROUGH_TOLERANCE, progress=progress)
         except ValueError:
-            continue  # no equilibrium at that start: nothing is said of it
+            continue  # no equilibrium at that start: it is left out
         runs += ended.runs
         ends.append((start, ended.free, ended.cost.value))
     lowest = min(ends, key=lambda one: one[2], default=None)
@@ -729,7 +727,7 @@ def _apart(constants: Constants, one: FloatArray, other: FloatArray) -> bool:
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:
-    """Fit every step alone: constants that drift with the load show that the law is not the material's."""
+    """Fit every step separately: constants that drift with the load show that the law is inadequate."""
     fits: list[FieldFit | str] = []
     for step in range(len(problem.data.pad)):
         try:

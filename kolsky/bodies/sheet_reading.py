@@ -1,5 +1,4 @@
-"""From the [field] of a SPEC.toml and its files to a sheet with data, measured or simulated before the
-test."""
+"""Read the [field] of a SPEC.toml and its files: a sheet with measured data, or with simulated data."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,33 +30,33 @@ from kolsky.readers.meshes import GmshMesh, read_gmsh
 from kolsky.readers.table import Column, read_table
 
 KINDS = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}
-"""Element by the number of its points."""
+"""Element type by the number of its points."""
 
 
 @dataclass(frozen=True)
 class MeasuredField:
-    """A sheet's problem with what was measured."""
+    """The problem of a sheet with its measured data."""
 
     problem: FieldProblem
-    """To be fitted."""
+    """The problem to be fitted."""
     points: FloatArray
     """Measured points [m], shape [n, 2]."""
     left_out: BoolArray
-    """Points that the gate left out, shape [n]."""
+    """Points rejected as outliers, shape [n]."""
     displacements: FloatArray
-    """Of the points [m], shape [frames, n, 2]."""
+    """Displacements of the points [m], shape [frames, n, 2]."""
     frames: tuple[int, ...]
-    """Frames that are fitted."""
+    """Numbers of the fitted frames."""
     inputs: dict[str, str]
     """SHA-256 of the files, by name."""
     declared_sigma: float | None = None
-    """Declared standard deviation of a point's displacement [m]; None: that which the points show."""
+    """Declared standard deviation of a point's displacement [m]; None: estimated from the points."""
 
 
 def read_field(spec: Specification) -> MeasuredField:
     """Read the mesh, the points and the pad of a sheet."""
     section, toml = spec.declared.field, spec.toml
-    assert section is not None  # whoever calls this has looked
+    assert section is not None  # checked by the caller
     folder = toml.path.parent
     raw = read_gmsh(folder / section.mesh)
     sheet, constants = _sheet(toml, section, spec.constants, raw)
@@ -95,7 +94,7 @@ def read_field(spec: Specification) -> MeasuredField:
 
 
 def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
-    """Refuse fewer points than their projection on the nodes, and the estimate of their noise, take."""
+    """Check that there are enough points for the projection on the nodes and the estimate of noise."""
     if count < NEIGHBOURS:
         raise toml.error(
             "field.points",
@@ -114,7 +113,7 @@ def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
 
 
 def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
-    """Usual factor of lengths with which the nodes' box holds the points and is at most twice as large."""
+    """Common length factor with which the nodes' box contains the points and is at most twice as large."""
     size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
     for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):
         low, high = factor * nodes.min(axis=0), factor * nodes.max(axis=0)
@@ -150,7 +149,7 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
 def _sheet(
     toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh
 ) -> tuple[Sheet, Constants]:
-    """The sheet, and the constants with those of its other regions."""
+    """The sheet, and the constants including those of its other regions."""
     groups, curves = raw.cell_groups, raw.point_groups
     sets = {}
     for key, names in (("moving", section.moving), ("fixed", section.fixed)):
@@ -194,11 +193,11 @@ MIRRORED = {
     "tri3": (0, 2, 1), "quad4": (0, 3, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad8": (0, 3, 2, 1, 7, 6, 5, 4),
     "quad9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
 }  # fmt: skip
-"""Points of a cell in the other sense, by its element."""
+"""Node order of a cell in the reverse direction, by its element."""
 
 
 def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
-    """Cells that all run counter-clockwise, and how many were turned for it; the bodies are the same."""
+    """Cells with counter-clockwise node order, and how many were reversed; the shapes are unchanged."""
     kind = KINDS[cells.shape[1]]
     corners = points[cells[:, : 3 if kind.startswith("tri") else 4]]
     later = np.roll(corners, -1, axis=1)
@@ -212,7 +211,7 @@ def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int
 def _further(
     toml: TomlFile, section: FieldSection, constants: Constants, names: list[str]
 ) -> tuple[Constants, dict[int, Solid]]:
-    """The constants with those of other regions that are free, and the materials of the held ones."""
+    """The constants including the free ones of other regions, and the materials of regions not fitted."""
     law, values, free, regions = constants.law, dict(constants.values), list(constants.free), []
     fixed = {}
     for name in names:
@@ -305,13 +304,13 @@ class SimulatedSheet:
     frames: tuple[int, ...]
     """Numbers of the frames."""
     points: FloatArray
-    """Places of the points [m], shape [n, 2]."""
+    """Positions of the points [m], shape [n, 2]."""
     displacements: FloatArray
-    """Of the points, with their noise if there is any [m], shape [frames, n, 2]."""
+    """Displacements of the points, with noise if requested [m], shape [frames, n, 2]."""
     pad: FloatArray
     """Displacement of the moving pad [m], shape [frames]."""
     force: FloatArray
-    """Force on it, likewise [N], shape [frames]."""
+    """Force on it, with noise if requested [N], shape [frames]."""
 
     @property
     def point_columns(self) -> dict[str, FloatArray]:
@@ -338,10 +337,10 @@ class SimulatedSheet:
 
 
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
-    """Measurements of a sheet with the declared constants, at the points and pad displacements of its files.
+    """Simulated data of a sheet with the declared constants, at the points and pad positions of its files.
 
-    ``measured``: the sheet; what was measured of it is not used but for the places and the noise. ``seed``:
-    of the noise of displacements and forces; None: no noise.
+    ``measured``: the sheet; of its data only the positions and the noise are used. ``seed``: seed of the
+    noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
     cost = _simulated(problem)
@@ -357,10 +356,10 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
 
 
 def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[Expected]:
-    """Expected deviations of the constants from the field and the force together, and from each alone.
+    """Expected deviations of the constants from field and force together, and from each separately.
 
-    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), Eq. (K.30) over the noise of one
-    point for the area a, that of the force df/dm_I df/dm_J / sigma_f^2.
+    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2): Eq. (K.30) over the noise of one
+    point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2.
     """
     cost, data, constants = _simulated(problem), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2

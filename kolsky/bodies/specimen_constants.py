@@ -2,13 +2,13 @@
 
 The curve is what `identify` reads as [curve] or [law] of a shot.
 
-A fit in the constants of the energy can run to where no element is stable. Schumacher and others (2020,
-Table I) take the bulk modulus from linear elasticity instead,
+A fit of the energy's constants can reach values at which no element is stable. Schumacher and others (2020,
+Table I) therefore take the bulk modulus from linear elasticity,
 
     K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)),   mu_0 the law's shear modulus at rest,               (S.I)
 
-hold nu (or bound it, 0 < nu < 1/2 - eps) and keep every constant that multiplies an energy non-negative.
-Their D1 is K/2. Three kinds of law are offered:
+fix nu (or bound it, 0 < nu < 1/2 - eps), and keep every constant that multiplies an energy non-negative.
+Their D1 is K/2. There are three kinds of law:
 
 - every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
 - "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
@@ -34,7 +34,7 @@ LARGEST_POISSON = 0.4999
 YOUNG = "E"
 """Name of Young's modulus, the other constant of the coupled law."""
 _SECOND_DIFFERENCE = 1e-3
-"""That of the second derivatives of this map."""
+"""Relative step of the second derivatives of this map."""
 COUPLED, YEOH_D = "neo_hookean_coupled", "yeoh_d"
 DIFFERENCE = 1e-6
 """Relative step of the derivatives of the map from fitted constants to those of the energy."""
@@ -42,7 +42,7 @@ DIFFERENCE = 1e-6
 
 @dataclass(frozen=True)
 class ConstantSpec:
-    """One constant that may be fitted."""
+    """A constant of a law that may be fitted."""
 
     name: str
     unit: str
@@ -54,7 +54,7 @@ class ConstantSpec:
 def constants_of(law: str) -> tuple[ConstantSpec, ...]:
     """Constants of a law by name, Poisson's ratio last.
 
-    Raises ValueError if there is no such law; the message lists those there are.
+    Raises ValueError if there is no such law; the message lists the available laws.
     """
     poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
     if law == COUPLED:
@@ -71,8 +71,8 @@ def constants_of(law: str) -> tuple[ConstantSpec, ...]:
 def solid_of(law: str, values: Mapping[str, float]) -> Solid:
     """The material with these constants, Eq. (S.I).
 
-    Raises ValueError if they make no law: its shear modulus at rest is not > 0, or Poisson's ratio is outside
-    [0, 0.5).
+    Raises ValueError if the constants are invalid: the shear modulus at rest is not > 0, or Poisson's ratio
+    is outside [0, 0.5).
     """
     nu = values[POISSON]
     if law == COUPLED:
@@ -86,14 +86,14 @@ def solid_of(law: str, values: Mapping[str, float]) -> Solid:
 
 @dataclass(frozen=True)
 class Constants:
-    """A law's constants with their values, and which of them are free."""
+    """The constants of a law, their values, and the names of the free ones."""
 
     law: str
-    """A name that `constants_of` knows."""
+    """A name accepted by `constants_of`."""
     values: Mapping[str, float]
     """Every constant, SI."""
     free: tuple[str, ...]
-    """Names of those that are fitted."""
+    """Names of the fitted constants."""
     regions: tuple[str, ...] = ()
     """Further regions of the same law; their constants are named "skin.E" and so on."""
 
@@ -142,16 +142,16 @@ class Constants:
 
     @property
     def scales(self) -> FloatArray:
-        """Sizes by which the free constants are compared: mu_0 of the start for moduli, 1 for numbers."""
+        """Scales of the free constants: mu_0 at the start for moduli, 1 for pure numbers."""
         shear = self.solid(self.start).shear_modulus
         return np.array([shear if spec.unit == "Pa" else 1.0 for spec in self.free_specs])
 
     def all(self, free: Sequence[float] | FloatArray) -> dict[str, float]:
-        """All constants with these values of the free ones."""
+        """All constants, with the given values of the free ones."""
         return {**self.values, **dict(zip(self.free, map(float, free), strict=True))}
 
     def with_free(self, free: Sequence[float] | FloatArray) -> "Constants":
-        """The law with these values of the free constants in place."""
+        """These constants, with the given values of the free ones."""
         return replace(self, values=self.all(free))
 
     def solid(self, free: Sequence[float] | FloatArray) -> Solid:
@@ -159,17 +159,17 @@ class Constants:
         return self.solids(free)[0]
 
     def solids(self, free: Sequence[float] | FloatArray) -> tuple[Solid, ...]:
-        """The same of the first region and of the further ones."""
+        """The materials of the first region and of the further ones."""
         values, names = self.all(free), [spec.name for spec in constants_of(self.law)]
         heads = ("", *(f"{region}." for region in self.regions))
         return tuple(solid_of(self.law, {name: values[head + name] for name in names}) for head in heads)
 
     def chain(self, free: Sequence[float] | FloatArray) -> FloatArray:
-        """Derivative of the materials' own parameters, region by region, by the free constants, shape
-        [n_parameters, n_free].
+        """Derivative of the materials' parameters (region by region) by the free constants.
 
-        A force's slope by what is fitted is its slope by the energy's constants times this. Central
-        differences of the closed form; one-sided where the other side is no law.
+        Shape [n_parameters, n_free]. The derivative of a force by the fitted constants is its derivative by
+        the energy's constants times this matrix. It uses central differences of the closed form, one-sided
+        ones if a point on the other side is invalid.
         """
         at = np.asarray(free, dtype=np.float64)
         sizes = self.scales
@@ -189,13 +189,13 @@ class Constants:
         return np.stack(columns, axis=-1)
 
     def _parameters(self, free: FloatArray) -> FloatArray:
-        """The materials' own parameters, region by region."""
+        """The parameters of the materials, region by region."""
         return np.concatenate([solid.parameters() for solid in self.solids(free)])
 
     def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
         """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
 
-        Differences of `chain`, one-sided where the other side is no law.
+        Differences of `chain`, one-sided if a point on the other side is invalid.
         """
         at = np.asarray(free, dtype=np.float64)
         changes = []
@@ -217,7 +217,7 @@ class Constants:
 
 
 POINTS = 41
-"""Points of the curve, rest included."""
+"""Number of points of the curve, rest included."""
 SLOPE_STEP = 1e-5
 """Relative step of the slopes by the constants."""
 
@@ -227,13 +227,13 @@ class LawCurve:
     """Nominal stress over nominal strain of a fitted law."""
 
     branch: Literal["tension", "compression"]
-    """Which side of rest."""
+    """Tension or compression."""
     strain: FloatArray
     """Nominal, tension positive [-], shape [n]."""
     stress: FloatArray
     """Nominal, tension positive [Pa], shape [n]."""
     modes: FloatArray
-    """Standard deviations that move all points together [Pa], shape [modes, n]."""
+    """Standard deviations that are common to all points [Pa], shape [modes, n]."""
 
     @property
     def sigma(self) -> FloatArray:
@@ -265,8 +265,8 @@ def law_curve(
 ) -> LawCurve:
     """The curve of a fitted law with the uncertainty of its constants.
 
-    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]; not finite where
-    they are not known, then the curve has no modes of its own. ``branch``, ``largest_strain``: side, and the
+    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]; not finite if
+    unknown, then the curve has no modes. ``branch``, ``largest_strain``: tension or compression, and the
     largest nominal strain, > 0 and in compression < 1.
     """
     end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain
@@ -288,7 +288,7 @@ def law_curve(
 
 
 def shot_lines(curve: LawCurve, file: str) -> str:
-    """The lines of a shot.toml that make the curve its [curve]."""
+    """The lines of a shot.toml that declare the curve as its [curve]."""
     lines = [
         "[curve]",
         f'file = "{file}"',

@@ -1,15 +1,15 @@
-"""Constants fitted to whole specimens: one or several tests, with intervals, correlations and checks.
+"""Fit constants to whole specimens: one or several tests, with intervals, correlations and checks.
 
-Checks: does the law explain the data, and does a bond peel
-(a force that falls as if the bonded length became shorter).
+The checks are whether the law explains the data, and whether a bond peels (the force falls as if the bonded
+length became shorter).
 
-From the whitened Jacobian J of the problem in the constants alone, with those at a bound held,
+From the whitened Jacobian J of the problem in the constants only, with constants at a bound fixed,
 
     C = s^2 a (J^T J)^-1,   s^2 = max(1, chi^2 / (n - p)),   a = max(1, (1 + rho) / (1 - rho)),
 
-s^2 where the residual is larger than the declared noise (Birge 1932), and a where neighbouring residuals are
-alike: with the correlation rho of neighbours n residuals tell as much as n / a independent ones
-(Bartlett 1946).
+s^2 applies if the residual is larger than the declared noise (Birge 1932), and a if neighbouring residuals
+are correlated. With the correlation rho of neighbours, n residuals have the information of n / a independent
+ones (Bartlett 1946).
 """
 
 from collections.abc import Sequence
@@ -38,30 +38,30 @@ from kolsky.bodies.specimen_model import SpecimenModel
 LEVEL = 0.95
 """Probability of the intervals."""
 TOGETHER = 0.95
-"""Size of a correlation from which two constants are known together and not each."""
+"""Magnitude of a correlation above which two constants are constrained only in combination [-]."""
 NARROW = 0.1
-"""Half width of an interval over the value up to which a constant is known by itself all the same."""
+"""Up to this half width of its interval over its value, such a constant still counts as identified [-]."""
 _BROAD = 0.5
-"""Half width of an interval over the value from which a constant counts as hardly determined."""
+"""Above this half width of its interval over its value, a constant counts as hardly determined [-]."""
 EXPLAINED = 1e-3
-"""Probability of a larger chi-square below which the law does not explain the data."""
+"""Below this probability of a larger chi-square, the law does not explain the data."""
 _LARGEST_NEIGHBOUR = 0.9
-"""Largest correlation of neighbours that is taken: beyond it the factor has no bound."""
+"""Upper limit for the correlation of neighbours; the factor would be unbounded above it."""
 
 
 class ConstantVerdict(Enum):
-    """What the data say of a constant."""
+    """How well the data determine a constant."""
 
     IDENTIFIED = "identified"
     """An interval inside the bounds."""
     TOGETHER = "known together with another"
-    """Correlated so much with another constant that only a combination of both is known."""
+    """So strongly correlated with another constant that only a combination of both is determined."""
     HARDLY = "hardly determined"
     """The interval is wider than the constant."""
     AT_BOUND = "at its bound"
-    """The least chi-square lies on a bound: the data need a value outside, and there is no interval."""
+    """The smallest chi-square is at a bound: the data need a value outside it, and there is no interval."""
     NOT_SEEN = "not seen"
-    """Some combination of the constants moves no force of these tests."""
+    """A combination of the constants affects no force of these tests."""
 
 
 @dataclass(frozen=True)
@@ -73,17 +73,17 @@ class ConstantEstimate:
     value: float
     """SI."""
     sigma: float | None
-    """Standard uncertainty, SI; None where there is none."""
+    """Standard uncertainty, SI; None if there is none."""
     low: float | None
     """Lower end of the interval, SI; not below the bound."""
     high: float | None
     """Upper end, SI."""
     verdict: ConstantVerdict
-    """What the data say of it."""
+    """How well the data determine it."""
     partner: str
-    """The constant that it is correlated with most; empty if it is alone."""
+    """The constant with the strongest correlation to it; empty if it is the only one."""
     correlation: float
-    """Correlation with that one [-]."""
+    """Correlation with that constant [-]."""
 
     @property
     def sentence(self) -> str:
@@ -110,15 +110,15 @@ class Intervals:
     estimates: tuple[ConstantEstimate, ...]
     """In the order of the free constants."""
     covariance: FloatArray
-    """SI, shape [p, p]; rows of constants at a bound are zero, NaN throughout if some are not seen."""
+    """SI, shape [p, p]; rows of constants at a bound are zero; all NaN if some constants are not seen."""
     scale: float
-    """s^2 a: variance of the residual over that of the declared noise, as the intervals take it [-]."""
+    """s^2 a: variance of the residual over that of the declared noise, used in the intervals [-]."""
     neighbours: float
     """Correlation of neighbouring residuals [-]."""
     degrees: int
     """Degrees of freedom."""
     probability: float
-    """Probability of a chi-square as large or larger if law and declared noise were right [-]."""
+    """Probability of an equal or larger chi-square if law and declared noise are correct [-]."""
 
     @property
     def explained(self) -> bool:
@@ -158,7 +158,7 @@ def intervals(
     """Intervals at the end of a search.
 
     ``names``, ``values``: the free constants, shape [p]. ``series``: the same residuals, one series for each
-    moving end of each test, neighbours beside each other. ``at_bound``: constants at a bound.
+    moving end of each test, in their order. ``at_bound``: constants at a bound.
     """
     free = np.flatnonzero(~np.asarray(at_bound))
     degrees = len(reduced.residual) - len(free)
@@ -223,16 +223,16 @@ def _estimate(
 
 
 LIMIT = 5.0
-"""Least z, over all samples, that is called a peeling bond."""
+"""Least z, over all samples, that indicates a peeling bond."""
 LEAST_SHARE = 1e-6
-"""Least share of a template that the constants cannot imitate; below it the test says nothing."""
+"""Least share of a template that the constants cannot reproduce; below it the check is inconclusive."""
 FIRST, LAST = 0.15, 0.85
-"""Range of the series in which an opening is looked for, as shares of its length."""
+"""Range of the series in which an opening is searched, as shares of its length."""
 
 
 @dataclass(frozen=True)
 class Debonding:
-    """The strongest sign of a peeling bond."""
+    """The strongest indication of a peeling bond."""
 
     sample: int
     """First sample after the opening."""
@@ -243,7 +243,7 @@ class Debonding:
     z: float
     """Their ratio [-]."""
     searched: int
-    """Samples at which an opening was tried."""
+    """Number of samples at which an opening was tried."""
 
     @property
     def suspected(self) -> bool:
@@ -261,12 +261,12 @@ def debonding(
 ) -> Debonding | None:
     """Search a series of residuals for the opening of a bond.
 
-    Returns: None if the constants imitate every opening, so that this test cannot say.
+    Returns: None if the constants can reproduce every opening, so that the check is inconclusive.
 
-    ``residual``: measured less simulated force of one end, over sigma [-], shape [n]. ``jacobian``: its
-    slopes by the fitted constants over sigma, shape [n, p]. ``shortened``: force with a bond shorter by
-    `amount`, less the force as it is, over sigma, shape [n]. ``amount``: peeled length of each bond that
-    `shortened` stands for [m]. ``scale``: variance of the residuals over that of the declared noise, >= 1.
+    ``residual``: measured minus simulated force of one end, over sigma [-], shape [n]. ``jacobian``: its
+    derivatives by the fitted constants over sigma, shape [n, p]. ``shortened``: force with a bond shorter by
+    `amount`, minus the force with the full bond, over sigma, shape [n]. ``amount``: peeled length of each
+    bond in `shortened` [m]. ``scale``: variance of the residuals over that of the declared noise, >= 1.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)
@@ -288,12 +288,12 @@ def debonding(
 
 
 DECADES = 1.0
-"""Decades to each side of the declared start over which further starts of a modulus are drawn."""
+"""Further starts of a modulus are drawn over this many decades on each side of the declared start."""
 
 
 @dataclass(frozen=True)
 class SlowTest:
-    """A specimen and what was measured on it."""
+    """A specimen and its measurements."""
 
     model: SpecimenModel
     samples: Samples
@@ -307,7 +307,7 @@ class SlowTest:
 
 @dataclass(frozen=True)
 class TestFit:
-    """A test beside its simulation with the fitted constants."""
+    """A test and its simulation with the fitted constants."""
 
     test: SlowTest
     displacement: FloatArray
@@ -317,13 +317,13 @@ class TestFit:
     band: FloatArray
     """Half width of its interval from the constants [N], shape [n, ends]."""
     fitted: bool
-    """Whether the test took part in the fit; else it is predicted."""
+    """Whether the test was fitted; else it is predicted."""
     debonding: tuple[Debonding | None, ...] = ()
-    """Strongest sign of a peeling bond at each end; empty if it was not looked for."""
+    """Strongest indication of a peeling bond at each end; empty if this was not checked."""
 
     @property
     def rmse(self) -> float:
-        """Root mean square of simulated less measured force [N]."""
+        """Root mean square of simulated minus measured force [N]."""
         return float(np.sqrt(np.mean((self.force - self.test.samples.force) ** 2)))
 
 
@@ -341,7 +341,7 @@ class SpecimenFit(ResultViews):
     """Fitted tests, then predicted ones."""
     found: SearchOptimum
     starts: tuple[FloatArray, ...]
-    """Where the other starts ended, best first, each of shape [p]."""
+    """End points of the other starts, best first, each of shape [p]."""
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -350,7 +350,7 @@ class SpecimenFit(ResultViews):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before using the constants."""
+        """Warnings about the constants."""
         warnings = []
         if not self.found.converged:
             warnings.append(f"{self.name}: the search did not come to rest: {self.found.ended}")
@@ -391,10 +391,10 @@ def fit(
 
     Raises ValueError if the simulation at the start fails, or there are not more samples than constants.
 
-    ``name``: of the fit. ``tests``: the tests. ``constants``: the law, its constants at the start, and which
-    are free. ``predicted``: tests that are simulated with the result for comparison. ``starts``, ``seed``:
-    number of starts, the first as declared and the others drawn around it, and the seed of the draws.
-    ``bonds``: look for peeling bonds: one more simulation a test.
+    ``name``: of the fit. ``tests``: the tests. ``constants``: the law, its initial constants, and the free
+    ones. ``predicted``: tests that are simulated with the result for comparison. ``starts``, ``seed``: number
+    of starts (the first as declared, the others drawn around it), and the seed of the draws. ``bonds``: check
+    for peeling bonds, with one more simulation per test.
     """
 
     def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
@@ -443,8 +443,7 @@ def fit(
 
 
 def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
-    """The declared start, and others within `DECADES` of it for moduli, anywhere in the bounds for
-    numbers."""
+    """The declared start and random others: within `DECADES` for moduli, within the bounds for numbers."""
     first = constants.start
     if count == 1:
         return [first]
@@ -472,7 +471,7 @@ def _test_fit(
 
 
 def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncertainty: Intervals) -> TestFit:
-    """The test with its bonds looked at; as it is where the bond cannot be shortened or that fails."""
+    """The test with its bonds checked; unchanged if the bond cannot be shortened or a simulation fails."""
     test = one.test
     try:
         shorter = test.model.shortened()

@@ -1,10 +1,10 @@
 """A slow test's specimen as a model: mesh, bonds, symmetry, and the forces at its ends with their slopes.
 
 A specimen is glued between rigid parts over its whole width and a length at each end, on the top and the
-bottom face (Schumacher and others 2020, Sec. VI). All points of a bond move as one along the pull and do not
-move across it: the coupling of their Eq. (6), whose unknown d is prescribed here. Without gravity nothing
-distinguishes the two ends, the two faces and the two edges, so an eighth of the specimen gives the same
-displacements and a quarter of the force.
+bottom face (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the
+pull and none across it. This is the coupling of their Eq. (6), whose unknown d is prescribed here. Without
+gravity the specimen is symmetric about three planes. An eighth of it therefore gives the same displacements
+and a quarter of the force.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ class Shape:
     density: float | None = None
     """Mass density [kg/m^3], where there is gravity."""
     symmetry: bool = True
-    """Whether to simulate an eighth where nothing is against it."""
+    """Whether to simulate an eighth if the symmetry allows it."""
     load: str = "axial"
     """"axial", or "shear" of a block: its end faces move along y."""
 
@@ -183,7 +183,7 @@ def shape_of(
             axis="xyz".index(section.axis),
             frictionless=section.frictionless,
         )
-    assert section.size is not None  # the schema saw to it
+    assert section.size is not None  # checked by the schema
     assert section.elements is not None
     length, width, thickness = section.size
     nx, ny, nz = section.elements
@@ -283,9 +283,9 @@ class SpecimenModel:
     def linearised(
         self, constants: Constants, free: FloatArray, displacement: FloatArray
     ) -> Linearised | str:
-        """Forces and slopes at the displacements, or why there are none.
+        """Forces and slopes at the displacements, or the reason of a failure.
 
-        ``constants``: the law and what of it is free. ``free``: values of the free constants, SI, shape [p].
+        ``constants``: the law and its free constants. ``free``: values of the free constants, SI, shape [p].
         ``displacement``: [m], shape [n, ends]; in any order.
         """
         try:

@@ -17,9 +17,9 @@ from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.equilibrium.meshes import Mesh
 
 VERSION = 1
-"""Of the HDF5 file's layout."""
+"""Version of the layout of the HDF5 file."""
 _LARGEST_COMPRESSION = 0.6
-"""Nominal strain to which the curve is written in compression, whatever the tests reached."""
+"""Largest nominal strain of the written curve in compression, independent of the tests."""
 
 
 def fits_json(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def _write_hdf5(path: Path, fits: Sequence[SpecimenFit]) -> None:
 
 
 def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
-    """A plan as one object of JSON types, the choice that tells most first."""
+    """A plan as one object of JSON types, the most informative choice first."""
     return {
         "choices": [
             jsonable(
@@ -192,7 +192,7 @@ def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
 
 
 def write_plan(folder: Path, found: Sequence[Expected], free: Sequence[str]) -> None:
-    """Write plan.csv, the choice that tells most first."""
+    """Write plan.csv, the most informative choice first."""
     columns: dict[str, Any] = {"tests": [" + ".join(one.tests) for one in found]}
     columns["criterion (1)"] = [one.criterion for one in found]
     for j, name in enumerate(free):
@@ -248,7 +248,7 @@ def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, An
 
 
 def write_field(folder: Path, found: FieldFit, steps: Sequence[FieldFit | str]) -> None:
-    """Write steps.csv: forces, misfits and the constants of every step fitted alone."""
+    """Write steps.csv: forces, misfits and the constants of every step, fitted separately."""
     data, free = found.problem.data, found.constants.free
     columns: dict[str, Any] = {
         "pad (m)": data.pad,

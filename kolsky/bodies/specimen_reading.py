@@ -1,4 +1,4 @@
-"""From SPEC.toml and its files to tests that can be fitted, or simulated with noise."""
+"""Read SPEC.toml and its files: tests to be fitted, or to be simulated with noise."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,13 +31,13 @@ class Specification:
 
     toml: TomlFile
     declared: SpecimenFile
-    """What it declares, in SI."""
+    """Its declared values, in SI."""
     constants: Constants
-    """The law, its constants and which are free."""
+    """The law, its constants and the free ones."""
     models: dict[str, SpecimenModel]
     """Every specimen by the name of its test."""
     samples: dict[str, Samples]
-    """What was measured, of the tests with a file."""
+    """Measurements of the tests with a file."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
 
@@ -62,7 +62,7 @@ class Specification:
         if name in self.samples:
             return self.samples[name].displacement
         section = self.declared.tests[name]
-        assert section.stroke is not None  # the schema saw to it
+        assert section.stroke is not None  # checked by the schema
         one = section.stroke * np.arange(1, section.samples + 1) / section.samples
         return np.repeat(one[:, None], section.ends, axis=1)
 
@@ -110,8 +110,8 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
 
 
 def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]) -> Mesh:
-    """The mesh of a test with its two ends as sets; a name of a side is that side of the body's box."""
-    assert section.mesh is not None  # the schema saw to all of them
+    """The mesh of a test with its two ends as sets; a side's name means that side of the bounding box."""
+    assert section.mesh is not None  # checked by the schema
     assert section.mesh_unit is not None
     raw = read_body(toml.path.parent / section.mesh)
     inputs[section.mesh] = raw.sha256
@@ -204,9 +204,9 @@ class Simulated:
     """A simulated test."""
 
     displacement: FloatArray
-    """Of the ends, with its noise if there is any [m], shape [n, ends]."""
+    """Displacement of the ends, with noise if requested [m], shape [n, ends]."""
     force: FloatArray
-    """On the ends, likewise [N], shape [n, ends]."""
+    """Force on the ends, with noise if requested [N], shape [n, ends]."""
     solution: Solution
     """Equilibria at the true displacements."""
 

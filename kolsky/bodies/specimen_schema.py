@@ -1,4 +1,4 @@
-"""SPEC.toml: a material and the slow tests of whole specimens that it is fitted to."""
+"""SPEC.toml: a material and the slow tests of whole specimens to which it is fitted."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -53,7 +53,7 @@ class NumericsSection(Section):
 
 
 class TestSection(Section):
-    """[tests.NAME]: a specimen, how it is held, and what was measured."""
+    """[tests.NAME]: a specimen, its supports, and its measurements."""
 
     shape: Literal["strip", "dog_bone", "cross", "block", "mesh"] = "strip"
     load: Literal["axial", "shear"] = "axial"
@@ -136,7 +136,7 @@ class TestSection(Section):
 
 
 class PointsSection(Section):
-    """[field.points]: the measured displacements, one row a frame and point."""
+    """[field.points]: the measured displacements, one row per frame and point."""
 
     file: f.FileName
     layout: TextLayoutSection | None = None
@@ -150,7 +150,7 @@ class PointsSection(Section):
 
 
 class PadSection(Section):
-    """[field.pad]: displacement and force of the moving pad, one row a frame."""
+    """[field.pad]: displacement and force of the moving pad, one row per frame."""
 
     file: f.FileName
     layout: TextLayoutSection | None = None
@@ -160,7 +160,7 @@ class PadSection(Section):
 
 
 class RegionSection(Section):
-    """[field.regions.NAME]: another material of the sheet, the same law with constants of its own."""
+    """[field.regions.NAME]: another material of the sheet: the same law with other constants."""
 
     constants: dict[str, Any]
     poisson: f.Poisson
@@ -197,7 +197,7 @@ class FieldSection(Section):
 
 
 class FitSection(Section):
-    """[fit]: which tests are fitted together, and from how many starts."""
+    """[fit]: the tests that are fitted together, and the number of starts."""
 
     together: dict[str, list[f.Name]] = Field(default_factory=dict)
     starts: Annotated[int, Field(ge=1, le=50)] = 1
@@ -205,7 +205,7 @@ class FitSection(Section):
 
 
 class PlanSection(Section):
-    """[plan]: what one wants to know, and the shapes to compare."""
+    """[plan]: the constants of interest, and the shapes to compare."""
 
     wanted: list[f.Name] = Field(default_factory=list)
     compare: Annotated[list[list[f.Name]], Field(min_length=1)] | None = None

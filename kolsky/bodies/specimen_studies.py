@@ -1,11 +1,11 @@
-"""What a fit depends on: mesh, noise, softening, start; and the intervals that a planned test would give.
+"""Effects of mesh, noise, softening and start on a fit; and the expected intervals of a planned test.
 
 Sections VI-C, VI-D and VI-F of Schumacher and others (2020) as functions of tests.
 
-At constants that one expects, the slopes of the forces by the constants give the covariance of a fit,
+At expected constants, the derivatives of the forces by the constants give the covariance of a fit,
 C = (sum_tests J^T J)^-1 with J whitened by the noise of the instruments; no data are needed. Shapes are
-compared by the relative deviation of what is wanted, or, where all is wanted, by the determinant of the
-relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
+compared by the relative deviation of the constants of interest. If all constants are of interest, the
+criterion is the determinant of the relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class StudyRow:
     unknowns: int
     """Displacement components of the mesh of the first test."""
     simulations: int
-    """Trial points of the search."""
+    """Number of trial points of the search."""
 
 
 def study_row(label: str, result: SpecimenFit) -> StudyRow:
@@ -75,9 +75,9 @@ def resolution_study(
 def noise_study(
     test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int, seed: int = 1
 ) -> list[StudyRow]:
-    """Constants with noise of rising size added to the forces (their Fig. 9).
+    """Constants with increasing noise added to the forces (their Fig. 9).
 
-    ``sigmas``: standard deviations of what is added [N]. ``repeats``: draws of each.
+    ``sigmas``: standard deviations of the added noise [N]. ``repeats``: number of draws for each.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -107,7 +107,7 @@ _LEAST_COLUMN = 1e-6
 
 @dataclass(frozen=True)
 class Expected:
-    """What a choice of tests would tell."""
+    """Expected uncertainties from a choice of tests."""
 
     tests: tuple[str, ...]
     relative: FloatArray
@@ -115,10 +115,10 @@ class Expected:
     correlation: FloatArray
     """Expected correlations [-], shape [p, p]."""
     criterion: float
-    """What is compared, smaller is better: the largest relative deviation of what is wanted, or with nothing
-    wanted in particular the geometric mean of all principal ones [-]."""
+    """Criterion for comparison, smaller is better [-]: the largest relative deviation of the constants of
+    interest. Without such constants it is the geometric mean of all principal deviations."""
     peak_force: float
-    """Largest force that the tests need [N]."""
+    """Largest force in the tests [N]."""
 
 
 def expected(
@@ -130,9 +130,9 @@ def expected(
 ) -> Expected:
     """Expected deviations of the constants from tests together.
 
-    ``tests``: which. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of each
-    test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of those that one
-    wants to know; none: all.
+    ``tests``: their names. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of
+    each test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of the
+    constants of interest; empty: all.
     """
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     jacobian = np.concatenate([whitened[name] for name in tests]) * sizes
@@ -190,6 +190,6 @@ def plan(
     *,
     wanted: Sequence[str] = (),
 ) -> list[Expected]:
-    """Compare choices of tests, the one that tells most first; see `expected`."""
+    """Compare choices of tests, the most informative first; see `expected`."""
     expectations = [expected(tests, whitened, forces, constants, wanted) for tests in choices]
     return sorted(expectations, key=lambda one: one.criterion)

@@ -1,15 +1,15 @@
-r"""A stiffness for each block of a sheet: the step beyond one set of constants.
+r"""A stiffness factor for each block of a sheet, for fields that one set of constants does not explain.
 
-Where one law with one set of constants does not explain the field, the sheet may be stiffer in some places.
-Each block r of a grid over the sheet has a factor s_r of all its moduli, and
+If one law with one set of constants does not explain the field, the stiffness may vary over the sheet. Each
+block r of a grid over the sheet has a factor s_r of all its moduli, and
 
     minimise  chi^2(s) + tau sum_{r,q neighbours} l_rq sqrt((ln s_r - ln s_q)^2 + e^2)          (H.1)
 
-with the length l_rq of their common side over a block's size: total variation keeps plateaus and sharp
-borders and leaves out what the data do not ask for (Rudin, Osher and Fatemi 1992). The gradient is one
-adjoint system a step, however many blocks there are (Eqs. K.13-K.16). tau is the largest with which the
-field is explained within its noise (Morozov's discrepancy principle), so that nothing is drawn that noise
-alone could draw.
+with the length l_rq of their common side over a block's size. Total variation preserves plateaus and sharp
+borders and suppresses variations that the data do not require (Rudin, Osher and Fatemi 1992). The gradient
+needs one adjoint system per step for any number of blocks (Eqs. K.13-K.16). tau is the largest value with
+which the field is explained within its noise (Morozov's discrepancy principle). The map therefore contains
+no variation that noise could cause.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from kolsky.equilibrium.sensitivity import adjoint
 from kolsky.equilibrium.solve import solve
 
 SMOOTHING = 1e-3
-"""e: differences of ln s below it are no border."""
+"""e: differences of ln s below it do not count as a border."""
 LARGEST = np.log(30.0)
-"""Largest size of ln s."""
+"""Largest magnitude of ln s."""
 WEIGHTS = (1e4, 1e3, 1e2, 10.0, 1.0)
 """tau, from the smoothest map on."""
 MOST_STEPS = 60
-"""Most steps of the search at one weight."""
+"""Maximum number of steps of the search at one weight."""
 EXPLAINED = 1.1
 """Largest chi-square over its degrees of freedom that counts as within the noise."""
 FAILED = 1e30
@@ -43,7 +43,7 @@ class StiffnessMap:
     """Factors of stiffness over a sheet."""
 
     factors: FloatArray
-    """Of the problem's constants, one a block [-], shape [blocks]."""
+    """Of the problem's constants, one per block [-], shape [blocks]."""
     regions: IntArray
     """Block of each cell, shape [m]."""
     weight: float
@@ -129,9 +129,9 @@ def stiffness_map(
 ) -> StiffnessMap:
     """Find the smoothest map of stiffness that explains a sheet's field.
 
-    ``problem``: the sheet with its data; its constants are those of the factor 1. All of the law's own
-    parameters must be moduli. ``counts``: blocks along x and y. ``weights``: tau to try, largest first. The
-    first that explains the data is taken; if none does, the last, and the map says so.
+    ``problem``: the sheet with its data; its constants belong to factor 1. All parameters of the law must be
+    moduli. ``counts``: number of blocks along x and y. ``weights``: values of tau to try, largest first. The
+    first that explains the data is used, else the last; `StiffnessMap.explained` is then False.
     """
     regions, touching = blocks_of(problem, counts)
     blocks = _Blocks(problem, regions)

@@ -5,9 +5,9 @@ The load p and the unknowns u follow from
     r(u, p) = 0,   t . (u - u_0) = ds,                                                         (L.1)
 
 with the unit tangent t of the path at u_0 (Riks 1979; the plane normal to the tangent). With f = -dr/dp each
-iteration solves K a = -r and K b = f and moves by du = a + b dp, dp = (ds - t . (u - u_0) - t . a) / t . b;
-the tangent is b / |b|, in the direction in which the path came. A step that fails is halved, and its length
-follows the number of iterations.
+iteration solves K a = -r and K b = f. The increment is du = a + b dp with
+dp = (ds - t . (u - u_0) - t . a) / t . b. The tangent is b / |b|, with the sign that continues the path. A
+step that fails is halved, and the step length is adapted to the number of iterations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,11 +24,11 @@ from kolsky.equilibrium.solution import Outcome
 from kolsky.equilibrium.solve import Iteration, Newton
 
 ITERATIONS = 12
-"""Most iterations of a step."""
+"""Maximum number of iterations of a step."""
 WANTED = 5
-"""Iterations for which the length of the steps is meant."""
+"""Target number of iterations, to which the step length is adapted."""
 SHORTEST = 1e-6
-"""Length of a step below which the path ends, as a share of the first."""
+"""The path ends below this step length, as a share of the first."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ArcPath:
     model: Model
     """The model."""
     load: FloatArray
-    """Value of the histories that grow together, shape [n]; the first is 0."""
+    """Common value of the histories that grow together, shape [n]; the first is 0."""
     displacements: FloatArray
     """Displacements [m], shape [n, n_points, d]."""
     arc: FloatArray
@@ -48,8 +48,10 @@ class ArcPath:
 
     @property
     def limits(self) -> FloatArray:
-        """Loads at limit points, where the load turns, in their order, shape [...]: the extremum of the
-        parabola through three equilibria."""
+        """Loads at limit points, in their order, shape [...].
+
+        At a limit point the load has an extremum; it is that of the parabola through three equilibria.
+        """
         found = []
         for k in range(1, len(self.load) - 1):
             if (self.load[k] - self.load[k - 1]) * (self.load[k + 1] - self.load[k]) < 0.0:
@@ -60,10 +62,9 @@ class ArcPath:
         return np.array(found)
 
     def crossings(self, loads: Sequence[float] | FloatArray) -> FloatArray:
-        """Displacements near the equilibria that a load raised through rising `loads` meets, interpolated,
-        shape [len(loads), n_points, d].
+        """Interpolated displacements at increasing `loads`, near the equilibria, [len(loads), n_points, d].
 
-        Past a limit point a raised load leaves the path and meets it again where it first rises to the load.
+        Past a limit point an increasing load jumps along the path to where the path first rises to that load.
 
         Raises ValueError if the path does not reach a load.
         """
@@ -93,7 +94,7 @@ def follow(
     longest: float = 4.0,
     tolerance: float = 1e-8,
 ) -> ArcPath:
-    """Follow equilibria from a load of 0 until it first rises to `until`.
+    """Follow equilibria from load 0 until the load first reaches `until`.
 
     Parameters
     ----------
@@ -108,9 +109,9 @@ def follow(
     others : mapping of str to float, optional
         Values of the other histories, such as that of the weight.
     parameters : array, optional
-        As of `kolsky.equilibrium.solve.solve`.
+        As for `kolsky.equilibrium.solve.solve`.
     steps : int
-        Most steps.
+        Maximum number of steps.
     longest : float
         Largest length of a step over that of the first [-].
     tolerance : float
@@ -192,11 +193,11 @@ class _Stepper:
         """The equilibrium without load."""
         start = self.equations.evaluate(np.zeros(self.equations.model.n_dofs), self.at(0.0))
         if not start.external.any():
-            return start  # nothing loads it: it is at rest
+            return start  # no load: it is at rest
         return Iteration(self.equations, Newton(tolerance=self.tolerance)).equilibrium(start)
 
     def slope(self, state: State) -> FloatArray | None:
-        """b = du/dp of the unknowns, or None where the tangent stiffness is singular."""
+        """b = du/dp of the unknowns, or None if the tangent stiffness is singular."""
         try:
             factors = self.equations.factors(self.equations.stiffness(state), state)
         except SingularError:
@@ -204,14 +205,14 @@ class _Stepper:
         return factors.solve(self._push(state))
 
     def _push(self, state: State) -> FloatArray:
-        """f: change of the external forces by a unit of load, which enters linearly."""
+        """f: change of the external forces per unit of load; they are linear in the load."""
         more = {**state.at, **{name: state.at[name] + 1.0 for name in self.histories}}
         return self.equations.external_change(state, more)
 
     def step(
         self, start: State, load: float, tangent: FloatArray, change: float, length: float
     ) -> tuple[State, float, int] | Outcome:
-        """The equilibrium a length further, its load, and the iterations; or why there is none."""
+        """The equilibrium after an arc length, its load and the iterations; or the outcome if it fails."""
         equations = self.equations
         moved, p = length * tangent, load + change
         for number in range(ITERATIONS + 1):

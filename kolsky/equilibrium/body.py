@@ -1,15 +1,15 @@
-"""The body of a model: internal forces, stiffness, their derivatives by the constants, and the mixed
-formulation.
+"""The body of a model: internal forces, stiffness, derivatives by the constants, mixed formulation.
 
-Mixed: volume ratio and pressure are fields, eliminated in each element. With monomials phi_m of degree n in
-the element's coordinates (1, or 1 and the coordinates), the functional int W(F) + U(theta) + p (J - theta) dV
-is stationary where theta is the projection of J and p that of U'(theta) (Simo, Taylor and Pister 1985):
+Mixed: volume ratio and pressure are fields that are eliminated in each element. The monomials phi_m of degree
+n in the element's coordinates are 1, or 1 and the coordinates. The functional
+int W(F) + U(theta) + p (J - theta) dV is stationary if theta is the projection of J, and p that of U'(theta)
+(Simo, Taylor and Pister 1985):
 
     theta = phi . M^-1 int phi J dV,   p = phi . M^-1 int phi U'(theta) dV,   M = int phi phi dV.     (M.1)
 
-Its stiffness beside that of P and p d2J/dF2 is C^T M^-1 (int U'' phi phi dV) M^-1 C with C = int phi dJ/dF :
-grad N dV. With one constant phi this is the mean dilatation of the 8-node hexahedron; the 27-node one with
-four is Q2/P1, the 9-node quadrilateral with three likewise, both inf-sup stable.
+Its stiffness in addition to that of P and p d2J/dF2 is C^T M^-1 (int U'' phi phi dV) M^-1 C with
+C = int phi dJ/dF : grad N dV. One constant phi gives the mean dilatation of the 8-node hexahedron. The
+27-node hexahedron with four phi and the 9-node quadrilateral with three are Q2/P1; both are inf-sup stable.
 """
 
 from copy import copy
@@ -81,7 +81,7 @@ class MixedField:
         return np.asarray(np.matmul(np.swapaxes(solved, 1, 2), np.matmul(middle, solved)))
 
     def stress_by_parameters(self, points: PointState) -> FloatArray:
-        """dP/d(constants) through the pressure, shape [m, g, d D, n_parameters]; 0 for those of the law."""
+        """dP/d(constants) by the pressure, shape [m, g, d D, n_parameters]; 0 for the law's constants."""
         theta = self._projected(points.J)
         count = len(self.forms[0].values)
         slopes = np.zeros((*theta.shape, self.n_law + count))
@@ -106,12 +106,12 @@ class BodyState:
 
     @property
     def inverted(self) -> bool:
-        """Whether a Gauss point has J <= 0, or no number."""
+        """Whether J <= 0 or J is not a number at a Gauss point."""
         return not bool((self.points.J > 0.0).all() and np.isfinite(self.forces).all())
 
 
 class Body:
-    """Evaluates a model's body; made once a solution."""
+    """Evaluates the body of a model; created once per solution."""
 
     def __init__(self, model: Model, parameters: FloatArray) -> None:
         self.model, self.parameters = model, parameters
@@ -123,7 +123,7 @@ class Body:
         self.field = MixedField(self.points, parameters) if self.points.mixed else None
 
     def with_parameters(self, parameters: FloatArray) -> "Body":
-        """The body with other constants; its geometry and pattern serve both."""
+        """The body with other constants; geometry and pattern are shared."""
         changed = copy(self)
         changed.parameters, changed.rows = parameters, self.points.rows(parameters)
         changed.field = MixedField(self.points, parameters) if self.points.mixed else None
@@ -132,8 +132,7 @@ class Body:
     def evaluate(self, u: FloatArray, *, start: BodyState | None = None) -> BodyState:
         """Internal forces at displacements [m] of shape [n d]; `start`: a state near it.
 
-        A body that is inside out at some point has no forces: they are not a number then, and the state says
-        `BodyState.inverted`.
+        If the body is inverted at a point, the forces are NaN and `BodyState.inverted` is true.
         """
         at = u.reshape(-1, self.model.dimension)
         pressure = None
@@ -195,7 +194,7 @@ class Body:
         return np.array(found)
 
     def element_forces_by_parameters(self, state: BodyState) -> FloatArray:
-        """The same of each element, by the constants of its region, shape [m, n_parameters, k d]."""
+        """d(internal forces)/d(constants) of each element and its region, shape [m, n_parameters, k d]."""
         points, T, volumes = self.points, self.points.geometry.T, self.points.geometry.volumes
         at = state.u.reshape(-1, self.model.dimension)
         by_row = points.stress_by_row(at, self.rows, state.points.thickness)
@@ -206,15 +205,15 @@ class Body:
         weighted = np.moveaxis(by_parameter * volumes[..., None, None], 3, 2)
         m, _g, _columns, k = T.shape
         count, d = weighted.shape[2], self.model.dimension
-        # the constants stand beside the components: one product of matrices for all
+        # constants and components in one array: a single matrix product for all
         found = element_forces(T, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
     def _row_jacobians(self) -> FloatArray:
         """d(kernels' row)/d(constants) of each region, shape [n_regions, n_row, n_parameters].
 
-        The row of most laws is their constants; where a law prepares others the differences of four points
-        are exact to 1e-11.
+        The row of most laws consists of their constants. If a law derives other numbers, differences of four
+        points are used; they are exact to 1e-11.
         """
         solid = self.model.solid
         found = []
@@ -234,7 +233,7 @@ class Body:
 
 
 def _pairs_of_kinematics(by_row: FloatArray, state: BodyState, kinematics: str) -> FloatArray:
-    """The pairs (i, J) that the kinematics has, out of nine, shape [m, g, d D, n_row]."""
+    """The pairs (i, J) of the kinematics, selected from nine, shape [m, g, d D, n_row]."""
     if kinematics == "3d":
         return by_row
     if kinematics == "plane_strain":
@@ -243,5 +242,5 @@ def _pairs_of_kinematics(by_row: FloatArray, state: BodyState, kinematics: str) 
         kept = by_row[:, :, [0, 1, 8, 3, 4, 2]].copy()
         kept[:, :, 5] = 0.0
         return kept
-    # Plane stress: the thickness follows so that P_33 stays 0.
+    # Plane stress: the thickness changes so that P_33 remains 0.
     return by_row[:, :, [0, 1, 3, 4]] - state.points.H[..., None] * by_row[:, :, [8]]

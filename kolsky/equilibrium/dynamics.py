@@ -3,14 +3,14 @@
     backward Euler     v = (u - u0) / dt,              a = (v - v0) / dt                         (D.1)
     trapezoidal rule   v = v0 + dt/2 (a0 + a),         u = u0 + dt/2 (v0 + v)                    (D.2)
 
-The first is of first order and damps every motion that a step does not resolve; the second is of second order
-and damps nothing (Newmark's with beta = 1/4, gamma = 1/2). With the second Piola-Kirchhoff stress S of the
-law, whose constants are those of slow loading, a Prony series relaxes by
+The first scheme is of first order and damps every motion that a step does not resolve. The second is of
+second order without damping (Newmark's with beta = 1/4, gamma = 1/2). S is the second Piola-Kirchhoff stress
+of the law with the constants of slow loading. A Prony series relaxes by
 
     S_total = S + sum_i h_i,   h_i <- e^(-dt/tau_i) h_i + beta_i e^(-dt/(2 tau_i)) (S - S_before)    (D.3)
 
-(Simo and Hughes 1998, Section 10.3, with beta_i relative to the law's stress). Volume and shape relax
-alike.
+(Simo and Hughes 1998, Section 10.3, with beta_i relative to the law's stress). The volumetric and the
+isochoric stress relax alike.
 """
 
 from collections.abc import Mapping
@@ -45,10 +45,10 @@ class Instant:
 
 
 def element_masses(model: Model, density: float | tuple[float, ...]) -> FloatArray:
-    """Consistent mass of each element [kg], shape [m, k d, k d]; `density` as of `Gravity`."""
+    """Consistent mass of each element [kg], shape [m, k d, k d]; `density` as for `Gravity`."""
     if not np.all(np.asarray(density) > 0.0):
         raise ValueError(f"density must be > 0 kg/m3, got {density}")
-    # products of shape functions are of twice their degree
+    # products of shape functions have twice their degree
     gauss = (model.mesh.element.gauss if model.gauss is None else model.gauss) + 1
     g = geometry(model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=gauss)
     each = np.broadcast_to(density, model.n_regions)[model.cell_regions]
@@ -76,7 +76,7 @@ class Prony:
     """A Prony series."""
 
     shares: tuple[float, ...]
-    """beta_i, stress at once over the slow one less 1 [-], > 0."""
+    """beta_i: instantaneous stress over long-term stress, minus 1 [-], > 0."""
     times: tuple[float, ...]
     """tau_i [s], > 0."""
 
@@ -88,7 +88,7 @@ class Prony:
 
 
 class Relaxing:
-    """Forces and stiffness that the series adds to those of a body, step by step."""
+    """Forces and stiffness of the Prony series, added to those of a body step by step."""
 
     def __init__(self, body: Body, series: Prony, dt: float) -> None:
         model = body.model
@@ -108,11 +108,11 @@ class Relaxing:
         return np.eye(3) + np.einsum("mki,mgkj->mgij", at, self.body.points.geometry.E, optimize=True)
 
     def _known(self) -> FloatArray:
-        """What of (D.3) the last step left [Pa], shape [m, g, 3, 3]."""
+        """The terms of (D.3) that are known from the last step [Pa], shape [m, g, 3, 3]."""
         return np.tensordot(self.decay, self.parts, axes=1) - self.gain.sum() * self.stress
 
     def forces(self, state: BodyState) -> FloatArray:
-        """Forces of each element beside those of the law [N], shape [m, k d]."""
+        """Forces of each element in addition to those of the law [N], shape [m, k d]."""
         geometry = self.body.points.geometry
         added = np.matmul(self._deformation(state.u), self._known())
         m, g = geometry.volumes.shape
@@ -121,7 +121,7 @@ class Relaxing:
         return np.asarray(self.gain.sum() * state.points.forces + known)
 
     def stiffness(self, elastic: FloatArray) -> FloatArray:
-        """Their derivative [N/m] from the stiffness of the law alone, shape [m, k d, k d]."""
+        """Derivative of these forces [N/m], from the stiffness of the law, shape [m, k d, k d]."""
         E, volumes = self.body.points.geometry.E, self.body.points.geometry.volumes
         weighted = self._known() * volumes[..., None, None]
         scalar = np.einsum("mgai,mgij,mgbj->mab", E, weighted, E, optimize=True)
@@ -130,7 +130,7 @@ class Relaxing:
         return np.asarray(self.gain.sum() * elastic + geometric)
 
     def accept(self, state: BodyState) -> None:
-        """Take a state as the end of a step."""
+        """Accept a state as the end of a step."""
         m, g = self.body.points.shape
         P = state.points.P.reshape(m, g, 3, 3)
         stress = np.asarray(np.linalg.solve(self._deformation(state.u), P), dtype=np.float64)
@@ -141,12 +141,12 @@ class Relaxing:
 
 
 ITERATIONS = 30
-"""Most iterations of a step."""
+"""Maximum number of iterations of a step."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion; steps that were not reached hold NaN, and the outcome says why."""
+    """A motion; steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
     """The model."""
@@ -157,8 +157,8 @@ class Motion:
     velocities: FloatArray
     """Velocities [m/s], of the same shape."""
     forces: FloatArray
-    """Forces that supports exert on the points: internal and inertial ones less weight and pressure [N], of
-    the same shape; 0 at the start."""
+    """Forces of supports on the points: internal and inertial forces minus weight and pressure [N], of the
+    same shape; 0 at the start."""
     outcome: Outcome
     """How it ended."""
     reached: int
@@ -197,15 +197,15 @@ def march(
     dt : float
         Length of a step [s].
     density : float or tuple of float
-        At rest, of all or of each region [kg/m3].
+        Density at rest, one for all or one for each region [kg/m3].
     scheme : str
         "backward_euler" or "trapezoidal".
     prony : Prony, optional
         Relaxation of the stress.
     steps : int, optional
-        Number of steps of a model without histories.
+        Number of steps, for a model without histories.
     start : array, shape [n_points, d], optional
-        Displacements at the start [m], where nothing moves; None: undeformed.
+        Displacements at the start [m], with zero velocity; None: undeformed.
     start_histories : mapping of str to float, optional
         Values of the histories at the start; None: those of the first step.
     tolerance : float
@@ -214,7 +214,7 @@ def march(
     Raises
     ------
     ValueError
-        If a history does not fit, dt is not > 0, the scheme is not known or there is a rigid plane.
+        If a history does not fit, dt is not > 0, the scheme is unknown or there is a rigid plane.
     """
     table = checked_steps(model, histories)
     n = len(next(iter(table.values()))) if table else (steps or 1)
@@ -256,7 +256,7 @@ def march(
 
 
 def _at_rest(equations: Equations, state: State, masses: FloatArray, u: FloatArray) -> Instant:
-    """The start: nothing moves, and the acceleration is that of the forces."""
+    """The start: zero velocity, and the acceleration from the forces."""
     push = equations.factors(masses).solve(-state.residual)
     return Instant(u, np.zeros_like(u), equations.expanded(push))
 

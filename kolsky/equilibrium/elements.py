@@ -1,14 +1,14 @@
 """Reference elements by name: nodes, shape functions, faces, Gauss rules; node order of VTK.
 
 The shape functions are the Lagrange basis of a space of monomials xi^e: with V_am = xi_a^(e_m) at the nodes,
-N(xi) = V^-T xi^e. They are 1 at their node and 0 at the others, and they hold all polynomials of the space.
+N(xi) = V^-T xi^e. They are 1 at their node and 0 at the others, and reproduce all polynomials of the space.
 
-A hypercube takes the product of Gauss and Legendre's points. A simplex takes Stroud's conical product of
-Gauss and Jacobi's points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each direction;
-for n <= 2 the symmetric rules of 1 and d + 1 points, exact to degree 1 and 2, are smaller.
+A hypercube uses the product of Gauss-Legendre points. A simplex uses Stroud's conical product of Gauss-Jacobi
+points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each direction. For n <= 2 it uses
+the smaller symmetric rules of 1 and d + 1 points, exact to degree 1 and 2.
 
-To add one write an `Element` (its nodes in reference coordinates and the monomials that its shape functions
-span) and one line in `ELEMENTS`; the patch tests go over the registry.
+To add an element, write an `Element` (its nodes in reference coordinates and the monomials that its shape
+functions span) and one line in `ELEMENTS`. The patch tests cover the registry.
 """
 
 from dataclasses import dataclass
@@ -63,8 +63,8 @@ Shape = Literal["hypercube", "simplex"]
 class Face:
     """A face as an affine image of the reference face: xi = origin + tangents @ s.
 
-    The normal that follows from the tangents (their cross product; in two dimensions the tangent turned by
-    -90 degrees) points outwards.
+    The normal from the tangents (their cross product; in two dimensions the tangent rotated by -90 degrees)
+    points outwards.
     """
 
     origin: tuple[float, ...]
@@ -88,9 +88,9 @@ class Element:
     faces: tuple[Face, ...]
     """Its faces (edges in two dimensions)."""
     gauss: int
-    """Gauss points in each direction unless a model says otherwise [-]."""
+    """Default number of Gauss points in each direction [-]."""
     pressure_degree: int | None
-    """Degree of the discontinuous pressure that is stable with it in a mixed formulation; None: none is."""
+    """Degree of the discontinuous pressure that is stable in a mixed formulation; None if none is stable."""
     vtk: int
     """Number of the cell type in VTK."""
 
@@ -263,7 +263,10 @@ ELEMENTS: dict[str, Element] = {
 
 
 def element(name: str) -> Element:
-    """Look an element up by name; a ValueError lists those there are if it is none."""
+    """Return an element by name.
+
+    Raises ValueError for an unknown name; the message lists the elements.
+    """
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

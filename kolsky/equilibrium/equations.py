@@ -27,17 +27,17 @@ class State:
     body: BodyState
     """Its internal forces."""
     carried: FloatArray
-    """Weight and pressure on the points [N], shape [n d]."""
+    """Weight and pressure forces on the points [N], shape [n d]."""
     external: FloatArray
     """All external forces of the points, contact included [N], shape [n d]."""
     residual: FloatArray
-    """Internal less external forces of the unknowns [N], shape [n_unknowns]."""
+    """Internal minus external forces of the unknowns [N], shape [n_unknowns]."""
     multipliers: tuple[FloatArray, ...] = ()
     """Multipliers of the points of each contact [N]."""
 
     @property
     def inverted(self) -> bool:
-        """Whether the body is inside out somewhere."""
+        """Whether the body is inverted at a point."""
         return self.body.inverted
 
 
@@ -55,21 +55,21 @@ class Equations:
         self.symmetric = not self.pressures
         self.linear = linear
         self.smooth = not (self.contacts or self.surfaces)
-        """Whether a tangent tells of states near its own: where points touch and part it does not."""
+        """Whether a tangent is valid for neighbouring states; with changing contact it is not."""
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
         self.floor = 1e-13 * model.solid.shear_modulus * size * depth
-        """Residual of rounding at rest, where there are no forces to compare with [N]."""
+        """Residual by round-off at rest, when there are no forces for comparison [N]."""
 
     def with_parameters(self, parameters: FloatArray) -> "Equations":
-        """The model with other constants; its geometry and fronts serve both."""
+        """The equations with other constants; geometry and fronts are shared."""
         changed = copy(self)
         changed.body = self.body.with_parameters(parameters)
         return changed
 
     @cached_property
     def solver(self) -> LinearSolver:
-        """The linear solver; forces alone take none."""
+        """The linear solver, created at first use; evaluating forces does not need it."""
         mesh = self.model.mesh
         return linear_solver(self.linear, self.body.pattern, mesh.points, mesh.cells)
 
@@ -80,11 +80,11 @@ class Equations:
 
     @property
     def worth(self) -> int:
-        """Iterations with a kept tangent that take about the time of a factorisation."""
+        """Number of iterations with a reused tangent that take about the time of one factorisation."""
         return self.solver.worth if self.smooth else 1
 
     def with_prescribed(self, u: FloatArray, at: Mapping[str, float]) -> FloatArray:
-        """Displacements with the prescribed components of a moment, shape [n d]."""
+        """Displacements with the prescribed components at given histories, shape [n d]."""
         moved = u.copy()
         for dofs, name, factor in self.model.unknowns.prescribed:
             moved[dofs] = factor * at[name]
@@ -114,7 +114,7 @@ class Equations:
         like: State | None = None,
         multipliers: tuple[FloatArray, ...] | None = None,
     ) -> State:
-        """State at displacements [m] of shape [n d]; `like`: one near it, for multipliers and thickness."""
+        """State at displacements [m] of shape [n d]; `like`: a near state, for multipliers and thickness."""
         body = self.body.evaluate(u, start=None if like is None else like.body)
         if multipliers is None:
             multipliers = tuple(np.zeros(len(c.nodes)) for c in self.contacts)
@@ -124,7 +124,7 @@ class Equations:
         return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
 
     def excess(self, state: State, tolerance: float) -> float:
-        """The residual over what is allowed of it [-]."""
+        """The residual over its tolerance [-]."""
         scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
         return float(np.linalg.norm(state.residual)) / max(tolerance * scale, self.floor)
 
@@ -133,7 +133,7 @@ class Equations:
         return self.excess(state, tolerance) <= 1.0
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
-        """Multipliers that take over the penalty forces, and whether no point was too deep before."""
+        """Multipliers increased by the penalty forces, and whether the depth was already within tolerance."""
         pushes, closed = [], True
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
             travel = self.travel(contact, state.at)
@@ -144,7 +144,7 @@ class Equations:
         return tuple(pushes), closed
 
     def carried_stiffness(self, state: State, *, single: bool = False) -> FloatArray:
-        """Tangent of the internal forces less weight and pressure, element by element [N/m]."""
+        """Tangent of the internal forces minus weight and pressure, element by element [N/m]."""
         elements = self.body.stiffness(state.body, single=single)
         for name, pressure in self.pressures:
             for cells, by in pressure.evaluate(state.u)[1]:
@@ -154,8 +154,8 @@ class Equations:
     def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
         """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
 
-        `held` keeps points in contact on their plane, as derivatives of the solution need it; `single`
-        is for factors that only guide an iteration.
+        `held` fixes points in contact on their plane, which derivatives of the solution need. `single`:
+        single precision, for factors that only guide an iteration.
         """
         return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
 
@@ -169,7 +169,7 @@ class Equations:
         return elements
 
     def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
-        """Element matrices, and what the contact of surfaces adds in a state, factorised."""
+        """Factors of the element matrices plus the stiffness of surface contact in a state."""
         nodes, blocks = [], []
         if state is not None:
             for contact in self.surfaces:
@@ -182,7 +182,7 @@ class Equations:
         return self._bridged.factors(elements, *joined, symmetric=self.symmetric)
 
     def closed(self, state: State) -> bool:
-        """Whether no surface is deeper in another than it may be."""
+        """Whether the penetration of all surfaces is within the limit."""
         return all(contact.deepest(state.u) <= contact.depth for contact in self.surfaces)
 
     def times(self, elements: FloatArray, du: FloatArray) -> FloatArray:

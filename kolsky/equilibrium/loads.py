@@ -1,14 +1,14 @@
-"""External forces: weight and dead loads, pressure that follows the surface, contact with a rigid plane.
+"""External forces: weight and dead loads, follower pressure, contact with a rigid plane.
 
 Pressure: with the tangents t_1, t_2 of the deformed face along its coordinates, n da = t_1 x t_2 ds and
 
     f_a = -p int N_a (t_1 x t_2) ds,                                                           (P.1)
 
-whose derivative by the displacements is not symmetric. In two dimensions n da is the tangent turned by -90
-degrees times the thickness, or times 2 pi r of the deformed radius.
+whose derivative by the displacements is not symmetric. In two dimensions n da is the tangent rotated by -90
+degrees, times the thickness or 2 pi r with the deformed radius r.
 
-Contact: a point at the distance g above the plane is pushed out with max(0, lam - k g) (augmented Lagrange
-multipliers; Simo and Laursen 1992). After each equilibrium lam takes that value, until no point is deeper
+Contact: on a point at the distance g above the plane acts the force max(0, lam - k g) (augmented Lagrange
+multipliers; Simo and Laursen 1992). After each equilibrium lam is set to this value, until no point is deeper
 than the tolerance.
 """
 
@@ -25,9 +25,9 @@ from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidPlane, Tra
 from kolsky.equilibrium.points import Geometry
 
 CONTACT_STIFFNESS = 500.0
-"""Penalty of a point, in shear moduli times the mean spacing of the points in the body."""
+"""Penalty stiffness of a point over shear modulus times mean spacing of the body's points [-]."""
 DIFFERENTIATION_STIFFNESS = 1e5
-"""Factor of the stiffness with which points in contact are held where the solution is differentiated [-]."""
+"""Factor of the stiffness that fixes points in contact when the solution is differentiated [-]."""
 
 
 class PlaneContact:
@@ -78,14 +78,14 @@ class PlaneContact:
 
 
 def _across(model: Model) -> float:
-    """Length of a point's share in the third direction [m]."""
+    """Length in the third direction that belongs to a point [m]."""
     if model.kinematics == "axisymmetric":
         return float(np.pi * np.ptp(model.mesh.points[:, 0]))
     return model.thickness
 
 
 def _cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
-    """A cell that has each point."""
+    """For each point, a cell that contains it."""
     of = np.full(int(cells.max()) + 1, -1)
     of[cells.ravel()] = np.repeat(np.arange(len(cells)), cells.shape[1])
     if (of[nodes] < 0).any():
@@ -110,7 +110,7 @@ class Faces:
 
 
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
-    """Faces on the boundary of the mesh whose points all belong to a set.
+    """Faces on the boundary of the mesh with all points in a set.
 
     Raises ValueError if there are none.
     """
@@ -141,7 +141,7 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
 
 
 def rim(mesh: Mesh, where: str) -> IntArray:
-    """Ends of the edges at which the surface of a set stops, shape [n, 2]; none of a closed surface.
+    """End points of the edges that bound the surface of a set, shape [n, 2]; empty for a closed surface.
 
     Every edge of a closed surface belongs to an even number of its faces. ``where``: set of a
     three-dimensional mesh. Raises ValueError if no face has all its points in it.
@@ -189,8 +189,7 @@ def nodal_forces(model: Model, at: Mapping[str, float]) -> FloatArray:
 
 
 def areas(model: Model, where: str) -> FloatArray:
-    """Share of each point in the undeformed faces of a set, the integrals of the shape functions [m2],
-    shape [n]."""
+    """Undeformed area of each point in a set's faces: integrals of the shape functions [m2], shape [n]."""
     total = np.zeros(len(model.mesh.points))
     for faces in faces_on(model.mesh, where, model.gauss):
         nodes = model.mesh.cells[faces.cells]

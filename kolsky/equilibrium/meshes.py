@@ -1,4 +1,4 @@
-"""Meshes: structured ones of boxes, crosses and dog-bones."""
+"""Meshes: points, cells and sets; structured meshes of boxes, crosses and dog-bones."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +26,7 @@ class Mesh:
     sets: Mapping[str, IntArray] = field(default_factory=dict)
     """Points by name, each of shape [...]."""
     numbers: IntArray | None = None
-    """Number of each cell in the file that it was read from, for messages, shape [m]; None: its row."""
+    """Number of each cell in its source file, for messages, shape [m]; None: its row."""
 
     def __post_init__(self) -> None:
         shape = self.element.n_nodes, self.element.dimension
@@ -55,14 +55,14 @@ class Mesh:
         Raises
         ------
         ValueError
-            If there is no such set; the message lists those there are.
+            If there is no such set; the message lists the sets.
         """
         if name not in self.sets:
             raise ValueError(f"the mesh has no set {name!r}; it has {sorted(self.sets)}")
         return np.asarray(self.sets[name], dtype=np.int64)
 
     def with_set(self, name: str, where: Callable[[FloatArray], BoolArray] | IntArray) -> "Mesh":
-        """The mesh with one more set: indices, or a function of the points that says which belong to it."""
+        """The mesh with one more set, given by indices or by a function of the points."""
         found = np.flatnonzero(where(self.points)) if callable(where) else np.asarray(where, dtype=np.int64)
         if len(found) == 0:
             raise ValueError(f"the set {name!r} would be empty")
@@ -77,8 +77,8 @@ def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> 
     size : sequence of float
         Edge lengths [m], d of them.
     cells : sequence of int
-        Hexahedra or quadrilaterals along each edge. Those are cut into six tetrahedra or two triangles for
-        those kinds.
+        Number of hexahedra or quadrilaterals along each edge. For simplices each is divided into six
+        tetrahedra or two triangles.
     kind : str
         The element.
     """
@@ -111,8 +111,10 @@ def dog_bone(
     straight: float,
     kind: str = "hex27",
 ) -> Mesh:
-    """A bar along x whose width (along y) falls by a cosine from that of the ends to ``waist`` [m] over the
-    middle length ``straight`` [m]."""
+    """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m].
+
+    The waist is in the middle; towards the ends the width increases by a cosine.
+    """
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
     if not 0.0 <= straight < size[0]:
@@ -128,12 +130,12 @@ def dog_bone(
 
 
 def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -> Mesh:
-    """Cells of a rectangular grid with any spacing, of which some are left out.
+    """Cells of a rectangular grid with any spacing; some cells may be left out.
 
-    ``lines``: rising coordinates of the grid's lines along each axis [m], d of them. ``keep``: which cells
-    there are, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines. ``kind``: the element; a
-    cell of simplices is six tetrahedra or two triangles. Raises ValueError if lines do not rise, or `keep`
-    has another shape or no cell.
+    ``lines``: increasing coordinates of the grid lines along each axis [m], d of them. ``keep``: mask of the
+    existing cells, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines. ``kind``: the
+    element; with simplices a cell is six tetrahedra or two triangles. Raises ValueError if lines do not
+    increase, or `keep` has another shape or no cell.
     """
     shape = tuple(len(line) - 1 for line in lines)
     if keep.shape != shape or not keep.any():
@@ -188,6 +190,6 @@ def _patterns(item: Element) -> FloatArray:
 
 
 def _used(mesh: Mesh) -> Mesh:
-    """The mesh without the points that no cell has."""
+    """The mesh without points that belong to no cell."""
     used, cells = np.unique(mesh.cells, return_inverse=True)
     return Mesh(mesh.points[used], cells.reshape(mesh.cells.shape).astype(np.int64), mesh.kind)

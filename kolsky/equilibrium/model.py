@@ -1,6 +1,6 @@
-"""A body with its material, supports and loads. It never changes while it is solved.
+"""A body with its material, supports and loads; it is constant during a solution.
 
-Histories of supports and loads are given by name when it is solved.
+Histories of supports and loads are given by name to the solver.
 """
 
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from kolsky.equilibrium.solid import Solid
 
 @dataclass(frozen=True)
 class Fixed:
-    """Displacements held at zero."""
+    """Displacements fixed at zero."""
 
     where: str
     """Set of points."""
     axes: tuple[int, ...] | None = None
-    """Components held; None: all."""
+    """Fixed components; None: all."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Coupled:
-    """Points that move together along an axis (a rigid interface that slides), under a force or none.
+    """Points that move together along an axis (a rigid sliding interface), with or without a force.
 
     This is the coupling of Schumacher and others (2020), Eq. (6): the component is one unknown.
     """
@@ -56,7 +56,7 @@ class Coupled:
 
 @dataclass(frozen=True)
 class NodalForce:
-    """A dead force, shared equally by the points of a set."""
+    """A dead force, distributed equally over the points of a set."""
 
     where: str
     """Set of points."""
@@ -83,7 +83,7 @@ class Gravity:
     """Weight (Schumacher and others 2020, Eq. 11)."""
 
     density: float | tuple[float, ...]
-    """In the reference state [kg/m3], one of all or one of each region."""
+    """In the reference state [kg/m3], one for all or one for each region."""
     acceleration: tuple[float, ...]
     """Acceleration of free fall [m/s2], shape [d]."""
     history: str | None = None
@@ -92,20 +92,20 @@ class Gravity:
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure that stays normal to the deformed faces whose points all belong to a set."""
+    """A pressure normal to the deformed faces with all points in a set."""
 
     where: str
     """Set of points."""
     history: str
-    """Name of the history [Pa], positive where it presses."""
+    """Name of the history [Pa], positive in compression."""
 
 
 @dataclass(frozen=True)
 class RigidPlane:
     """A frictionless rigid plane that points of a set cannot pass.
 
-    The multipliers of the points in contact are found by augmentation: a penalty force stiffness * depth + a
-    multiplier, which is raised by the penalty force until no point is deeper than the tolerance.
+    The contact force of a point is the penalty force stiffness * depth plus a multiplier. Augmentation
+    increases the multiplier by the penalty force until no point is deeper than the tolerance.
     """
 
     where: str
@@ -115,7 +115,7 @@ class RigidPlane:
     position: tuple[float, ...]
     """A point of the plane at history value 0 [m], shape [d]."""
     history: str | None = None
-    """Name of the history of the plane's travel along its normal [m]; None: it stays."""
+    """Name of the history of the plane's travel along its normal [m]; None: it does not move."""
     stiffness: float | None = None
     """Penalty of a point [N/m]; None: from the shear modulus and the spacing of the points."""
     tolerance: float = 1e-6
@@ -126,8 +126,8 @@ class RigidPlane:
 class SelfContact:
     """Two surfaces of the body that cannot pass through each other, without friction.
 
-    Points of integration of each are pushed out of the other by a penalty; an equilibrium in which one
-    is deeper than `depth` is none.
+    A penalty force acts on the integration points of each surface that penetrate the other. An equilibrium
+    with a point deeper than `depth` is not accepted.
     """
 
     where: str
@@ -139,7 +139,7 @@ class SelfContact:
     depth: float | None = None
     """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
     reach: float | None = None
-    """Distance within which a surface is looked for [m], less than the body is thick behind it; None: the
+    """Search distance for the other surface [m], less than the thickness of the body behind it; None: the
     size of a face."""
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ Condition = Fixed | Prescribed | Coupled | RigidPlane | SelfContact | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
-    """Names of the histories that the conditions ask for, in their order, each once."""
+    """Names of the histories of the conditions, in their order, each once."""
     names: list[str] = []
     for condition in conditions:
         name = condition.force if isinstance(condition, Coupled) else getattr(condition, "history", None)
@@ -182,20 +182,20 @@ class Model:
     mesh: Mesh
     """Its mesh."""
     solid: Solid
-    """Its material, with the constants taken where `solve` is given none."""
+    """Its material, with the default constants of `solve`."""
     conditions: tuple[Condition, ...] = ()
     """Supports and loads; a later condition on the same displacement is an error."""
     kinematics: Kinematics = "3d"
-    """Three-dimensional, or what the third direction of a plane model does."""
+    """Three-dimensional, or the assumption for the third direction of a plane model."""
     thickness: float = 1.0
-    """Thickness of a plane model [m]; an axisymmetric one is the whole revolution."""
+    """Thickness of a plane model [m]; an axisymmetric model is the full revolution."""
     volumetric: Literal["displacement", "mixed"] = "displacement"
-    """ "mixed": the volume ratio and the pressure are fields of their own, discontinuous between elements and
+    """ "mixed": the volume ratio and the pressure are separate fields, discontinuous between elements and
     eliminated in each (Simo, Taylor and Pister 1985), for nearly incompressible materials."""
     regions: IntArray | None = None
-    """Region of each cell from 0, shape [m]; every region has constants of its own. None: one region."""
+    """Region of each cell from 0, shape [m]; every region has separate constants. None: one region."""
     others: tuple[Solid, ...] = ()
-    """Materials of the regions from 1 on, of the law of `solid`; none: `solid` is that of all regions."""
+    """Materials of the regions from 1 on, with the law of `solid`; empty: `solid` for all regions."""
     gauss: int | None = None
     """Gauss points a direction; None: the element's own."""
     device: str = "cpu"
@@ -263,7 +263,7 @@ class Model:
 
     @property
     def histories(self) -> tuple[str, ...]:
-        """Names of the histories its conditions ask for."""
+        """Names of the histories of its conditions."""
         return histories_of(self.conditions)
 
     @property
@@ -275,12 +275,12 @@ class Model:
         return tuple(f"{name}[{r}]" for r in range(self.n_regions) for name in names)
 
     def parameters(self, values: ArrayLike | None = None) -> FloatArray:
-        """Constants of every region, shape [n_regions, n_parameters]; None: the material's own.
+        """Constants of every region, shape [n_regions, n_parameters]; None: those of the materials.
 
         Raises
         ------
         ValueError
-            If their number is another, or the material cannot have them.
+            If their number is wrong, or the material does not allow them.
         """
         own = self.solid.parameters()
         if values is None:
@@ -309,11 +309,11 @@ class Unknowns:
     """Numbering of the unknown displacements."""
 
     index: IntArray
-    """Unknown of each component (point by point); -1: it is held or prescribed, shape [n d]."""
+    """Unknown of each component (point by point); -1: it is fixed or prescribed, shape [n d]."""
     count: int
     """Number of unknowns."""
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
-    """Components, history and factor of what is prescribed."""
+    """Components, history and factor of the prescribed displacements."""
     forces: tuple[tuple[int, str], ...]
     """Component of a point, and history, of the forces on coupled points."""
 

@@ -1,8 +1,8 @@
 """Warp functions of stress and tangent at a Gauss point, and the kernels over all Gauss points.
 
-An element's gradients E[cell, point, node, column] hold dN/dX_J; in an axisymmetric model the third column
-holds N / R, so that the pairs (i, J) of a radial displacement include the hoop stretch as (0, 2) and the pair
-(1, 2) is empty. P and A then contract with E alike in every kinematics.
+An element's gradients E[cell, point, node, column] are dN/dX_J. In an axisymmetric model the third column is
+N / R. The pairs (i, J) of a radial displacement then include the hoop stretch as (0, 2), and the pair (1, 2)
+is empty. The products of P and A with E are therefore the same in every kinematics.
 
 Laws of the invariants: with J = det F, G = F^-T, Q = I1 F - F C,
 
@@ -10,15 +10,15 @@ Laws of the invariants: with J = det F, G = F^-T, Q = I1 F - F C,
     P = W_1 g1 + W_2 g2,                                                                        (I.2)
     A = W_11 g1 g1 + W_12 (g1 g2 + g2 g1) + W_22 g2 g2 + W_1 dg1/dF + W_2 dg2/dF.               (I.3)
 
-Laws of the stretches: with the eigenvectors N_i of C, n_i = F N_i / lam_i, t = lam w'(lam), tau_i = t_i less
+Laws of the stretches: with the eigenvectors N_i of C, n_i = F N_i / lam_i, t = lam w'(lam), tau_i = t_i minus
 the mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
 
     P = sum_i tau_i / lam_i n_i N_i,
     A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
     B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
-where g_ij = (tau_i - tau_j) / (b_i - b_j) of b = lam^2, which is (K_ii - K_ij) / (2 b) where both are equal.
-On a GPU element forces and stiffness are summed here too; on a CPU BLAS is faster
+where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2; its limit for equal b is (K_ii - K_ij) / (2 b). On
+a GPU element forces and stiffness are also summed here; on a CPU BLAS is faster
 (`kolsky.equilibrium.points`).
 """
 
@@ -34,8 +34,7 @@ f64 = wp.float64
 
 @cache
 def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
-    """``(energy, slopes)`` of a form whose constants stand at ``row[start]`` and following: U(J), and the
-    pair U'(J), U''(J)."""
+    """``(energy, slopes)`` of a form with constants from ``row[start]`` on: U(J), and U'(J), U''(J)."""
     at = int(start)
     half, one, two = f64(0.5), f64(1.0), f64(2.0)
     three, five, six = f64(3.0), f64(5.0), f64(6.0)
@@ -162,9 +161,9 @@ def invariant_point_functions(law: type) -> tuple[Any, Any, Any]:
 
 
 SWEEPS = 10
-"""Most sweeps of Jacobi's rotations; they converge quadratically, in 4 or 5."""
+"""Maximum number of sweeps of Jacobi's rotations; they converge quadratically, in 4 or 5."""
 EQUAL = 1e-5
-"""Relative difference of two eigenvalues below which g_ij is its limit: there both are exact to 1e-10."""
+"""Below this relative difference of two eigenvalues g_ij is its limit; both are then exact to 1e-10."""
 
 
 @wp.func
@@ -352,7 +351,7 @@ def compressible_neo_hookean() -> tuple[Any, Any, Any]:
 KINEMATICS = {"3d": (3, 3), "plane_strain": (2, 2), "plane_stress": (2, 2), "axisymmetric": (2, 3)}
 """Displacement components d and columns of the gradients D of each kinematics."""
 THICKNESS_STEPS = 60
-"""Most iterations for the thickness stretch of plane stress."""
+"""Maximum number of iterations for the thickness stretch of plane stress."""
 
 
 @cache
@@ -406,9 +405,9 @@ def place_function(kinematics: str) -> Any:
 def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: bool, single: bool) -> Any:
     """P, A dV, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
 
-    A is written in single precision if that is wanted. In a mixed model `pressure` [Pa] enters P and A as
-    that of the volumetric part; otherwise it is not read. In plane stress H holds A_iJ33 / A_3333, by which
-    the thickness follows, in place of dJ/dF.
+    A is optionally written in single precision. In a mixed model `pressure` [Pa] is the volumetric part of P
+    and A; otherwise it is not read. In plane stress H is A_iJ33 / A_3333, which gives the change of
+    thickness, in place of dJ/dF.
     """
     energy_of, stress_of, tangent_of = functions
     deformation, place = deformation_function(kinematics), place_function(kinematics)
@@ -504,7 +503,7 @@ def volume_kernel(kinematics: str) -> Any:
 
 @cache
 def stress_kernel(stress_of: Any, kinematics: str) -> Any:
-    """P at every Gauss point, each with a row of its own: the reverse of this kernel gives dP/drow."""
+    """P at every Gauss point, each with a separate row; the reverse mode of this kernel gives dP/drow."""
     deformation = deformation_function(kinematics)
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -1,7 +1,7 @@
 """Stress and tangent at all Gauss points of a model, and their sums over each element.
 
-Gradients and volumes of the points are those of the undeformed mesh. On a CPU the sums are products of
-matrices (BLAS).
+Gradients and volumes of the points belong to the undeformed mesh. On a CPU the sums are matrix products
+(BLAS).
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from kolsky.equilibrium.point_kernels import (
 
 @dataclass(frozen=True)
 class Geometry:
-    """What an element's integrals need of the undeformed mesh."""
+    """Data of the undeformed mesh for the integrals over elements."""
 
     E: FloatArray
     """dN/dX [1/m]; in an axisymmetric model with N / R as a third column, shape [m, g, k, D]."""
@@ -55,7 +55,7 @@ def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None
     Raises
     ------
     ValueError
-        If an element is inside out, or a Gauss point lies on the axis of revolution.
+        If an element is inverted, or a Gauss point is on the axis of revolution.
     """
     element = mesh.element
     points, weights = element.rule(element.gauss if gauss is None else gauss)
@@ -85,7 +85,7 @@ def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None
 
 
 CHUNK = 60_000
-"""Numbers of an intermediate array held at once, so that it stays in a core's cache."""
+"""Number of values in an intermediate array, so that it fits in the cache of a core."""
 
 
 def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
@@ -134,9 +134,9 @@ class PointState:
     P: FloatArray
     """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
     forces: FloatArray
-    """Forces of each element [N], shape [m, k d], or [0, 0] if they were not asked for."""
+    """Forces of each element [N], shape [m, k d], or [0, 0] if not requested."""
     stiffness: FloatArray | None
-    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d], if a tangent was asked for."""
+    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d]; None if not requested."""
     H: FloatArray
     """Mixed: dJ/dF [-]; plane stress: A_iJ33 / A_3333 [-]; shape [m, g, d D], otherwise [0, 0, 0]."""
     J: FloatArray
@@ -212,10 +212,9 @@ class Points:
     ) -> PointState:
         """Evaluate stress and, on demand, tangent, with the elements' forces and stiffness.
 
-        ``u``: displacements [m]. ``rows``: what `rows` gave. ``tangent``: whether the stiffness is wanted.
-        ``forces``: whether the forces are. ``single``: whether the stiffness is summed in single precision.
-        ``pressure``: pressure of a mixed model [Pa]. ``thickness``: thickness stretch to start from in plane
-        stress [-].
+        ``u``: displacements [m]. ``rows``: the result of `rows`. ``tangent``, ``forces``: whether to compute
+        stiffness and forces. ``single``: whether the stiffness is summed in single precision. ``pressure``:
+        pressure of a mixed model [Pa]. ``thickness``: initial thickness stretch in plane stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns
         short = single and not self.device.is_cuda
@@ -266,8 +265,10 @@ class Points:
         return summed.numpy(), stiffness
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
-        """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the
-        reverse of the law's own function, shape [m, g, 9, n_row]."""
+        """Derivatives of the full 3 x 3 P by the kernels' row at fixed deformation, shape [m, g, 9, n_row].
+
+        They are computed by reverse-mode differentiation of the law's function.
+        """
         (m, g), n_row = self.shape, rows.shape[1]
         deformations, stresses = stress_kernel(self.functions[1], self.model.kinematics)
         F = wp.zeros((m, g), dtype=wp.mat33d, device=self.device)

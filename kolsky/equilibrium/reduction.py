@@ -1,11 +1,11 @@
-"""A model in few unknowns: u = V q, its forces from few weighted elements, its loads exactly.
+"""A reduced model: u = V q with few unknowns, forces from few weighted elements, exact loads.
 
-The basis V is that of the snapshots U = [u_1 .. u_n] which leaves the least of them (Sirovich 1987),
+The basis V is the one with the smallest residual of the snapshots U = [u_1 .. u_n] (Sirovich 1987),
 
     sum_j |u_j - V V^T u_j|^2 = sum_{k > r} s_k^2.                                             (R.1)
 
-With the elements' shares g_e = V_e^T f_e in the reduced forces of training states, stacked as columns of G,
-and their sum b = G 1, weights w >= 0 are sought of which few are not zero and
+The contributions g_e = V_e^T f_e of the elements to the reduced forces of training states are the columns of
+G; their sum is b = G 1. Sought are weights w >= 0, most of them zero, with
 
     |G w - b| <= tau |b|                                                                       (R.2)
 
@@ -14,8 +14,8 @@ active set. The equilibrium follows from Newton's method with the exact tangent 
 
     sum_e w_e V_e^T f_e(V q, c) = sum_k p_k (a_k + B_k q + 1/2 q^T C_k q) + lam V^T f_g          (R.3)
 
-A follower pressure on the faces of Lagrange elements is a polynomial of second degree in the positions: a, B
-and C are computed once and hold for every q.
+A follower pressure on the faces of Lagrange elements is a polynomial of second degree in the positions.
+Therefore a, B and C are computed once and are valid for every q.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ from kolsky.equilibrium.points import Points
 from kolsky.equilibrium.solution import Outcome, Solution
 
 SMALLEST = 1e-14
-"""Square of the smallest singular value that counts, as a share of that of the largest [-]."""
+"""Square of the smallest used singular value, as a share of that of the largest [-]."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Basis:
     modes: FloatArray
     """Orthonormal columns V [-], shape [n d, r]."""
     values: FloatArray
-    """All singular values s_k [m], falling, shape [n_snapshots]."""
+    """All singular values s_k [m], decreasing, shape [n_snapshots]."""
 
     @property
     def lost(self) -> float:
-        """Root of the share of the snapshots' sum of squares that the basis leaves, Eq. (R.1) [-]."""
+        """Root of the residual share of the snapshots' sum of squares, Eq. (R.1) [-]."""
         squares = self.values**2
         return float(np.sqrt(squares[self.modes.shape[1] :].sum() / squares.sum()))
 
@@ -77,7 +77,7 @@ def decompose(snapshots: FloatArray, modes: int) -> Basis:
     if not 1 <= modes <= rank:
         raise ValueError(f"modes must be in [1, {rank}], the independent snapshots, got {modes}")
     V = U.T @ (vectors[:, :modes] / np.sqrt(squares[:modes]))
-    # the Gram matrix squares the condition: once more orthonormal
+    # the Gram matrix squares the condition number: orthonormalise again
     V, R = np.linalg.qr(V)
     return Basis(V * np.sign(np.diag(R)), np.sqrt(squares))
 
@@ -87,7 +87,7 @@ class Sample:
     """Chosen elements."""
 
     cells: IntArray
-    """Their numbers, rising, shape [s]."""
+    """Their numbers, increasing, shape [s]."""
     weights: FloatArray
     """Weight of each [-], > 0, shape [s]."""
     residual: float
@@ -102,11 +102,11 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
     Parameters
     ----------
     G : array, shape [n, m]
-        Shares of the m elements.
+        Contributions of the m elements.
     tolerance : float
         tau, in (0, 1).
     most : int, optional
-        Most elements.
+        Maximum number of elements.
     """
     if not 0.0 < tolerance < 1.0:
         raise ValueError(f"tolerance must be in (0, 1), got {tolerance}")
@@ -131,7 +131,7 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
                 w[:] = 0.0
                 w[active] = found
                 break
-            # the way to the unconstrained optimum is left where the first weight becomes zero
+            # the path to the unconstrained optimum ends where the first weight becomes zero
             old = w[active]
             falling = found <= 0.0
             share = float((old[falling] / (old[falling] - found[falling])).min())
@@ -143,14 +143,14 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
         before = residual
         residual = b - G @ w
         if np.linalg.norm(residual) >= (1.0 - 1e-12) * np.linalg.norm(before):
-            barred[best] = True  # it does not help: not again
+            barred[best] = True  # no improvement: do not try it again
     cells = np.flatnonzero(w > 0.0)
     left = float(np.linalg.norm(residual)) / size
     return Sample(cells, w[cells], left, left <= tolerance)
 
 
 ITERATIONS = 30
-"""Most iterations of an equilibrium."""
+"""Maximum number of iterations for an equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -168,10 +168,10 @@ class ReducedState:
 
 
 class ReducedModel:
-    """A model, its basis, and the elements that stand for all."""
+    """A model, its basis, and the sampled elements."""
 
     def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
-        """Take a model whose conditions are supports, weight and pressures, with its basis and elements.
+        """Make the reduced model; the conditions of `model` must be supports, weight and pressures.
 
         `gravity` is the history of the weight's factor.
         """
@@ -220,7 +220,7 @@ class ReducedModel:
         return self._points.rows(self.model.parameters(parameters)[self._present])
 
     def internal(self, q: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
-        """Reduced internal forces [N], their tangent [N/m], and whether an element is inside out."""
+        """Reduced internal forces [N], their tangent [N/m], and whether an element is inverted."""
         u = (self._rows_of @ q).reshape(-1, self.model.dimension)
         state = self._points.evaluate(u, rows, tangent=True)
         assert state.stiffness is not None
@@ -230,8 +230,7 @@ class ReducedModel:
         return forces, tangent, bool((state.J <= 0.0).any())
 
     def loads(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Reduced forces of a unit of each pressure [m2], shape [n_p, r], and their derivatives [m],
-        shape [n_p, r, r]."""
+        """Reduced forces per unit pressure [m2], shape [n_p, r], and their derivatives [m], [n_p, r, r]."""
         forces, by = [], []
         for a, B, C in self._loads:
             Cq = C @ q  # [r, r]: derivative of B q + 1/2 q C q is B + C q
@@ -291,13 +290,13 @@ def reduce(
     solutions : sequence of Solution
         Equilibria with the same mesh, conditions and constants; every step that was reached is a snapshot.
     modes : int
-        Unknowns at most; there are no more than independent snapshots.
+        Maximum number of unknowns; it is also limited by the number of independent snapshots.
     tolerance : float
-        Of the elements' choice, Eq. (R.2).
+        Tolerance for choosing the elements, Eq. (R.2).
     gravity : str, optional
         History of the weight's factor.
     most : int, optional
-        Most elements.
+        Maximum number of elements.
     """
     model = solutions[0].model
     snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])
@@ -307,7 +306,7 @@ def reduce(
 
 
 def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:
-    """The elements' shares in the reduced forces of projected snapshots [N], shape [n_snapshots r, m]."""
+    """The elements' contributions to the reduced forces of projected snapshots [N], [n_snapshots r, m]."""
     points, V = Points(model), basis.modes
     rows = points.rows(model.parameters())
     d = model.dimension

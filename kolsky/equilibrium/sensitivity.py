@@ -1,6 +1,6 @@
 """First and second derivatives of equilibria by the constants, by the implicit function theorem.
 
-At an equilibrium f_int(u, p) = f_ext the unknowns follow the constants by
+At an equilibrium f_int(u, p) = f_ext the derivatives of the unknowns by the constants follow from
 
     K du/dp = -df_int/dp                                                                       (S.1)
 
@@ -10,12 +10,12 @@ dc/dp = (dc/dF - lam) . df_int/dp with
 
     K^T lam = dc/du + K_F^T dc/dF                                                              (S.2)
 
-in the unknowns: one system a step for any number of constants. With r(u, p) = 0 differentiated twice,
+in the unknowns: one system per step for any number of constants. Differentiating r(u, p) = 0 twice gives
 
     K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.3)
 
-where D_q is the derivative along (u_q, e_q) at fixed u_p, taken as a difference of two points of the exact
-first derivatives, which leaves an error of up to 1e-5 (a pressure that follows; 1e-7 without).
+where D_q is the derivative along (u_q, e_q) at fixed u_p. It is a difference of the exact first derivatives
+at two points, with an error of up to 1e-5 with a follower pressure, 1e-7 without.
 """
 
 from dataclasses import dataclass
@@ -30,19 +30,19 @@ from kolsky.equilibrium.solution import Solution
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Derivatives of a solution; steps that were not reached hold no numbers."""
+    """Derivatives of a solution; steps that were not reached are NaN."""
 
     names: tuple[str, ...]
-    """The constants, region by region, and then the histories asked for."""
+    """The constants, region by region, and then the requested histories."""
     displacements: FloatArray
     """du/dp [m per unit], shape [n_steps, n_names, n, d]."""
     forces: FloatArray
     """Derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit], shape [n_steps, n_names, n,
     d]."""
     solution: Solution
-    """Of what."""
+    """The differentiated solution."""
     factors: tuple[Factors, ...] = ()
-    """Of the tangent of each step, if they were kept."""
+    """Factors of the tangent of each step, if they were kept."""
 
     def reaction(self, where: str) -> FloatArray:
         """Derivatives of `Solution.reaction` [N per unit], shape [n_steps, n_names, d]."""
@@ -54,14 +54,14 @@ class Sensitivities:
 
 
 def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = False) -> Sensitivities:
-    """Derivatives of all displacements and forces: one factorisation a step, a right-hand side a constant.
+    """Derivatives of all displacements and forces: one factorisation per step, one solution per constant.
 
     Parameters
     ----------
     solution : Solution
         Equilibria.
     histories : tuple of str
-        Histories by whose value at each step it is differentiated too (a force that is an unknown of a fit).
+        Histories; derivatives by their value at each step are added (such as a force that is fitted).
     keep : bool
         Keep the factors of every step for `second`.
     """
@@ -158,18 +158,18 @@ def _unit_more(state: State, name: str) -> dict[str, float]:
 
 
 STEP = 1e-4
-"""Distance of the two points from the constant, as a share of it [-]: the error of the difference is its
-square, rounding of the first derivatives over it 1e-11."""
+"""Relative distance of the two points from the constant [-]. The error of the difference is its square, and
+the round-off of the first derivatives divided by it is 1e-11."""
 
 
 @dataclass(frozen=True)
 class SecondDerivatives:
-    """Second derivatives of a solution; steps that were not reached hold NaN."""
+    """Second derivatives of a solution; steps that were not reached are NaN."""
 
     displacements: FloatArray
-    """d2u/dp dq [m per unit squared], shape [n_steps, n, n, n_points, d] of n constants."""
+    """d2u/dp dq [m per unit squared], shape [n_steps, n, n, n_points, d] for n constants."""
     forces: FloatArray
-    """Those of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], of the same shape."""
+    """Second derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], as above."""
     sensitivities: Sensitivities
     """The first derivatives."""
 
@@ -180,12 +180,12 @@ class SecondDerivatives:
 
 
 def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondDerivatives:
-    """Second derivatives by the constants of every region, or by as many as ``first`` of them.
+    """Second derivatives by the constants of every region, or by the first ``first`` of them.
 
     Raises
     ------
     ValueError
-        If the model has a contact, whose points may come and go, or `sensitivities` include a history.
+        If the model has a contact, because its points may change, or `sensitivities` include a history.
     """
     solution = sensitivities.solution
     model, table = solution.model, solution.parameters

@@ -1,8 +1,8 @@
-"""What an element asks of a material: named constants, energy, stress and tangent, and volumetric energies.
+"""Materials for elements: named constants, energy, stress and tangent, and volumetric energies.
 
-Two solids are offered: any law of `explicit.materials.laws` with a volumetric energy (`Isotropic`), and the
-neo-Hookean energy whose shear part is not isochoric (`CompressibleNeoHookean`), as in Schumacher and others
-(2020). Both take their functions from one definition of the energy.
+There are two solids. `Isotropic` is any law of `explicit.materials.laws` with a volumetric energy.
+`CompressibleNeoHookean` is the neo-Hookean energy with a shear part that is not isochoric, as in Schumacher
+and others (2020). The functions of both are derived from one definition of the energy.
 
 Volumetric energies U(J) are
 
@@ -128,11 +128,11 @@ class Solid(Protocol):
         ...
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
-        """The same without the volumetric energy, for a mixed formulation; a ValueError if it has none."""
+        """The functions without the volumetric energy, for a mixed formulation; ValueError if it has none."""
         ...
 
     def scaled(self, factor: float) -> Self:
-        """The material with every stress multiplied by a factor: moduli scale, pure numbers stay."""
+        """The material with every stress multiplied by a factor; pure numbers are unchanged."""
         ...
 
     @property
@@ -254,7 +254,7 @@ class CompressibleNeoHookean:
         return compressible_neo_hookean()
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
-        """There are none."""
+        """Raise ValueError: there are none."""
         raise ValueError(
             "the compressible neo-Hookean energy has no separate volumetric part: take volumetric = "
             '"displacement", or Isotropic with the neo_hookean law'

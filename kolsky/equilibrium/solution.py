@@ -1,4 +1,4 @@
-"""What a history of equilibria gave, and how it ended: a named cause with its cure."""
+"""Result of a history of equilibria, and its outcome: a named cause with its cure."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -69,7 +69,7 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Solution:
-    """A history of equilibria; steps that were not reached hold NaN, and the outcome says why."""
+    """A history of equilibria; steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
     """The model."""
@@ -80,8 +80,8 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Forces that supports, grips, planes and nodal loads exert on the points: the internal ones less weight
-    and pressure [N], shape [n_steps, n, d]."""
+    """Forces of supports, grips, planes and nodal loads on the points: internal forces minus weight and
+    pressure [N], shape [n_steps, n, d]."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""
     outcome: Outcome
@@ -95,7 +95,7 @@ class Solution:
     contact_forces: tuple[FloatArray, ...]
     """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
     equations: Equations = field(repr=False, compare=False)
-    """Of the model with these constants."""
+    """Equations of the model with these constants."""
 
     def reaction(self, where: str) -> FloatArray:
         """Sum of `forces` over a set of points [N], shape [n_steps, d]."""

@@ -1,8 +1,8 @@
 """Equilibria of a model along a history: Newton's method with line search and step halving.
 
-A factorised tangent is kept while it serves, and corrected by the changes of residuals since (Matthies and
-Strang 1979): the inverse of the old tangent starts the two recursions of the BFGS formula, so that an
-iteration costs one solution and no factorisation.
+A factorised tangent is reused as long as it converges fast enough. It is corrected by the later changes of
+the residual (Matthies and Strang 1979): the two recursions of the BFGS formula start with the inverse of the
+old tangent. An iteration then needs one solution and no factorisation.
 """
 
 from collections.abc import Mapping
@@ -18,21 +18,21 @@ from kolsky.equilibrium.model import Model
 from kolsky.equilibrium.solution import Outcome, Solution
 
 PAIRS = 16
-"""Most changes that are remembered."""
+"""Maximum number of stored changes."""
 
 
 class QuasiNewtonTangent:
     """An approximate inverse of the tangent."""
 
     def __init__(self, factors: Factors, *, learns: bool) -> None:
-        """Take the factors; only symmetric tangents of smooth problems learn, others stay as they are."""
+        """Store the factors; only symmetric tangents of smooth problems are updated (``learns``)."""
         self.factors, self.learns = factors, learns
         self.uses = 0
         """Iterations made with it."""
         self._pairs: list[tuple[FloatArray, FloatArray, float]] = []
 
     def direction(self, residual: FloatArray) -> FloatArray:
-        """What the approximate inverse answers to a residual [N], with the sign of an iteration [m]."""
+        """Step of an iteration [m]: the negative approximate inverse times the residual [N]."""
         left, shares = residual.copy(), []
         for step, change, work in reversed(self._pairs):
             shares.append(float(step @ left) / work)
@@ -43,9 +43,9 @@ class QuasiNewtonTangent:
         return -found
 
     def learn(self, step: FloatArray, change: FloatArray) -> None:
-        """Remember that the residual changed by `change` [N] along `step` [m].
+        """Store the change of the residual, `change` [N], along `step` [m].
 
-        A pair along which the stiffness is not positive would spoil the formula and is not remembered.
+        A pair with a stiffness that is not positive is not stored, because the formula does not allow it.
         """
         self.uses += 1
         work = float(step @ change)
@@ -54,15 +54,15 @@ class QuasiNewtonTangent:
 
 
 SERVED = 0.2
-"""Largest ratio of successive residuals in the first iteration with a tangent in single precision that is
-good [-]; two that are not, one after the other, end single precision."""
+"""Largest acceptable ratio of successive residuals in the first iteration with a tangent in single precision
+[-]. After two larger ratios in succession, double precision is used."""
 BEYOND = 0.1
-"""Share of the tolerance that iterations with a kept tangent go on to: they converge step by step, where a
-new tangent's last iteration ends far below the tolerance [-]."""
+"""Iterations with a reused tangent continue to this share of the tolerance [-]. They converge linearly,
+whereas the last iteration with a new tangent ends far below the tolerance."""
 ROUNDING = 1e-14
-"""Change of the displacements, as a share of them, that is rounding [-]."""
+"""Relative change of the displacements that counts as round-off [-]."""
 AUGMENTATIONS = 40
-"""Most augmentations of contact multipliers in a step."""
+"""Maximum number of augmentations of contact multipliers in a step."""
 
 
 @dataclass(frozen=True)
@@ -72,16 +72,16 @@ class Newton:
     tolerance: float = 1e-8
     """Largest residual as a share of the internal forces (2-norms) [-]."""
     iterations: int = 40
-    """Most iterations of a step before it is halved."""
+    """Maximum number of iterations of a step before it is halved."""
     halvings: int = 8
     """How often a step may be halved."""
     line_search: int = 8
-    """Most lengths tried along a direction."""
+    """Maximum number of step lengths tried along a direction."""
     linear: str = "auto"
     """The linear solver, see `kolsky.equilibrium.linear.solvers`."""
     single: bool = True
-    """Whether tangents may be factorised in single precision: they only guide the iteration, whose residual
-    is in double precision. Where that leads nowhere, and in mixed models, double precision is taken."""
+    """Whether tangents may be factorised in single precision. They only guide the iteration; its residual is
+    in double precision. If the iteration fails, and in mixed models, double precision is used."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1e-2:
@@ -91,7 +91,7 @@ class Newton:
 
 
 class Iteration:
-    """Finds equilibria; counts what it needed."""
+    """Finds equilibria, and counts iterations and factorisations."""
 
     def __init__(self, equations: Equations, options: Newton) -> None:
         self.equations, self.options = equations, options
@@ -99,11 +99,11 @@ class Iteration:
         self.single = options.single and equations.model.volumetric == "displacement"
         """Whether factors are in single precision, until they fail to guide the iteration."""
         self.kept: QuasiNewtonTangent | None = None
-        """The last tangent that was factorised, also near an equilibrium before, while it serves."""
+        """The last factorised tangent, possibly from an earlier equilibrium; None if there is none."""
         self._poor = 0
 
     def factorised(self, state: State) -> FloatArray:
-        """Factorise the tangent of a state and keep it; the element matrices that were factorised."""
+        """Factorise the tangent of a state and keep it; returns the factorised element matrices."""
         self.factorisations += 1
         equations = self.equations
         if self.single:
@@ -123,7 +123,7 @@ class Iteration:
         self.kept = QuasiNewtonTangent(factors, learns=self.equations.symmetric and self.equations.smooth)
 
     def equilibrium(self, state: State) -> State | Outcome:
-        """The equilibrium near a state, contacts closed; or why there is none."""
+        """The equilibrium near a state, with contacts within tolerance; or the outcome if it fails."""
         try:
             for _ in range(AUGMENTATIONS):
                 found = self._converged(state)
@@ -157,11 +157,11 @@ class Iteration:
             self.iterations += 1
             direction = self.kept.direction(state.residual)
             if np.linalg.norm(direction) <= ROUNDING * np.linalg.norm(state.u):
-                return state  # what is left of the residual is rounding
+                return state  # the remaining residual is round-off
             following, length = self._line_search(state, direction)
             before, after = float(np.linalg.norm(state.residual)), float(np.linalg.norm(following.residual))
             if self.kept.uses > 0 and not after < before:
-                self.kept = None  # an old tangent leads nowhere: once more from here with a new one
+                self.kept = None  # an old tangent fails: repeat from here with a new one
                 continue
             self.kept.learn(length * direction, following.residual - state.residual)
             tolerance = self.options.tolerance * (1.0 if self.kept.uses == 1 else BEYOND)
@@ -170,7 +170,7 @@ class Iteration:
         return Outcome.NOT_CONVERGED
 
     def _judge(self, state: State, ratio: float) -> None:
-        """Drop a tangent with which residuals that fall on by this ratio take longer than with a new one."""
+        """Drop the tangent if, with this ratio of successive residuals, a new tangent would be faster."""
         assert self.kept is not None
         if self.kept.uses == 1:
             self._poor = 0 if ratio <= SERVED else self._poor + 1
@@ -178,7 +178,7 @@ class Iteration:
         if not self.equations.smooth:
             serves = ratio <= SERVED
         elif self.kept.uses == 1 and self.equations.worth > 1:
-            serves = ratio < 1.0  # the second iteration knows of the first
+            serves = ratio < 1.0  # the second iteration has the update of the first
         else:
             excess = self.equations.excess(state, BEYOND * self.options.tolerance)
             serves = excess * ratio**self.equations.worth <= 1.0
@@ -186,7 +186,7 @@ class Iteration:
             self.kept = None
 
     def _line_search(self, state: State, direction: FloatArray) -> tuple[State, float]:
-        """State and length along the direction where the work of the residual on it has fallen enough."""
+        """State and step length at which the residual's work along the direction has decreased enough."""
         equations = self.equations
         step = equations.expanded(direction)
         initial = float(state.residual @ direction)
@@ -207,7 +207,7 @@ class Iteration:
 
 
 DEGREE = 5
-"""Highest degree of the polynomial that continues the states so far."""
+"""Highest degree of the polynomial that extrapolates the last states."""
 
 
 def solve(
@@ -226,23 +226,23 @@ def solve(
     model : Model
         The body with its supports and loads.
     steps : mapping of str to array
-        Value of each of the model's histories at each step, shape [n_steps]; before the first all are 0.
+        Value of each of the model's histories at each step, shape [n_steps]; before the first step all are 0.
         None for a model without histories: one step.
     parameters : array, optional
-        Constants of each region, shape [n_regions, n_parameters] or, of one region, [n_parameters]; None: the
-        material's own.
+        Constants of each region, shape [n_regions, n_parameters] or, for one region, [n_parameters]; None:
+        those of the material.
     newton : Newton, optional
         Options.
     guess : array, shape [n_steps, n, d], optional
-        Displacements from which the iteration of each step starts [m], such as those at other constants; a
-        step where that leads nowhere is reached from the one before.
+        Initial displacements for the iteration of each step [m], such as those at other constants. If the
+        iteration fails, the step is computed from the previous one.
     like : Solution, optional
-        A solution of the same model at other constants, whose geometry and fronts serve again.
+        A solution of the same model at other constants; its geometry and fronts are reused.
 
     Raises
     ------
     ValueError
-        If a history is missing, unknown, of another length or not finite; or `like` is of another model.
+        If a history is missing, unknown, of different length or not finite, or `like` has another model.
     """
     if like is not None and like.model is not model:
         raise ValueError("like must be a solution of the same model")
@@ -307,7 +307,7 @@ def checked_steps(model: Model, steps: Mapping[str, ArrayLike] | None) -> dict[s
 
 
 class _Path:
-    """The states reached so far, and the way to the next."""
+    """The states reached so far, and the steps to the next one."""
 
     def __init__(self, equations: Equations, options: Newton) -> None:
         self.equations, self.options = equations, options
@@ -316,7 +316,7 @@ class _Path:
         self.before: list[State] = []
 
     def to(self, target: dict[str, float], guess: FloatArray | None) -> Outcome:
-        """Go to the target, halving the way where an iteration fails."""
+        """Go to the target; the step is halved if an iteration fails."""
         if guess is not None:
             state = self.equations.evaluate(
                 self.equations.with_prescribed(guess, target), target, like=self.state
@@ -347,7 +347,7 @@ class _Path:
         self.state = state
 
     def _next(self, at: dict[str, float]) -> State | Outcome:
-        """The next equilibrium, from the states before continued or the tangent's answer to the change."""
+        """The next equilibrium, from extrapolated states or from the tangent's prediction."""
         guess = self._continued(at)
         if guess is not None:
             moved = self.equations.with_prescribed(guess, at)
@@ -375,7 +375,7 @@ class _Path:
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:
-        """The path continued as a polynomial, if the histories go straight on."""
+        """The path extrapolated by a polynomial, if the histories continue straight; else None."""
         states = [*self.before, self.state]
         if len(states) < 2:
             return None
@@ -385,7 +385,7 @@ class _Path:
         size = float(way @ way)
         if size == 0.0:
             return None
-        # places on the way: the next is at 1, this at 0
+        # positions on the path: the next state is at 1, this one at 0
         places: list[float] = []
         kept: list[FloatArray] = []
         for state in reversed(states):
@@ -403,10 +403,10 @@ class _Path:
 
 
 def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
-    """The polynomial through the last states, the latest first, at place 1.
+    """The polynomial through the last states, the latest first, at position 1.
 
-    Its degree is one that would have met the latest state best from those before it, and one more where that
-    was the highest that could be tried: a history with kinks is continued by few states.
+    Its degree is the one that would have predicted the latest state best from the states before it, or one
+    more if that was the highest possible degree. A history with kinks is thus extrapolated from few states.
     """
     latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
     for degree in range(1, len(states) - 1):
@@ -418,7 +418,7 @@ def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
 
 
 def _extrapolated(places: list[float], states: list[FloatArray], to: float) -> FloatArray:
-    """Lagrange's polynomial through the states, at a place."""
+    """Lagrange's polynomial through the states, at a position."""
     found = np.zeros_like(states[0])
     for i, u in enumerate(states):
         others = [x for j, x in enumerate(places) if j != i]

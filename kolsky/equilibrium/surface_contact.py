@@ -5,15 +5,15 @@ g = n . (x - X) with the outward normal n there. The potential
 
     Pi = sum_g w_g eps/2 <-g>^2                                                                (C.1)
 
-with the undeformed areas w gives a pressure t = eps <-g>, hence forces that are opposite and equal, have no
-moment, and derive from a potential. With dg = D^T n, D = [N_a, -N_b] of both surfaces, and the metric
+with the undeformed areas w gives a pressure t = eps <-g>. The forces are therefore equal and opposite,
+without a moment, and derive from a potential. With dg = D^T n, D = [N_a, -N_b] of both surfaces, the metric
 m_ab = X,a . X,b, the curvature k_ab = n . X,ab, H = m - g k and P_a = (0, n N_b,a) the tangent is
 
     sum_g w_g (eps dg dg^T - t d2g),
     d2g = -D^T X,a (m^-1 k H^-1)^ab X,b^T D - (D^T X,a H^ab P_b^T + transposed) - g P_a H^ab P_b^T   (C.2)
 
 exactly (Laursen and Simo 1993; the closest point's Hessian by the implicit function theorem). A contact is
-searched both ways, each with half of the penalty: an edge of either surface may press into the other.
+evaluated in both directions, each with half of the penalty, because edges of both surfaces may penetrate.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ from kolsky.equilibrium.loads import faces_on
 from kolsky.equilibrium.model import Model, SelfContact
 
 OUTSIDE = 0.01
-"""How far a closest point may lie outside of a face, in its coordinates [-]."""
+"""Largest distance of a closest point outside a face, in its coordinates [-]."""
 
 
 def _face_element(element: Element) -> Element:
@@ -43,10 +43,10 @@ def _face_element(element: Element) -> Element:
 
 
 def _contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
-    """Points [g, d - 1] and weights [g] on a face, its corners among them: walls may touch in an edge first.
+    """Points [g, d - 1] and weights [g] on a face, including its corners: walls may touch first at an edge.
 
-    Four points of Lobatto's rule in each coordinate (degree 5); on a triangle corners, middles of the edges
-    and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
+    Four points of Lobatto's rule in each coordinate (degree 5); on a triangle corners, mid-points of the
+    edges and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
     """
     if item.shape == "simplex" and item.dimension == 2:
         points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
@@ -103,7 +103,7 @@ def areas(
 
 
 def _inside_face(item: Element, places: FloatArray) -> BoolArray:
-    """Whether places lie in a face, or no more than `OUTSIDE` beside it, shape [t]."""
+    """Whether positions are in a face, or at most `OUTSIDE` outside it, shape [t]."""
     if item.shape == "hypercube" or item.dimension == 1:
         low, high = item.nodes.min(), item.nodes.max()
         return np.asarray(((places >= low - OUTSIDE) & (places <= high + OUTSIDE)).all(axis=1))
@@ -113,23 +113,23 @@ def _inside_face(item: Element, places: FloatArray) -> BoolArray:
 STIFFNESS = 500.0
 """Penalty of a point, in shear moduli over the size of a face."""
 DEPTH = 0.01
-"""Largest depth of an equilibrium unless it is declared, as a share of the size of a face [-]."""
+"""Default of the largest penetration at equilibrium, as a share of the size of a face [-]."""
 NEAREST = 12
-"""Faces that are tried for a closest point."""
+"""Number of faces that are tried for a closest point."""
 PROJECTIONS = 12
-"""Iterations for a closest point."""
+"""Maximum number of iterations for a closest point."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Points of the first surface that are nearer than the reach to the second, in a state."""
+    """Points of the first surface within the search distance of the second, in a state."""
 
     points: IntArray
     """Their numbers, face by face, shape [t]."""
     faces: IntArray
     """Faces of the second surface on which their closest points lie, shape [t]."""
     gaps: FloatArray
-    """Gaps [m], negative where they are deep, shape [t]."""
+    """Gaps [m], negative for penetration, shape [t]."""
     places: FloatArray
     """Coordinates of the closest points in the faces [-], shape [t, d - 1]."""
 
@@ -292,7 +292,7 @@ class SurfaceContact:
             hessian = metric - np.einsum(
                 "tkab,tk->tab", item.curvatures(at), (nodes @ away[..., None])[..., 0]
             )
-            # far from a bent face the Hessian may be indefinite: then the metric alone leads nearer
+            # far from a curved face the Hessian may be indefinite: then use only the metric
             wrong = np.linalg.det(hessian) <= 1e-3 * np.linalg.det(metric)
             hessian[wrong] = metric[wrong]
             step = np.linalg.solve(hessian, np.einsum("tad,td->ta", tangents, away)[..., None])[..., 0]

@@ -1,8 +1,8 @@
-"""What a file holds, by a library that a damaged one may end: a program `child.py FORMAT PATH PLACE`.
+"""Read a file with a library that a damaged file may crash: a program `child.py FORMAT PATH PLACE`.
 
-python-calamine lays out every sheet of an old Excel workbook as a full rectangle, and SciPy follows damaged
-counts of a MATLAB file out of its buffers. The process that reads a shot must survive that: `read_in_child`
-of `kolsky.readers.contents` starts this one. It imports nothing of this package.
+python-calamine stores every sheet of an old Excel workbook as a full rectangle. SciPy reads beyond its
+buffers if counts in a MATLAB file are damaged. The process that reads a shot must survive both, therefore
+`read_in_child` of `kolsky.readers.contents` starts this program. It imports nothing of this package.
 """
 
 import json
@@ -14,20 +14,20 @@ from collections.abc import Callable
 from typing import Any
 
 MEMORY = {"xls": 1_300_000_000, "mat": 2_500_000_000}
-"""Most memory of this process, where the system can limit it [bytes]."""
+"""Memory limit of this process, if the system supports one [bytes]."""
 ALARM = 10
-"""Time after which it ends, where the system has alarms, also when nobody waits for it any more [s]."""
+"""Time limit of this process, if the system supports alarms; also ends it if the parent has ended [s]."""
 UNPACKED_LIMIT = 400_000_000
-"""Largest size of all arrays of a MATLAB file together [bytes]."""
+"""Largest total size of the arrays of a MATLAB file [bytes]."""
 NUMBERS = {
     "double": 8, "single": 4, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4,
     "int64": 8, "uint64": 8, "logical": 1,
 }  # fmt: skip
-"""Class of a numeric array -> bytes of a number."""
+"""Class of a numeric array -> bytes per number."""
 
 
 def limit(form: str) -> None:
-    """Have an allocation beyond `MEMORY` fail instead of taking the machine's memory, and end in time."""
+    """Limit the memory of this process to `MEMORY` and its time to `ALARM`."""
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ[name] = "1"  # each thread would take memory
     try:
@@ -39,7 +39,7 @@ def limit(form: str) -> None:
 
 
 def xls(path: str, place: str) -> list[dict[str, Any]]:
-    """The sheets of a workbook: title, whether it is shown, and rows of texts, numbers and truth values."""
+    """The sheets of a workbook: title, visibility, and rows of texts, numbers and truth values."""
     from python_calamine import SheetVisibleEnum, load_workbook
 
     with load_workbook(path) as book:

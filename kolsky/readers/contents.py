@@ -1,6 +1,6 @@
 """Contents of a recorder's file: its declared layout, its channels with their samples, and their clock.
 
-A printed time column gives a uniform clock within its digits, or the reason why it does not.
+A printed time column gives a uniform clock within its printed digits, or the reason why there is none.
 """
 
 import hashlib
@@ -28,9 +28,9 @@ ColumnId = str | int
 
 @dataclass(frozen=True)
 class Layout:
-    """Declared layout of a recorder's file; what is None is found in the file.
+    """Declared layout of a recorder's file; fields that are None are detected in the file.
 
-    Something that is said wins over what the file says. All that was found is in `Contents.facts`.
+    Declared fields take precedence over the file. The detected layout is in `Contents.facts`.
     """
 
     format: str | None = None
@@ -42,13 +42,13 @@ class Layout:
     decimal: str | None = None
     """Decimal sign of a text file: "." or ","."""
     comment: str | None = None
-    """How a line begins that is no data, wherever it stands, e.g. "#"."""
+    """Start of comment lines, which may be anywhere in the file, e.g. "#"."""
     header_line: int | None = None
     """Line of the column names, counted from 1; 0 if the file has none."""
     units_line: int | None = None
     """Line of the columns' units, counted from 1; 0 if the file has none."""
     first_line: int | None = None
-    """Line of the first samples, counted from 1; what stands above is metadata."""
+    """Line of the first samples, counted from 1; the lines above are metadata."""
     sheet: str | None = None
     """Sheet of a workbook."""
     time: ColumnId | Mapping[str, ColumnId] | None = None
@@ -56,64 +56,64 @@ class Layout:
     time_unit: str | None = None
     """Unit of the time columns, e.g. "ms"."""
     interval: float | None = None
-    """Time from sample to sample [s]."""
+    """Sampling interval [s]."""
     start: float | None = None
     """Time of the first sample on the instrument's clock [s]."""
     unit: str | None = None
     """Unit of the samples, e.g. "mV"."""
     full_scale: float | None = None
-    """Largest size that the recorder shows, in the SI unit of the samples; without it a clipped signal is
-    recognised by its flat top."""
+    """Largest magnitude that the recorder can record, in the SI unit of the samples. Without it, clipping is
+    detected by a flat top of the signal."""
 
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """One channel as its file describes it; its samples have not been judged."""
+    """One channel as described in its file; its samples have not been checked."""
 
     name: str
-    """Its name in the file, by which it is asked for."""
+    """Its name in the file; selects the channel."""
     number: int
-    """Its number among the columns or channels of the file, counted from 1; it may be asked for by this."""
+    """Its number among the columns or channels of the file, counted from 1; also selects the channel."""
     unit: str | None
     """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
     """Number of its samples."""
     start: float | None
-    """Time of the first sample [s]; None if it is not known."""
+    """Time of the first sample [s]; None if unknown."""
     interval: float | None
-    """Time from sample to sample [s]; None if it is not known."""
+    """Sampling interval [s]; None if unknown."""
     time: str
-    """Where the times come from, or why they are not known and what to say."""
+    """Source of the times, or why they are unknown and what to declare."""
     facts: Mapping[str, str] = field(default_factory=dict)
-    """What was found in the file: its format and, of text, encoding, delimiter, decimal sign, header line."""
+    """The detected layout: format and, for text, encoding, delimiter, decimal sign and header line."""
     metadata: Mapping[str, str] = field(default_factory=dict)
-    """What else the file says, by its own keys."""
+    """Other entries of the file, by the keys in the file."""
 
 
 BINARY_LIMIT = 1_000_000_000
 """Largest binary file that is read [bytes]."""
 SAMPLES_LIMIT = 20_000_000
-"""Most samples of one channel that are read; a compressed file may promise more than fits in memory."""
+"""Maximum number of samples of one channel; a compressed file may declare more than fits in memory."""
 
 LARGEST_SAMPLE = LARGEST
-"""Largest size of a sample that is read, in any unit."""
+"""Largest accepted magnitude of a sample, in any unit."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Sample i was taken at ``start + i * interval``."""
+    """Sampling times: sample i was taken at ``start + i * interval``."""
 
     start: float
     """Time of the first sample [s]."""
     interval: float
-    """Time from sample to sample [s]."""
+    """Sampling interval [s]."""
     source: str
-    """Where both come from, in words."""
+    """Source of both, in words."""
     measured: FloatArray | None = field(default=None, compare=False)
-    """Times of the samples where the steps between them vary [s], shape [samples]; None if they do not."""
+    """Times of the samples if their intervals vary [s], shape [samples]; else None."""
 
     def times(self, samples: int) -> FloatArray:
-        """Times of this many samples [s], shape [samples]."""
+        """Times of the first ``samples`` samples [s], shape [samples]."""
         return self.start + self.interval * np.arange(samples, dtype=np.float64)
 
 
@@ -132,9 +132,9 @@ class Channel:
     values: Callable[[], FloatArray]
     """Reads the samples in `unit`, shape [samples]; raises `InputError`."""
     clock: Callable[[], Clock]
-    """Finds the clock; raises `InputError` if it is not known."""
+    """Finds the clock; raises `InputError` if it is unknown."""
     place: Callable[[int], int | None] = lambda sample: None
-    """Line of the file on which a sample stands; None in a binary file."""
+    """Line of a sample in the file; None in a binary file."""
 
 
 @dataclass(frozen=True)
@@ -148,18 +148,18 @@ class Contents:
     channels: tuple[Channel, ...]
     """Its channels, without the time columns."""
     facts: Mapping[str, str]
-    """What was found: "format" and, of text, "encoding", "delimiter", "decimal", "header"."""
+    """The detected layout: "format" and, for text, "encoding", "delimiter", "decimal", "header"."""
     metadata: Mapping[str, str] = field(default_factory=dict)
-    """What else the file says, by its own keys."""
+    """Other entries of the file, by the keys in the file."""
 
     def without_numbers(self) -> str:
-        """The columns or variables that hold no numbers, in words for a message; empty without any."""
+        """The columns or variables without numbers, in words for a message; empty if there are none."""
         others = self.facts.get("without numbers")
         return f"; without numbers are {others}" if others else ""
 
 
 def clock_words(interval: float, samples: int) -> str:
-    """Rate, number and duration of a record as a person checks them: "800 kHz, 120 samples, 150 us"."""
+    """Sampling rate, number of samples and duration of a record: "800 kHz, 120 samples, 150 us"."""
     return f"{_prefixed(1.0 / interval, 'Hz')}, {samples} samples, {_prefixed(samples * interval, 's')}"
 
 
@@ -170,7 +170,7 @@ def _prefixed(value: float, unit: str) -> str:
 
 
 def stated_clock(interval: float, start: float | None, source: str) -> Clock:
-    """A clock whose interval is known; a file without a start begins at 0."""
+    """A clock with a stated interval; it begins at 0 if no start is stated."""
     if start is None:
         return Clock(0.0, interval, f"{source}; start 0, the file gives none")
     return Clock(start, interval, source)
@@ -205,7 +205,7 @@ def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:
-    """The first bytes of a file, for `sniff`; nothing if it cannot be read."""
+    """The first bytes of a file, for `sniff`; empty if it cannot be read."""
     try:
         with regular(path).open("rb") as stream:
             return stream.read(size)
@@ -221,13 +221,13 @@ _FIRST_BYTES = (
     (b"TDSm", "a TDMS file of LabVIEW", "rename it to end in .tdms"),
     (b"%PDF", "a PDF document", "export the numbers as CSV"),
 )
-"""First bytes of a file -> what it is, and the cure where its name says that it is text."""
+"""First bytes of a file -> its format, and the cure if its name is that of a text file."""
 
 
 def check_name(path: Path) -> None:
-    """Refuse a file whose ending is that of text, and whose first bytes are those of another format.
+    """Check that a file with a text ending does not have the first bytes of another format.
 
-    Raises InputError: with the format and the ending it should have.
+    Raises InputError that names the format and its correct ending.
     """
     head = head_of(path, 16)
     for start, kind, cure in _FIRST_BYTES:
@@ -236,14 +236,14 @@ def check_name(path: Path) -> None:
 
 
 TIMEOUT = 9.0
-"""Longest time that the program `kolsky.readers.child` may take for a file [s]."""
+"""Time limit of the program `kolsky.readers.child` for one file [s]."""
 
 
 def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, str], InputError]) -> Any:
-    """What `kolsky.readers.child` finds in a file, in a process of its own that may die.
+    """Read a file with `kolsky.readers.child` in a separate process, which a damaged file may crash.
 
     ``path``: the file. ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the
-    error of a broken file. Raises InputError if the program fails, dies or takes longer than `TIMEOUT`.
+    error for a damaged file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
     """
     program = Path(__file__).with_name("child.py")
     try:
@@ -257,9 +257,9 @@ def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, s
 
 
 def check_samples(path: Path, name: str, samples: int) -> None:
-    """Refuse a channel with more samples than are read, or fewer than two.
+    """Check that a channel has at least two samples and at most `SAMPLES_LIMIT`.
 
-    Raises InputError: with the number found.
+    Raises InputError that gives the number found.
     """
     if samples > SAMPLES_LIMIT:
         raise InputError(
@@ -274,13 +274,13 @@ def check_samples(path: Path, name: str, samples: int) -> None:
 
 
 LARGEST_JITTER = 0.1
-"""Largest spread of the steps of a time column that still gives the interval, as a share of the step [-]."""
+"""Largest spread of the steps of a time column, relative to the step, at which it defines an interval [-]."""
 LARGEST_VARIATION = 0.05
-"""Largest variation of single steps, as a share of the step, that is interpolated to uniform times [-]."""
+"""Largest variation of single steps, relative to the step, that is interpolated to uniform times [-]."""
 SAMPLED = 5000
-"""Rows of a column whose printed digits are looked at one by one."""
+"""Number of rows of a column whose printed digits are examined one by one."""
 SINGLE = 2.0**-23
-"""Resolution of single precision, in which many recorders compute the times that they print."""
+"""Resolution of single precision, which many recorders use to compute their printed times."""
 
 _FIFTEEN = Context(prec=15)
 
@@ -289,10 +289,10 @@ Fault = Callable[[str, int | None, str], InputError]
 
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
-    """The last digit printed of each number, in its unit, shape [n].
+    """The last printed digit of each number, in its unit, shape [n].
 
-    Some programs print so many decimals, others so many figures, and many drop trailing zeros: numbers of one
-    decade and one notation share the finest digit that one of them shows.
+    Some programs print a fixed number of decimals, others a fixed number of significant figures, and many
+    drop trailing zeros. Numbers of one decade and one notation therefore get the finest digit among them.
     """
     numbers = [_printed(field) for field in fields]
     kinds = [
@@ -307,8 +307,9 @@ def _printed_digits(fields: Sequence[str]) -> FloatArray:
 
 
 def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatArray:
-    """The last digit printed of each number of a long column: of `SAMPLED` rows as they are, of the others by
-    their decade.
+    """The last printed digit of each number of a long column.
+
+    `SAMPLED` rows are examined; the others get the digit of their decade.
 
     ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in the unit of `values`,
     shape [n].
@@ -319,7 +320,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
         decade = np.floor(np.log10(np.abs(values)))  # -inf for 0
     rows = np.linspace(0, values.size - 1, SAMPLED).astype(int)
     found = np.unique(decade)
-    # A decade near 0 has few rows, which an even choice may miss.
+    # A decade near 0 has few rows, which evenly spaced samples may miss.
     rows = np.unique(np.concatenate([rows, *(np.flatnonzero(decade == d)[:20] for d in found)]))
     digits = _printed_digits([field_of(int(row)) for row in rows])
     coarsest = {d: float(digits[decade[rows] == d].max()) for d in found}
@@ -337,18 +338,18 @@ def column_clock(
     start: float | None = None,
     source: str = "",
 ) -> Clock:
-    """The clock that a time column shows.
+    """The clock defined by a time column.
 
-    With a known interval dt every printed time t_i with last digit d_i says that the start lies in
-    t_i - i dt ± d_i / 2; all of them together say more than the first alone. The middle of what all allow is
-    the start, unless they leave less than a hundredth of dt: then the first time is.
+    With a known interval dt, each printed time t_i with last digit d_i limits the start to
+    t_i - i dt ± d_i / 2. All times together constrain the start better than the first time. The start is the
+    middle of the common range; if that range is smaller than dt / 100, it is the first time.
 
-    ``time``: the printed times [s], shape [n]. ``digit``: the last digit printed of each [s], shape [n].
+    ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each [s], shape [n].
     ``name``: the column, for messages. ``fault``: makes an error about the file. ``interval``: the interval
-    that the user or the header states [s]; without it the column has to show one. ``tolerance``: what the
-    stated interval may be off by, being printed itself [s]. ``start``: the start that is stated beside it
-    [s]. ``source``: where the stated interval comes from, in words. Raises InputError if times fall, have
-    gaps, are rounded too much for an interval, or contradict the stated one.
+    stated by the user or the header [s]; without it the column must define one. ``tolerance``: rounding error
+    of the printed interval [s]. ``start``: the start stated with it [s]. ``source``: source of the stated
+    interval, in words. Raises InputError if times decrease, have gaps, are rounded too much to define an
+    interval, or contradict the stated interval.
     """
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
@@ -361,7 +362,7 @@ def column_clock(
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
-    # Some programs cut digits off where others round: a whole digit instead of half of one.
+    # Some programs truncate instead of rounding: the error is a whole digit instead of half a digit.
     for share in (0.5, 1.0):
         slack = share * digit * 1.001 + 1e-12 * np.abs(time) + tolerance * index
         low, high = (
@@ -388,9 +389,9 @@ def column_clock(
 def array_clock(
     time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
 ) -> Clock:
-    """The clock of times stored as numbers, of which nobody knows the digits.
+    """The clock of times stored as binary numbers, whose printed digits are unknown.
 
-    Raises InputError as `column_clock`; a time may be off its uniform place by 5 % of the interval.
+    Raises InputError as `column_clock`; a time may deviate from uniform times by 5 % of the interval.
     """
     _sorted(time, name, fault)
     last = time.size - 1
@@ -426,7 +427,7 @@ def _printed(field: str) -> Decimal:
 
 
 def _without_noise(interval: float, doubt: float) -> float:
-    """The interval without its float's last bits: rounded by a thousandth of what the digits leave open."""
+    """The interval without round-off in its last bits: rounded to 1/1000 of its uncertainty by digits."""
     figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
     return float(f"{interval:.{min(15, figures)}g}")
 
@@ -451,18 +452,20 @@ def _sorted(time: FloatArray, name: str, fault: Fault) -> None:
 def _uniform(
     time: FloatArray, digit: FloatArray, shown: float, doubt: float, name: str, fault: Fault
 ) -> bool:
-    """Whether the steps vary by more than the printed digits; gaps and rounding that hides the interval are
-    refused."""
+    """Whether the steps are uniform within the printed digits.
+
+    Raises an error for gaps, and for rounding that hides the interval.
+    """
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
-    # Most steps alike, or digits much finer than a step: then the median is the step, whatever a gap does to
-    # the mean. A column of few digits has steps of 0 and 1 digit, and only the mean tells anything.
+    # Most steps alike, or digits much finer than a step: then the median is the step, even if a gap changes
+    # the mean. A column of few digits has steps of 0 and 1 digit, so that only the mean is useful.
     alike = float(np.mean(np.abs(steps - median) <= 0.01 * median)) > 0.5 and median > 0.0
     fine = alike or bool(printed.max() < LARGEST_JITTER * median)
     step, of_step = (median, float(np.median(printed))) if fine else (shown, doubt)
     excess = np.abs(steps - step)
-    # A step is off by a digit at most, half a digit for each of its times; so is the one it is held against.
+    # The error of a step is at most one digit, half a digit for each time; also that of the reference step.
     beyond = excess - 1.001 * (printed + of_step) - 1e-9 * step - 4e-16 * np.abs(time).max()
     row = int(np.argmax(beyond))
     if beyond[row] > 0.0 and float(excess.max()) <= LARGEST_VARIATION * step:

@@ -11,11 +11,11 @@ from kolsky.readers.text import read_text
 BINARY = False
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
-"""Endings of text; many programs write it with tabs and call it .xls."""
+"""Endings of text files; many programs name tab-separated text .xls."""
 
 
 def sniff(path: Path) -> bool:
-    """True for what may be delimited text: by its ending, and no zero bytes but those of UTF-16."""
+    """True if a file may be delimited text: by its ending, and without zero bytes except in UTF-16."""
     head = head_of(path)
     if path.suffix.lower() not in SUFFIXES or not head.strip():
         return False
@@ -43,8 +43,8 @@ def read_lines(
     """Channels and metadata of the lines of a text.
 
     ``path``, ``sha256``: the file and its hash. ``lines``: its lines; a workbook's rows with tabs between
-    their cells. ``layout``: what has been said of it. ``facts``: what has been found so far. ``word``: what a
-    line is called in messages: "line" or "row". Raises InputError as `read`.
+    their cells. ``layout``: the declared layout. ``facts``: the layout detected so far. ``word``: the name of
+    a line in messages: "line" or "row". Raises InputError as `read`.
     """
     found = find_table(path, lines, layout, word=word)
     dialect, above, headings = found.dialect, found.above, found.headings

@@ -1,4 +1,4 @@
-"""Points of a surface from a series of text files, one a frame, as other DIC programs export them.
+"""Points of a surface from a series of text files, one per frame, as exported by other DIC programs.
 
 The column names of each program are in `LAYOUTS`.
 """
@@ -21,18 +21,18 @@ from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
 @dataclass(frozen=True)
 class ExportLayout:
-    """The columns of one program's export; a name is compared without its unit in brackets."""
+    """The columns of one program's export; names are compared without their units in brackets."""
 
     program: str
-    """The program, and its version where the names changed."""
+    """The program, with its version if the names differ between versions."""
     coordinates: tuple[str, str, str]
-    """Columns of the position: in the reference frame or in the current one, which the numbers tell."""
+    """Columns of the position, in the reference frame or the current one; the numbers show which."""
     displacements: tuple[str, str, str]
     """Columns of the displacement from the reference frame."""
     key: tuple[str, ...] = ()
-    """Columns that say which point a row is, the same in every frame; without them rows keep their order."""
+    """Columns that identify the point of a row in every frame; without them the order of rows does."""
     rejected: tuple[str, ...] = ()
-    """Columns that are negative where the program gave a point up; those that are there count."""
+    """Columns that are negative for points rejected by the program; missing columns are ignored."""
 
 
 LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
@@ -97,38 +97,38 @@ LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
         ),
     ),
 }
-"""Name in shot.toml -> layouts, the first of which that has all its columns in the header is used."""
+"""Name in shot.toml -> layouts; the first layout with all its columns in the header is used."""
 
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
-"""Units of length that may be stated, in metres."""
+"""Allowed units of length, in metres."""
 FILES_LIMIT = 10_000
-"""Most frames of one export."""
+"""Maximum number of frames of one export."""
 _HEADING_UNIT = re.compile(r".*[\[(]([^\[\]()]*)[\])]\s*")
 _UNIT = re.compile(r"\s*\[[^\[\]]*\]\s*$|\s*\([^()]*\)\s*$")
 
 
 class PointState(IntEnum):
-    """State of a point in a frame as the export gives it."""
+    """State of a point in a frame of an export."""
 
     VALID = 0
     """It has a displacement."""
     REJECTED = 1
     """The program marked it as failed."""
     MISSING = 2
-    """It has no row, or no numbers in it."""
+    """It has no row, or a row without numbers."""
 
 
 @dataclass(frozen=True)
 class DicExport:
-    """Points of a surface in the frame of the program that measured them (SI)."""
+    """Points of a surface in the coordinate system of the measuring program (SI)."""
 
     paths: tuple[Path, ...]
     """The files, by frame."""
     sha256: str
     """SHA-256 over the hashes of all files, hex."""
     program: str
-    """The layout that fitted."""
+    """The layout that was used."""
     frame: IntArray
     """Frame numbers from the names of the files, increasing, shape [n_frames]."""
     X: FloatArray
@@ -162,15 +162,15 @@ def read(
 ) -> DicExport:
     """Read the points of all frames.
 
-    A point is recognised by the layout's key, else by its row. Whether the coordinates of the files are those
-    of the reference frame or of the current one is told from the numbers: the former stay, the latter move
+    A point is identified by the layout's key, else by its row. The coordinates of the files may be reference
+    or current positions. The numbers show which: reference positions are constant, current positions change
     with the displacements.
 
-    ``paths``: the files; their names have the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``: unit
-    of length of coordinates and displacements; None for that of the headings, or mm where they have none.
-    ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; found if None. Raises InputError if a
-    file cannot be read or lacks a column, a heading has another unit than the declared one, names have no
-    frame numbers, a point is there twice, rows cannot be distinguished, or coordinates are of neither kind.
+    ``paths``: the files; their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
+    unit of length of coordinates and displacements; None for that of the headings, or mm if they have none.
+    ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; detected if None. Raises InputError if
+    a file cannot be read or lacks a column, a heading has another unit than the declared one, names have no
+    frame numbers, a point is repeated, rows cannot be distinguished, or coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(
@@ -211,13 +211,13 @@ def read(
 
 
 def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
-    """The programs whose headings a file has, with the units of length that these headings state.
+    """The programs whose headings match a file, with the units of length in these headings.
 
-    Names of one letter, as x, y, z, u, v, w, are common. With them the columns that say which point a row is
-    must be there too, which `read` does not ask for.
+    Names of one letter, as x, y, z, u, v, w, are common. For such names the columns that identify a point
+    must also be present; `read` does not require them.
 
-    ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the file is no table, or its headings
-    are those of no program.
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the file is not a table, or its
+    headings match no program.
     """
     try:
         _, table, sheet = _sheet(path, Layout())
@@ -300,7 +300,7 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
     """Unit of a column of lengths: that of its heading, else the declared one, else mm.
 
-    Raises InputError if both are there and differ.
+    Raises InputError if both are present and differ.
     """
     stated = _stated_unit(heading)
     if not stated:
@@ -326,7 +326,7 @@ def _has(sheet: Sheet, names: Sequence[str]) -> bool:
 
 
 def _frame_numbers(paths: Sequence[Path]) -> IntArray:
-    """The group of digits that differs from name to name."""
+    """The frame numbers: the group of digits that differs between the file names."""
     groups = [re.findall(r"\d+", path.stem) for path in paths]
     count = min(map(len, groups), default=0)
     if any(len(group) != count for group in groups) or not count:
@@ -346,7 +346,7 @@ def _frame_numbers(paths: Sequence[Path]) -> IntArray:
 
 
 def _point_index(files: Sequence[_File]) -> dict[object, int]:
-    """Every point of any frame -> its place."""
+    """Every point that occurs in a frame -> its index."""
     by_row = isinstance(files[0].keys[0], int) if files[0].keys else True
     lengths = {len(file.keys) for file in files}
     if by_row and len(lengths) > 1:

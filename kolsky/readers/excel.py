@@ -1,8 +1,7 @@
 """Excel workbook (.xlsx): the cached values of one sheet, never its formulas.
 
-Rows come one by one from openpyxl. python-calamine, which reads the old .xls (`kolsky.readers.excel_97`),
-lays out a sheet as a full rectangle before anything can be asked of it: a workbook of 5 kB with a cell at
-XFD1048576 then ends the process.
+openpyxl reads the rows one by one. python-calamine, used for the old .xls (`kolsky.readers.excel_97`), first
+stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the process.
 """
 
 import math
@@ -20,11 +19,11 @@ BINARY = True
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""
 UNPACKED_LIMIT = 500_000_000
-"""Largest size of all its parts unpacked [bytes]; a small file may unpack to any size."""
+"""Largest unpacked size of all its parts [bytes]; a small file may unpack to any size."""
 COLUMNS_LIMIT = 256
-"""Most columns that are read."""
+"""Maximum number of columns that are read."""
 ROWS_LIMIT = 1_048_576
-"""Most rows of a sheet, in Excel as here: a damaged file may number its last row as it likes."""
+"""Maximum number of rows of a sheet, as in Excel; a damaged file may declare any number."""
 
 _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!DOCTYPE".encode("utf-16-be"))
 
@@ -37,8 +36,9 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises InputError if it is no workbook, is too large unpacked, declares XML entities, has several sheets
-    with data and none is named, or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is not a workbook, is too large unpacked, or declares XML entities; if several
+    sheets have data and none is declared; if a cell contains an error; and as
+    `kolsky.readers.delimited.read_lines`.
     """
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)
@@ -47,7 +47,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, wanted: str | None) -> list[str]:
-    """The rows of the sheet that is named, else of the one with data, as lines with tabs between the cells.
+    """The rows of the declared sheet, else of the only sheet with data, as tab-separated lines.
 
     Raises InputError as `read`.
     """
@@ -80,8 +80,8 @@ def sheet_contents(
     """Channels and metadata of the rows of one sheet.
 
     ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
-    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: what has been
-    said of it. Raises InputError if it is empty or a cell holds an error; and as
+    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: the declared
+    layout. Raises InputError if it is empty or a cell contains an error; and as
     `kolsky.readers.delimited.read_lines`.
     """
     lines = sheet_lines(path, title, rows)
@@ -92,9 +92,9 @@ def sheet_contents(
 
 
 def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
-    """The sheet that is meant: the one named, else the only one with data.
+    """The title of the declared sheet, else of the only sheet with data.
 
-    Raises InputError if there is no such sheet, or several have data and none is named.
+    Raises InputError if there is no such sheet, or if several have data and none is declared.
     """
     if wanted is not None and wanted not in titles:
         raise InputError(
@@ -117,7 +117,7 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
 
 
 def _check_archive(path: Path) -> None:
-    """Unpack every part once without keeping it: sizes in the directory of an archive may lie."""
+    """Unpack every part once without storing it, because sizes in the archive's directory may be wrong."""
     total = 0
     try:
         with zipfile.ZipFile(path) as archive:
@@ -144,12 +144,12 @@ def _check_archive(path: Path) -> None:
 
 
 def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]]:
-    """Title and rows of the sheet that is meant."""
+    """Title and rows of the chosen sheet."""
     import openpyxl
 
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
-    except Exception as error:  # openpyxl lets its parsers' errors through
+    except Exception as error:  # openpyxl passes on the errors of its parsers
         raise damaged(path, error) from None
     try:
         sheets = {sheet.title: sheet for sheet in book.worksheets}
@@ -181,7 +181,7 @@ def _has_rows(sheet: object) -> bool:
 
 
 def _text(path: Path, row: int, cell: object) -> str:
-    """A cell as a line of text would have it; a number with all its digits."""
+    """A cell as text; a number with all its digits."""
     if cell is None:
         return ""
     if isinstance(cell, bool | int):
@@ -195,5 +195,5 @@ def _text(path: Path, row: int, cell: object) -> str:
 
 
 def damaged(path: Path, error: Exception | str) -> InputError:
-    """The error of a file that is no workbook, or a broken one."""
+    """The error for a file that is damaged or not a workbook."""
     return InputError(path, f"is not a workbook that can be read ({error})", cure="save it again in Excel")

@@ -1,4 +1,4 @@
-"""HDF5 files, and the channels of named arrays, which MATLAB and HDF5 files have in common.
+"""HDF5 files, and channels from the named arrays of MATLAB and HDF5 files.
 
 The clock comes from attributes, scalars or a dataset of times.
 """
@@ -30,7 +30,7 @@ from kolsky.readers.header import HeaderClock, clock_of_numbers, si_unit, time_f
 
 @dataclass(frozen=True)
 class NamedArray:
-    """A column of numbers that is read when it is asked for."""
+    """A column of numbers that is read on demand."""
 
     name: str
     """Path or name in the file; "signals[2]" is the second column of an array."""
@@ -39,17 +39,17 @@ class NamedArray:
     values: Callable[[], FloatArray]
     """Reads it."""
     unit: str | None = None
-    """Its unit, if the file says it."""
+    """Its unit, if the file states it."""
     keys: Mapping[str, float] = field(default_factory=dict)
-    """Numbers that belong to it: attributes of its own and of the groups around it."""
+    """Its numeric attributes, and those of the groups that contain it."""
 
 
 TABLE_LIMIT = 5_000_000
-"""Most numbers of a table of arrays."""
+"""Maximum number of values in a table of arrays."""
 
 
 def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
-    """Names and rows of the arrays that are as long as the longest, as lines with tabs and all digits.
+    """Names and rows of the arrays with the greatest length, as tab-separated lines with all digits.
 
     Raises InputError if there is no array, or too many numbers.
     """
@@ -69,14 +69,13 @@ def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
 def array_channels(
     path: Path, arrays: list[NamedArray], scalars: Mapping[str, float], layout: Layout
 ) -> tuple[Channel, ...]:
-    """The arrays that are no times, each with its clock.
+    """The arrays that are not times, each with its clock.
 
-    The clock comes from the layout, from keys such as "dt" and "t0", or from the array of times: the stated
-    one, or one that is called "t" or "time" and is as long.
+    The clock comes from the layout, from keys such as "dt" and "t0", or from an array of times. This is the
+    declared array, or an array of the same length named "t" or "time".
 
-    ``path``: the file. ``arrays``: what it holds. ``scalars``: single numbers of the file, by name.
-    ``layout``: what has been said of it. Raises InputError if there is nothing to read, or a stated array of
-    times is missing.
+    ``path``: the file. ``arrays``: its arrays. ``scalars``: its single numbers, by name. ``layout``: the
+    declared layout. Raises InputError if there is nothing to read, or a declared array of times is missing.
     """
     by_name = {array.name: array for array in arrays}
     stated = layout.time
@@ -132,9 +131,9 @@ def array_channels(
 
 
 def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
-    """The clock of an array of times, with what is stated beside it.
+    """The clock of an array of times, combined with the stated start and interval.
 
-    Raises InputError if it holds no such times, or they contradict the stated interval.
+    Raises InputError if the array does not contain such times, or they contradict the stated interval.
     """
     unit = layout.time_unit or array.unit or "s"
     factor = time_factor(path, unit, f"the array '{array.name}'")
@@ -154,9 +153,9 @@ def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: Header
 
 
 def columns_of(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, int | None]]:
-    """Name, length and column (None for a vector) of the vectors in an array; nothing for other arrays.
+    """Name, length and column (None for a vector) of the vectors in an array; empty for other arrays.
 
-    The longer side is the time; at most 64 columns, else it is no set of signals.
+    The longer side is time. An array with more than 64 columns is not a set of signals.
     """
     long = [n for n in shape if n > 1]
     if len(long) == 1 and len(shape) <= 2:
@@ -176,7 +175,7 @@ def column_of(array: np.ndarray, column: int | None) -> FloatArray:
 
 
 def _unit_of_array(text: object) -> str | None:
-    """A unit that a file gives as text or bytes; None if it is none."""
+    """A unit that a file gives as text or bytes; None for anything else."""
     if isinstance(text, bytes):
         text = text.decode("utf-8", "replace")
     return text.strip() if isinstance(text, str) and si_unit(text) is not None else None
@@ -189,18 +188,18 @@ def _last(name: str) -> str:
 BINARY = True
 
 _MOST = 2000
-"""Most objects in a file that are looked at."""
+"""Maximum number of objects in a file."""
 
 
 def sniff(path: Path) -> bool:
-    """True if a file begins with the signature of HDF5 and is not MATLAB's."""
+    """True if a file begins with the signature of HDF5 and is not a MATLAB file."""
     return head_of(path, 8) == b"\x89HDF\r\n\x1a\n"
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read what a file holds; a channel's name is its path, "/scope/CH1".
+    """Read all channels of a file; a channel's name is its path, "/scope/CH1".
 
-    Raises InputError if it is no HDF5 file or damaged, has too many objects, or a dataset lies in another
+    Raises InputError if the file is damaged or not HDF5, has too many objects, or a dataset is in another
     file.
     """
     sha256 = file_hash(path)
@@ -221,7 +220,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The vectors of equal length as lines with tabs.
+    """The vectors of equal length as tab-separated lines.
 
     Raises InputError as `read`.
     """
@@ -235,7 +234,7 @@ def table_lines(path: Path, _sheet: str | None) -> list[str]:
 
 
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
-    """Vectors, single numbers and texts of a file, and the names of datasets that are none, with their kind.
+    """Vectors, single numbers and texts of a file, and names and kinds of all other datasets.
 
     Raises InputError as `read`.
     """
@@ -266,7 +265,7 @@ def _walk(
     texts: dict[str, str],
     others: list[str],
 ) -> None:
-    """Collect a group; links to elsewhere are refused, what holds no numbers is named."""
+    """Collect a group; external links raise an error, and objects without numbers are listed."""
     import h5py
 
     keys = {**above, **_numbers(group.attrs)}

@@ -1,4 +1,4 @@
-"""Header of a recorder's text file: keys, values, units, and the clock that they declare."""
+"""Header of a recorder's text file: keys, values, units, and the declared clock."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -43,13 +43,13 @@ _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)"
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
 )
-"""Units that a tail may name in any column; of times they are those of time. CH_A is no current."""
+"""Units that the end of any heading may name; for times, units of time only. CH_A is not a current."""
 _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
-"""How units of force and stress begin that testing machines print and `_BASES` does not have."""
+"""Beginnings of units of force and stress that testing machines print and `_BASES` lacks."""
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
-    """The SI unit and the factor to it of a unit as instruments write it; None if it is not known.
+    """The SI unit and factor of a unit as instruments write it; None for an unknown unit.
 
     "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6), "kgf/cm2" ("Pa", 98066.5).
     """
@@ -74,7 +74,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
     for name, unit in _unit_places(heading) if tail is None else ():
         if si_unit(unit) is not None:
             return name, unit
-        if "/" in unit and dimension_of(unit, DIMENSIONS):  # "Rate/1/s" is in 1/s and no time
+        if "/" in unit and dimension_of(unit, DIMENSIONS):  # "Rate/1/s" is in 1/s and is not a time
             return heading.strip(), None
     if tail is not None and (known := si_unit(tail.group(2))) is not None:
         name, unit = tail.groups()
@@ -85,9 +85,9 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
 
 def _unit_places(heading: str) -> list[tuple[str, str]]:
-    """Name and unit of a heading by its brackets, else by strokes and its tail, the longest unit first.
+    """Candidate names and units of a heading: by brackets, else by slashes and its end, longest unit first.
 
-    "Speed in m/s" is a speed in m/s, and no time in s.
+    "Speed in m/s" is a speed in m/s, not a time in s.
     """
     match = full_match(_BRACKETED, heading)
     if match is not None:
@@ -103,7 +103,7 @@ def _unit_places(heading: str) -> list[tuple[str, str]]:
 
 
 def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]:
-    """Name of a heading, and its unit of one of some kinds, wherever it stands; None if there is none."""
+    """Name of a heading, and its unit of one of the given kinds, at any position; None if there is none."""
     for name, text in _unit_places(heading):
         unit = "1" if text == "-" else text
         if dimension_of(unit, kinds):
@@ -112,17 +112,17 @@ def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]
 
 
 def heading_unit(heading: str) -> str | None:
-    """The unit of any kind in a heading: "Travel (mm)", "Weg/mm", "Kraft in N", "force_kN"; None without."""
+    """The unit of any kind in a heading ("Travel (mm)", "Weg/mm", "Kraft in N", "force_kN"), or None."""
     return _name_and_unit(heading, DIMENSIONS)[1]
 
 
 def likely_unit(heading: str) -> str:
-    """The unit that a heading seems to name, of a quantity in a shot's tables; empty if none: for drafts."""
+    """The likely unit of a heading in a shot's tables, for draft files; empty if there is none."""
     return _name_and_unit(heading, SHOT_KINDS)[1] or ""
 
 
 def name_without_unit(heading: str) -> str:
-    """A heading without its unit, or what else stands in brackets at its end."""
+    """A heading without its unit or other text in brackets at its end."""
     match = full_match(_BRACKETED, heading)
     return match.group(1) if match else _name_and_unit(heading, DIMENSIONS)[0]
 
@@ -130,7 +130,7 @@ def name_without_unit(heading: str) -> str:
 def time_factor(path: Path, unit: str | None, what: str) -> float:
     """Seconds per unit of a time.
 
-    Raises InputError if the unit is not stated or is no unit of time.
+    Raises InputError if the unit is missing or is not a unit of time.
     """
     if unit is None:
         raise InputError(path, f"{what} has no unit", cure='say it in the layout: time_unit = "s"')
@@ -151,20 +151,20 @@ INTERVAL_KEYS = (
     "horizontalincrement", "hresolution", "deltat", "dt", "tinterval", "wfincrement", "sampletime",
     "timestep", "timeperpoint", "timepersample", "abtastintervall", "abtastzeit", "zeitschritt",
 )  # fmt: skip
-"""Keys of the time from sample to sample, without case, blanks and signs."""
+"""Keys of the sampling interval, without case, blanks and signs."""
 RATE_KEYS = (
     "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "samplefreq", "samplingfreq", "fs",
     "scanrate", "acquisitionrate", "samplespersecond", "samplessecond", "abtastrate", "abtastfrequenz",
     "messrate",
 )  # fmt: skip
-"""Keys of its reciprocal [1/s]."""
+"""Keys of the sampling rate [1/s]."""
 START_KEYS = (
     "x0", "t0", "start", "xorigin", "xorg", "xstart", "xzero", "hoffset", "tstart", "wfstartoffset",
     "firstsampletime", "horizontalstart",
 )  # fmt: skip
 """Keys of the time of the first sample."""
 PLAIN_KEYS = ("start", "x0", "t0", "rate")
-"""Keys that other things have too: the start of a travel, the rate of a test."""
+"""Keys with other meanings too: the start of a travel, the rate of a test."""
 ZERO_INDEX_KEYS = ("zeroindex", "triggerpoint", "triggersample")
 """Keys of the sample at time 0."""
 COUNT_KEYS = ("recordlength", "samples", "numpoints", "points", "blocksize", "segmentsize", "length")
@@ -177,15 +177,15 @@ KEYS = frozenset(
     for key in keys
     if key not in ("x0", "t0", "start", "length", "samples")  # these may be columns too
 ) | {"tracename", "vunit", "model", "firmwareversion"}
-"""Keys that no column has."""
+"""Keys that are not column names."""
 
 _NUMBER = re.compile(
     r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*[,;\t]?\s*([A-Za-zµμ][A-Za-zµμ/ .]*|1/s)?"
 )
-"""A number and the unit behind it."""
+"""A number followed by its unit."""
 _POINT, _COMMA = r"\d+\.?\d*|\.\d+", r"\d+,?\d*|,\d+"
 _GROUPED = {",": r"[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?", ".": r"[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?"}
-"""Numbers whose thousands are set apart, by the sign between them."""
+"""Numbers with thousands separators, by separator."""
 _TIME_OF_DAY = re.compile(r"\d:\d\d|\d{4}-\d\d-\d\d")
 _RATE_UNIT = re.compile(
     r"([kKmMgG]?)(?:hz|hertz|s/s|sa/s|sps|smpl/s|samples?/s(?:ec(?:ond)?)?|sample/s|pts?/s|points?/s|1/s)",
@@ -194,17 +194,17 @@ _RATE_UNIT = re.compile(
 _INTERVAL_UNIT = re.compile(r"(.+?)/(?:pts?|points?|samples?|sa|smpl)", re.IGNORECASE)
 _RATE_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 _AGREE = 0.01
-"""Most that two statements of an interval differ by where their printed digits allow more [-]."""
+"""Largest relative difference of two stated intervals if their printed digits would allow more [-]."""
 
 
 @dataclass(frozen=True)
 class HeaderClock:
-    """The clock as the header states it; None for what it does not state."""
+    """The clock stated by the header; fields that it does not state are None."""
 
     interval: float | None
-    """Time from sample to sample [s]."""
+    """Sampling interval [s]."""
     interval_digit: float
-    """Half the last printed digit of it [s]."""
+    """Half its last printed digit [s]."""
     start: float | None
     """Time of the first sample [s]."""
     source: str
@@ -213,7 +213,7 @@ class HeaderClock:
     """Why a statement of the clock cannot be used; empty if all can."""
 
     def check_declared(self, path: Path, interval: float) -> None:
-        """Refuse an interval [s] that is declared against what the header states.
+        """Check that a declared interval [s] agrees with the header.
 
         Raises InputError if they differ by more than the header's printed digits, at most 1 %.
         """
@@ -229,18 +229,20 @@ class HeaderClock:
 
 
 def bare_key(text: str) -> str:
-    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval"; a text longer than
-    `LONGEST_PAIR` is none, and nothing is left of it."""
+    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval".
+
+    A text longer than `LONGEST_PAIR` is not a key and gives an empty string.
+    """
     if len(text) > LONGEST_PAIR:
         return ""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))
 
 
 def clock_unit(text: str) -> tuple[str, float] | None:
-    """The unit of a time from sample to sample or of a sampling rate; None if it is neither.
+    """The unit of a sampling interval or a sampling rate; None if it is neither.
 
-    "ms" is ("s", 1e-3), "kHz", "kS/s" and "kSa/s" are ("1/s", 1e3), "us/pt" is ("s", 1e-6). A small m is
-    milli before s and in mHz, mega in mhz and msps; "mS/s" is nothing, for it could be either.
+    "ms" is ("s", 1e-3), "kHz", "kS/s" and "kSa/s" are ("1/s", 1e3), "us/pt" is ("s", 1e-6). A lower-case m is
+    milli before s and in mHz, and mega in mhz and msps. "mS/s" is ambiguous and gives None.
     """
     plain = text.strip().strip("()[].").strip()
     per_sample = _INTERVAL_UNIT.fullmatch(plain)
@@ -279,12 +281,12 @@ def header_clock(
 ) -> HeaderClock:
     """The clock of one channel.
 
-    ``path``: the file, for messages. ``metadata``: key as written -> the fields behind it. ``channel``,
-    ``channels``: which of the channels, counted from 0, where a key has one value for each; their number.
-    ``decimal``: decimal sign of the file: a number with the other sign is read where it can mean one thing
-    only. Returns: what the keys state. Numbers or units that cannot be read, and keys that contradict each
-    other, give no interval and the reason, `HeaderClock.doubt`. Raises InputError if an interval is not
-    positive, or a key has neither one value nor one for each channel.
+    ``path``: the file, for messages. ``metadata``: key as written -> the fields after it. ``channel``,
+    ``channels``: index of the channel, counted from 0, if a key has one value per channel; their number.
+    ``decimal``: decimal sign of the file; a number with the other sign is read if it is unambiguous. Returns:
+    the stated clock. Unreadable numbers or units, and contradicting keys, give no interval; the reason is in
+    `HeaderClock.doubt`. Raises InputError if an interval is not positive, or a key has neither one value nor
+    one per channel.
     """
     written = time_unit(metadata)
     default = (None if written is None else si_unit(written)) or ("s", 1.0)
@@ -332,9 +334,9 @@ def header_clock(
 
 
 def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
-    """The clock that numbers state by their names, as "dt" and "t0" or "wf_increment" do, in seconds.
+    """The clock from named numbers such as "dt" and "t0" or "wf_increment", in seconds.
 
-    ``numbers``: by name, or by path with the name last. ``layout``: what is declared counts before them.
+    ``numbers``: by name, or by path with the name last. ``layout``: its declarations take precedence.
     Raises InputError if an interval is not positive.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
@@ -347,7 +349,7 @@ def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -
 
 
 def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
-    """The unit of time that the header states, as it is written."""
+    """The unit of time in the header, as written."""
     for key, fields in metadata.items():
         if bare_key(key) in UNIT_KEYS and fields:
             known = si_unit(fields[0])
@@ -369,15 +371,15 @@ def stated_samples(metadata: Mapping[str, Sequence[str]]) -> tuple[str, int] | N
 
 @dataclass(frozen=True)
 class _Stated:
-    """A number of the header as it is printed."""
+    """A number of the header as printed."""
 
     number: float
     digit: float
-    """The last digit printed."""
+    """The last printed digit."""
     word: str
-    """What stands behind it."""
+    """The text after it."""
     unit: tuple[str, float] | None = None
-    """Its unit, if it is one of a clock."""
+    """Its unit, if it is a unit of a clock."""
 
 
 def _of_channel(
@@ -389,7 +391,7 @@ def _of_channel(
     decimal: str,
     unit: str | None,
 ) -> "_Stated | str | None":
-    """The number of a key of the clock for one channel; a text says why it cannot be used, None has none."""
+    """The number of a clock key for one channel; a text if it is unusable (the reason), None if absent."""
     texts = [field for field in fields if not _TIME_OF_DAY.search(field)]
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
@@ -418,9 +420,9 @@ def _of_channel(
 
 
 def _number(field: str, decimal: str) -> _Stated | None:
-    """Number, last printed digit and the word behind it of a field such as "4.0E-10", "20 ns" or "2,5 us".
+    """Number, last printed digit and following word of a field such as "4.0E-10", "20 ns" or "2,5 us".
 
-    The digit is NaN where "1,000" or "1.000" can be a thousand as well as one.
+    The digit is NaN if "1,000" or "1.000" can mean a thousand or one.
     """
     match = full_match(_NUMBER, field.strip())
     if match is None:
@@ -448,7 +450,7 @@ def _number(field: str, decimal: str) -> _Stated | None:
 
 
 COMMENTS = ("#", "%", "!", "//")
-"""How commented lines above the samples usually begin."""
+"""Usual comment signs of lines above the samples."""
 _PER_CENT = re.compile(r"%\s*[\t;,]")
 
 _PAIR = re.compile(r'"?([^:=;,\t"]+?)"?\s*[:=;,\t]\s*(.*)')
@@ -456,7 +458,7 @@ _BLANKS = re.compile(r"(\D.*?)\s+([-+.\d].*)")
 
 
 def uncommented(line: str, comment: str | None) -> str:
-    """A line without its sign of a comment; a first field "%" is a unit."""
+    """A line without its comment sign; a first field "%" is a unit."""
     for sign in (comment,) if comment else COMMENTS:
         if line.startswith(sign) and not _PER_CENT.match(line):
             return line.removeprefix(sign).lstrip()
@@ -464,8 +466,7 @@ def uncommented(line: str, comment: str | None) -> str:
 
 
 def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
-    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9"; a key that comes again is
-    numbered."""
+    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9"; numbers repeated keys."""
     metadata: dict[str, list[str]] = {}
     separator = dialect.delimiter if dialect.delimiter != " " else None
     for line in lines:
@@ -482,7 +483,7 @@ def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
 
 
 def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None:
-    """Add a key; one that is there already is numbered: "Date", "Date (2)"."""
+    """Add a key; a repeated key is numbered: "Date", "Date (2)"."""
     name, count = key, 1
     while name in metadata:
         count += 1
@@ -491,10 +492,10 @@ def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None
 
 
 def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]:
-    """Start and increment that stand beside the column names: as columns of their own, or as "tInc = 2e-9".
+    """Start and increment in the line of the column names: as separate columns, or as "tInc = 2e-9".
 
-    ``dialect``: how the lines are taken apart. ``lines``: the line of the names, and the line of the units if
-    there is one.
+    ``dialect``: how lines are divided. ``lines``: the line of the names, and the line of the units if there
+    is one.
     """
     rows = [dialect.split(line) for line in lines]
     metadata: dict[str, list[str]] = {}
@@ -513,7 +514,7 @@ def names_by_key(
     names: tuple[str, ...],
     units: tuple[str | None, ...],
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    """Names and units where a header line gives them behind a key (Yokogawa: TraceName, VUnit)."""
+    """Names and units from header lines with a key (Yokogawa: TraceName, VUnit)."""
     named, measured = list(names), list(units)
     for key, fields in metadata.items():
         bare = bare_key(key)
@@ -528,7 +529,7 @@ def names_by_key(
 
 
 def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
-    """Keys of the first column and what stands behind them."""
+    """Keys of the first column and the fields after them."""
     metadata: dict[str, list[str]] = {}
     for row in rows:
         key = row[0].strip().rstrip(":")
@@ -538,9 +539,9 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 
 
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
-    """Refuse a line with too few fields.
+    """Check that no line has too few fields.
 
-    Raises InputError: with its number.
+    Raises InputError that gives the number of the line.
     """
     for number, line in enumerate(lines):
         fields = line.count(separator) + 1

@@ -19,7 +19,7 @@ _END = "***End_of_Header***"
 
 
 def sniff(path: Path) -> bool:
-    """True if a file begins with the words "LabVIEW Measurement", whatever it is called."""
+    """True if a file begins with the words "LabVIEW Measurement", whatever its name."""
     return (
         head_of(path, 64)
         .replace(b"\0", b"")
@@ -114,7 +114,7 @@ def _columns(
     elif kind == "Multi":
         width, columns, times = 2 * count, tuple(range(1, 2 * count, 2)), tuple(range(0, 2 * count, 2))
     elif kind == "No":
-        # The column of times is there in most files, but empty.
+        # In most files the column of times exists, but is empty.
         empty = names[0] == "X_Value"
         width, columns = count + empty, tuple(range(int(empty), count + empty))
     else:
@@ -130,7 +130,7 @@ def _columns(
 
 
 def _without_comment(line: str, separator: str, width: int) -> str:
-    """A line of samples without the last column, of comments, which most lines leave out."""
+    """A line of samples without the last column of comments, which most lines lack."""
     parts = line.split(separator)
     if len(parts) == width + 1:
         parts = parts[:width]

@@ -23,7 +23,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all signals, and the metadata as they are written.
 
-    Raises InputError if a line has fewer fields than the first, or a start or interval is no number.
+    Raises InputError if a line has fewer fields than the first, or a start or interval is not a number.
     """
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count("\t") + 1

@@ -3,8 +3,9 @@
 Objects, functions, cells and structures are not opened: save the signals as plain arrays. The scalars of
 PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
 
-Versions 5 to 7 are read by SciPy in a process of its own (`kolsky.readers.child`): of files with three random
-bytes changed, each of six series of at most 400 ended that process by a segmentation fault or a bus error.
+SciPy reads versions 5 to 7 in a separate process (`kolsky.readers.child`), because damaged files can crash
+it. Each of six series of up to 400 files with three random bytes changed ended in a segmentation fault or a
+bus error.
 """
 
 import re
@@ -23,7 +24,7 @@ BINARY = True
 LIMIT = 400_000_000
 """Largest file before 7.3 [bytes]."""
 _HDF5_OFFSET = 512
-"""A 7.3 file has its HDF5 signature behind a header of text."""
+"""A 7.3 file has its HDF5 signature after a text header."""
 
 DUODIC_CURE = (
     "write a table a frame in MATLAB, with its structure as P: for k = 1:numel(P.Points3D), "
@@ -31,18 +32,18 @@ DUODIC_CURE = (
     "'VariableNames', {'point', 'Points3D_X', 'Points3D_Y', 'Points3D_Z', 'DispVec_X', 'DispVec_Y', "
     "'DispVec_Z'}), sprintf('duodic_%04d.csv', k)); end"
 )
-"""MATLAB's lines for the layout "duodic" of `kolsky.readers.dic_export`."""
+"""MATLAB commands that write the layout "duodic" of `kolsky.readers.dic_export`."""
 
 
 def sniff(path: Path) -> bool:
-    """True if a file says it is MATLAB's, or ends in .mat."""
+    """True if a file has MATLAB's signature or ends in .mat."""
     return head_of(path, 10).startswith(b"MATLAB") or path.suffix.lower() == ".mat"
 
 
 def read(path: Path, layout: Layout) -> Contents:
     """Read the numeric arrays of a file.
 
-    Raises InputError if it is no .mat file or damaged, or holds nothing but objects, cells or structures.
+    Raises InputError if it is damaged or not a .mat file, or contains only objects, cells or structures.
     """
     sha256 = file_hash(path)
     arrays, scalars, others, version = _arrays(path)
@@ -60,7 +61,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The numeric arrays of equal length as lines with tabs.
+    """The numeric arrays of equal length as tab-separated lines.
 
     Raises InputError as `read`.
     """
@@ -69,7 +70,7 @@ def table_lines(path: Path, _sheet: str | None) -> list[str]:
 
 
 def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], str]:
-    """Arrays, scalars, what is neither, and the version of a file."""
+    """Arrays, scalars, other variables, and the version of a file."""
     head = head_of(path, _HDF5_OFFSET + 8)
     if head[_HDF5_OFFSET:].startswith(b"\x89HDF") or head.startswith(b"\x89HDF"):
         arrays, scalars, _, others = inside(path)
@@ -97,7 +98,7 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
 
 
 def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
-    """Arrays, scalars, and what is neither with its class, of a file before 7.3."""
+    """Arrays, scalars, and other variables with their classes, of a file before 7.3."""
     arrays, scalars, others = [], {}, []
     with TemporaryDirectory() as folder:
         place = Path(folder, "arrays.npz")

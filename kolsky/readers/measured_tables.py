@@ -1,4 +1,4 @@
-"""Tables of measurements by their columns, in SI: frame by frame in a shot, and tests of materials."""
+"""Tables of measurements by column, in SI: frame tables of a shot, and tests of materials."""
 
 import re
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from kolsky.readers.table import Column, read_table
 
 @dataclass(frozen=True, kw_only=True)
 class FrameTable:
-    """Rows of a file, each of one frame."""
+    """Rows of a file; each belongs to one frame."""
 
     path: Path
     """The file."""
@@ -33,10 +33,10 @@ class FrameTable:
     digit: float = 0.0
     """The last printed digit of the times [s]; 0 without a time column."""
     columns: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Its other columns by what they are, sign as in the file, SI, shape [n] each."""
+    """Its other columns by quantity, sign as in the file, SI, shape [n] each."""
 
     def line(self, row: int) -> int:
-        """Line of a row of data that is counted from 0."""
+        """Line of a row of data; rows are counted from 0."""
         return self.first_line + row
 
 
@@ -52,9 +52,10 @@ def read_frame_table(
 ) -> FrameTable:
     """Read a table whose rows have frame numbers.
 
-    ``frame``, ``time``: their columns. ``columns``: what else is wanted; None is left out. ``clock``: whether
-    the times must increase. ``points``: whether a frame may have several rows. Raises InputError if the file
-    is not such a table, a frame number is not whole, or numbers do not increase (of points: fall).
+    ``frame``, ``time``: their columns. ``columns``: the other columns to read; None is left out. ``clock``:
+    whether the times must increase. ``points``: whether a frame may have several rows. Raises InputError if
+    the file is not such a table, a frame number is not whole, or numbers do not increase (with ``points``:
+    decrease).
     """
     table = read_table(path, layout=layout)
     numbers = table.integers(frame)
@@ -84,16 +85,16 @@ def read_frame_table(
 
 @dataclass(frozen=True)
 class WantedColumn:
-    """A column of a material's test, in any format."""
+    """A column of a material test to read, in any format."""
 
     column: str
     """Its name, or its number counted from 1."""
     base: str
-    """SI unit of its kind."""
+    """SI unit of its quantity."""
     unit: str | None = None
-    """Its unit where the file does not have it."""
+    """Its unit, if the file does not state it."""
     pure: bool = False
-    """Whether numbers without a unit are plain ratios."""
+    """Whether numbers without a unit are dimensionless ratios."""
     option: str = ""
     """How a unit is declared, for messages; `--unit 'COLUMN=UNIT'` if empty."""
 
@@ -103,9 +104,9 @@ def read_columns(
 ) -> tuple[dict[str, FloatArray], str]:
     """Read some columns of a text, a workbook or a file of arrays.
 
-    Returns: what is wanted -> values in SI, shape [n] each; the hash of the file. Raises InputError if the
-    file cannot be read, a column is missing, named twice or not of finite numbers, or its unit is unknown or
-    of another kind.
+    Returns: key of ``wanted`` -> values in SI, shape [n] each; the hash of the file. Raises InputError if the
+    file cannot be read; if a column is missing, repeated or has values that are not finite; or if its unit is
+    unknown or of another quantity.
     """
     layout = layout or Layout()
     contents = read_contents(path, layout=layout)
@@ -139,17 +140,17 @@ QUANTITIES: Mapping[str, tuple[str, re.Pattern[str]]] = {
     ),
     "force": ("N", re.compile(r"force|load|kraft|\blast|fuerza|carga", re.IGNORECASE)),
 }
-"""Quantity of a test -> its SI unit and the words by which a column's name tells it."""
+"""Quantity of a test -> its SI unit and the words that identify it in column names."""
 _NOT_THE_QUANTITY = re.compile(
     r"rate|true|wahre|hencky|sigma|std|uncert|unsich|incert|écart|geschw|speed|lateral", re.IGNORECASE
 )
-"""Words in the names of columns that belong to a quantity and do not hold it."""
+"""Words in names of related columns, such as rates and uncertainties, that are not the quantity."""
 
 
 def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
-    """Quantity -> the one column whose name and unit tell it; nothing for one with no or several columns.
+    """Quantity -> the column identified by name and unit; quantities without a unique column are left out.
 
-    ``path``: the file. ``layout``: what is declared of it. Raises InputError if it cannot be read.
+    ``path``: the file. ``layout``: its declared layout. Raises InputError if it cannot be read.
     """
     found: dict[str, str] = {}
     channels = read_contents(path, layout=layout).channels
@@ -166,7 +167,7 @@ def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
 
 
 def column_names(path: Path, layout: Layout) -> list[str]:
-    """Names and numbers of the columns of numbers, the first twenty, as messages show them.
+    """Names and numbers of the first twenty numeric columns, for messages.
 
     Raises InputError if the file cannot be read.
     """
@@ -178,7 +179,7 @@ def _numbered(contents: Contents) -> list[str]:
 
 
 def _channel(contents: Contents, column: str) -> Channel | None:
-    """The column of a heading, of a heading without its unit, or of a number."""
+    """The column with a heading, with a heading without its unit, or with a number."""
     found = [c for c in contents.channels if c.name in (column, f"/{column}")]
     for channel in () if found else contents.channels:
         bare = name_without_unit(channel.name)
@@ -194,7 +195,7 @@ def _channel(contents: Contents, column: str) -> Channel | None:
 
 
 def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
-    """A column of times is no channel while it is the clock of the others: let one of them serve as it."""
+    """The column of times as a channel; another column is declared as the clock to make it one."""
     if not contents.channels:
         return None
     first = contents.channels[0]

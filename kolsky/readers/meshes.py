@@ -1,4 +1,4 @@
-"""Meshes of other programs: flat ones of Gmsh 2.2 in text, and bodies by meshio."""
+"""Meshes of other programs: plane meshes of Gmsh 2.2 (text), and solid bodies by meshio."""
 
 import hashlib
 import struct
@@ -17,18 +17,18 @@ from kolsky.readers.contents import LARGEST_SAMPLE
 GMSH_SIZE_LIMIT = 500_000_000
 """Largest file that is read [bytes]."""
 SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
-"""Number of points of the surface elements by Gmsh's number: triangles, quadrilaterals, and their quadratic
-forms."""
+"""Number of points of surface elements by Gmsh's element number: triangles, quadrilaterals, and their
+quadratic forms."""
 CURVES = {1: 2, 8: 3}
-"""The same of the curve elements."""
+"""The same for curve elements."""
 POINTS = {**SURFACES, **CURVES, 15: 1, 4: 4, 5: 8, 11: 10}
-"""The same of all elements that are read."""
+"""The same for all supported elements."""
 CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
 
 
 @dataclass(frozen=True)
 class GmshMesh:
-    """A flat mesh as the file has it."""
+    """A plane mesh as in the file."""
 
     points: FloatArray
     """In the file's unit, shape [n, 2]."""
@@ -133,7 +133,7 @@ def _points_and_elements(
 
 
 def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block behind their number, which must be right."""
+    """The lines of a block after the line with their number, which is checked."""
     said = lines[0] if lines else ""
     if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
         raise InputError(
@@ -165,7 +165,7 @@ BODIES = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8", "hexahedron
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """A mesh of a body as the file has it."""
+    """A mesh of a body as in the file."""
 
     points: FloatArray
     """In the file's unit, shape [n, 3]."""
@@ -176,8 +176,8 @@ class BodyMesh:
     groups: dict[str, IntArray]
     """Points on each named group."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]: among elements of all kinds in their order, from 1 in files
-    of Gmsh and from 0 in VTU, as these programs number them."""
+    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, from 1 in Gmsh
+    files and from 0 in VTU files, as these programs do."""
     sha256: str
     """SHA-256 of the file, hex."""
 
@@ -186,7 +186,7 @@ def read_body(path: Path) -> BodyMesh:
     """Read a mesh of a body: Gmsh 2 or 4.1 (.msh), or VTK's XML (.vtu), by meshio.
 
     Groups are Gmsh's physical groups of surfaces, curves and points, and masks in the point data of a VTU
-    file whose names begin with "set:". Points that no cell has are left out.
+    file whose names begin with "set:". Points without cells are left out.
 
     Raises InputError if the file cannot be read, or has no volume elements or several kinds of them.
     """

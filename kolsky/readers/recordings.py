@@ -1,4 +1,4 @@
-"""Channels of a recorder's file by name: format, checks, SI units, an exactly uniform clock.
+"""Read channels of a recorder's file by name, with checks, in SI units, on an exactly uniform clock.
 
 A new format is one module with `BINARY`, `sniff` and `read`, and one line in `FORMATS`. Every channel is
 checked: its samples must be finite, must change, and must not be clipped.
@@ -44,7 +44,7 @@ class RecorderFormat(Protocol):
     """The functions of a module that reads one format."""
 
     BINARY: bool
-    """Whether its files are no text: they have no lines to name and no digits that were printed."""
+    """Whether its files are binary: messages then give no lines, and numbers have no printed digits."""
 
     def sniff(self, path: Path) -> bool:
         """True if a file looks like this format, by its ending and first bytes."""
@@ -65,7 +65,7 @@ FORMATS: Mapping[str, RecorderFormat] = {
     "scope": scope_binary,
     "delimited": delimited,
 }
-"""Name -> module, one file and one line here for each; text of any make comes last.
+"""Name -> module; each format is one file and one line here. Text of any program comes last.
 
 :meta hide-value:
 """
@@ -74,13 +74,13 @@ FORMATS: Mapping[str, RecorderFormat] = {
 SHORTEST_FLAT_TOP = 8
 """Shortest run of equal samples at an extreme that counts as clipping."""
 LONGER_THAN_OTHERS = 4
-"""How many times longer it is than any run of equal samples elsewhere in the record."""
+"""A clipped run is this many times longer than any other run of equal samples in the record."""
 
 
 def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
-    """Refuse NaN, infinity and what is larger than anything measured.
+    """Check that no sample is NaN, infinite or too large for a measurement.
 
-    Raises InputError: with the first such sample and their number.
+    Raises InputError that gives the first such sample and their number.
     """
     bad = np.flatnonzero(~(np.abs(values) <= LARGEST_SAMPLE))  # NaN compares false
     if bad.size:
@@ -94,7 +94,7 @@ def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
 
 
 def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
-    """Refuse a channel that never changes."""
+    """Check that a channel is not constant."""
     if np.ptp(values) == 0.0:
         raise InputError(
             path,
@@ -107,12 +107,12 @@ def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
 def check_unclipped(
     path: Path, channel: Channel, values: FloatArray, unit: str, full_scale: float | None
 ) -> None:
-    """Refuse a channel that ran into the end of its range.
+    """Check that a channel is not clipped.
 
-    With a full scale no sample may reach it. Without one, a flat top gives it away: a run of at least eight
-    equal samples at the largest or smallest value, four times longer than any run of equal samples at another
-    value, of a signal that did not begin there. (A quiet baseline can be an extreme, and coarse digits make
-    short runs anywhere.)
+    With a full scale, no sample may reach it. Without one, clipping is detected by a flat top: a run of at
+    least eight equal samples at the largest or smallest value. It must be four times longer than any run at
+    another value, and the signal must not begin at that value. (A quiet baseline can be an extreme, and
+    coarse digits cause short runs.)
     """
     if full_scale is not None:
         clipped = np.flatnonzero(np.abs(values) >= full_scale)
@@ -163,25 +163,24 @@ _FOUND = Layout()
 def read_recordings(path: Path, channels: Sequence[str], *, layout: Layout = _FOUND) -> dict[str, Recording]:
     """Read channels of a recorder's file.
 
-    ``path``: the file. ``channels``: names of channels as the file has them, or their numbers ("2").
-    ``layout``: what is said about the file; the rest is found in it. Returns: a recording for each name asked
-    for: samples in the SI unit that belongs to the file's or the stated unit, at ``start + i * interval``.
-    Raises InputError if the file cannot be read, is cut off, or a channel is missing, holds anything but
-    finite numbers, never changes or is clipped; if its unit or its times are not known, or its time column is
-    rounded.
+    ``path``: the file. ``channels``: names of channels as in the file, or their numbers ("2"). ``layout``:
+    the declared layout; other properties are detected. Returns: a recording for each requested name. Samples
+    are in the SI unit of the file's or the declared unit, at ``start + i * interval``. Raises InputError if
+    the file cannot be read or is cut off; if a channel is missing, not finite, constant or clipped; if its
+    unit or times are unknown; or if its time column is rounded.
     """
     contents = read_contents(path, layout=layout)
     return {name: _recording(contents, _find(contents, name), layout) for name in channels}
 
 
 def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
-    """One channel of an oscilloscope's export of commas and one header line, its times as they are printed.
+    """One channel of a comma-separated oscilloscope export with one header line, at its printed times.
 
-    ``path``: comma-separated text with one header line. ``time``: the time column; its factor leads to
-    seconds. ``voltage``: the channel's column; its factor leads to volts. Returns: time as the file gives it
-    [s] and volts [V], shape [n_samples]. Raises InputError if the file is not such a table, if times repeat
-    or are not sorted, or if the steps between them differ by more than the printed digits explain (a gap) or
-    because of them (too few digits).
+    ``path``: comma-separated text with one header line. ``time``: the time column; its factor converts to
+    seconds. ``voltage``: the channel's column; its factor converts to volts. Returns: time as in the file [s]
+    and volts [V], shape [n_samples]. Raises InputError if the file is not such a table, or if times repeat or
+    are not sorted. Also if their steps differ by more than the printed digits explain (a gap), or because of
+    the digits (too few).
     """
     table = read_table(path)
     t, volts = table.values(time), table.values(voltage)
@@ -199,7 +198,7 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
-    """The channels of a file, their samples not judged; one without a known clock says why.
+    """The channels of a file, without checks of their samples; a channel without a clock gives the reason.
 
     Raises InputError if the file cannot be read.
     """
@@ -208,9 +207,9 @@ def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
 
 
 def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
-    """The channels of a file before anything is asked of them, with facts and metadata.
+    """The unchecked channels of a file, with facts and metadata.
 
-    Raises InputError if the file cannot be read, or is of no known format.
+    Raises InputError if the file cannot be read or its format is unknown.
     """
     _check_layout(path, layout)
     if layout.format is not None:
@@ -296,7 +295,7 @@ def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recordin
 def _at_uniform_times(
     name: str, measured: FloatArray, value: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, str]:
-    """Samples interpolated from times whose steps vary to uniform ones, and a sentence that says so."""
+    """Samples interpolated from times with varying steps to uniform times, and a note about it."""
     from scipy.interpolate import CubicSpline  # for such files only
 
     step = float(time[1] - time[0])
@@ -363,13 +362,13 @@ def _info(contents: Contents, channel: Channel) -> ChannelInfo:
 
 
 def _check_uniform(table: Table, column: Column, time: FloatArray) -> None:
-    """A scope samples at equal steps; anything else is a gap or a rounded column."""
+    """Check that times have equal steps; anything else is a gap or a rounded column."""
     if time.size < 3:
         raise table.error("has fewer than 3 samples", cure="export the whole record")
     digit = table.printed_digit(column)
     steps = np.diff(time)
     step = float(np.median(steps))
-    # Each printed time is off by half a digit at most, so a step by one digit (and the float's round-off).
+    # The error of a printed time is at most half a digit, that of a step one digit (plus round-off).
     worst = int(np.argmax(np.abs(steps - step)))
     excess = abs(float(steps[worst]) - step)
     if excess > 1.001 * digit + 1e-9 * step:

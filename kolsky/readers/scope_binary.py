@@ -1,7 +1,7 @@
 """Binary files of oscilloscopes, through RigolWFM (https://github.com/scottprahl/RigolWFM).
 
 Tektronix .wfm and .isf, LeCroy .trc, Yokogawa .wfm and .hdr/.wvf, Rohde & Schwarz RTP .bin, Keysight .bin,
-Rigol .wfm and .bin, Siglent .bin; the make is told from the first bytes.
+Rigol .wfm and .bin, Siglent .bin; the first bytes show the manufacturer.
 """
 
 import contextlib
@@ -26,14 +26,14 @@ SCOPE_LIMIT = 400_000_000
 
 
 def sniff(path: Path) -> bool:
-    """True if a file has the ending of a scope's binary file; `read` tells the make."""
+    """True if a file has the ending of a scope's binary file; `read` finds the manufacturer."""
     return path.suffix.lower() in SUFFIXES
 
 
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises InputError if RigolWFM is missing, the make is not known, the file is damaged or cut off, or
+    Raises InputError if RigolWFM is missing, the manufacturer is unknown, or the file is damaged, cut off or
     declares XML entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
@@ -64,13 +64,13 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def _companion(path: Path) -> Path | None:
-    """The file beside a header that has the samples (Rohde & Schwarz, Yokogawa .hdr)."""
+    """The file with the samples that belongs to a header file (Rohde & Schwarz, Yokogawa .hdr)."""
     names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
     return next((name for name in names if name != path and name.is_file()), None)
 
 
 def _parsed(path: Path) -> tuple[Any, str]:
-    """A file as the library parses it, or why it does not."""
+    """A file parsed by the library, and the library's error message if it fails."""
     try:
         from RigolWFM.wfm import Wfm
     except ImportError:
@@ -81,7 +81,7 @@ def _parsed(path: Path) -> tuple[Any, str]:
         warnings.simplefilter("ignore")
         try:
             waveform = Wfm.from_file(str(path))
-        except Exception as error:  # its parsers let whatever damaged bytes lead to through
+        except Exception as error:  # its parsers raise any exception for damaged bytes
             problem = " ".join(str(error).split())[:200] or type(error).__name__
         gc.collect()  # some of its parsers leave the file open
     return waveform, problem
@@ -103,7 +103,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
         interval = _shortest(float(own if own is not None else header.seconds_per_point))
-        # RigolWFM stretches some makes' times over n - 1 steps where they have n.
+        # For some manufacturers RigolWFM distributes n steps of time over n - 1.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
                 path,
@@ -124,19 +124,19 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
 
 
 def _shortest(interval: float) -> float:
-    """An interval that the file holds in single precision, as the shortest number that it can mean."""
+    """An interval stored in single precision, as the shortest decimal number that it can represent."""
     single = np.float32(interval)
     return float(str(single)) if float(single) == interval else interval
 
 
 def _unit(channel: Any) -> str | None:
-    """The unit of a channel; the library tells volts, amperes, watts and "unknown"."""
+    """The unit of a channel; the library gives volts, amperes, watts or "unknown"."""
     name = str(getattr(channel.unit, "name", "")).upper()
     return name if name in ("V", "A") else None
 
 
 def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
-    """Refuse a record that is shorter than its header says; the library passes some of them on."""
+    """Check that a record has the length stated in its header; the library does not always check."""
     promised = getattr(header, "n_pts", samples)
     if isinstance(promised, int) and samples < promised:
         raise InputError(
@@ -147,7 +147,10 @@ def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
 
 
 def _check_curve(path: Path) -> None:
-    """Refuse an .isf file whose curve ("#510000..." and that many bytes) is cut off; the library does not."""
+    """Check that the curve of an .isf file ("#510000..." and that many bytes) is complete.
+
+    The library does not check this.
+    """
     if path.suffix.lower() != ".isf":
         return
     head = head_of(path, 4096)
@@ -166,7 +169,7 @@ def _check_curve(path: Path) -> None:
 
 
 def _check_yokogawa(path: Path) -> None:
-    """Refuse a Yokogawa .wfm whose samples reach into its header: the library counts them from the end."""
+    """Check that the samples of a Yokogawa .wfm do not overlap its header; they are counted from the end."""
     head = head_of(path, 4096)
     count, width = (re.search(rb"\b" + key + rb":\s*(\d+)", head) for key in (b"NR_PT", b"BYT"))
     if path.suffix.lower() != ".wfm" or count is None or width is None:
@@ -178,7 +181,7 @@ def _check_yokogawa(path: Path) -> None:
 
 
 def _refuse_entities(path: Path) -> None:
-    """Rohde & Schwarz keep their header in XML; none of them declares an entity."""
+    """Raise InputError for XML entities: headers of Rohde & Schwarz are XML and declare none."""
     if not head_of(path, 64).lstrip(b"\xef\xbb\xbf").startswith(b"<?xml"):
         return
     if path.stat().st_size > 20_000_000:

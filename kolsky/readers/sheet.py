@@ -1,4 +1,4 @@
-"""A table of text lines with its names, units and metadata, and its channels with clocks."""
+"""A table of text lines with names, units and metadata, and its channels with clocks."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -39,35 +39,35 @@ from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_matc
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines taken apart; line i of `rows` is line `first + i` of the file."""
+    """Lines divided into fields; line i of `rows` is line `first + i` of the file."""
 
     path: Path
     """The file."""
     dialect: Dialect
-    """How its lines are taken apart."""
+    """How its lines are divided into fields."""
     rows: Sequence[str]
     """The lines of samples."""
     first: int
-    """Line of the first of them, counted from 1."""
+    """Line number of the first row, counted from 1."""
     names: tuple[str, ...]
     """Column names; "1", "2", ... without a header."""
     units: tuple[str | None, ...]
     """Units as written, or None."""
     metadata: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Key -> the fields behind it."""
+    """Key -> the fields after it."""
     word: str = "line"
-    """What a row is called: "line", "row" of a workbook, or "entry" of arrays."""
+    """Name of a row in messages: "line", "row" of a workbook, or "entry" of arrays."""
     counted: str = "the other lines have"
-    """What has as many fields as there must be, in words."""
+    """Words for messages: what has the correct number of fields."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
-    """Not empty once the fields of all rows have been counted."""
+    """Not empty after the fields of all rows have been counted."""
 
     def values(self, column: int, *, gaps: bool = False) -> FloatArray:
-        """The numbers of a column, counted from 0, as the file gives them, shape [n].
+        """The numbers of a column in the unit of the file, shape [n].
 
-        ``column``: which column. ``gaps``: whether NaN is allowed, as in tables of points of which some were
-        lost. Raises InputError if a line has another number of fields than the first, or a field is no finite
-        number.
+        ``column``: index of the column, counted from 0. ``gaps``: whether NaN is allowed, as in tables with
+        lost points. Raises InputError if a line has another number of fields than the first, or a field is
+        not a finite number.
         """
         self.check_fields()
         rows: Sequence[str] = self.rows
@@ -100,9 +100,9 @@ class Sheet:
         return text.replace(",", ".") if self.dialect.decimal == "," else text
 
     def column(self, wanted: ColumnId, what: str) -> int:
-        """The index of a column, counted from 0: by its name, else by its number.
+        """The index of a column, counted from 0, by its name or else by its number.
 
-        Raises InputError if there is none, or several have the name.
+        Raises InputError if no column, or more than one, has the name.
         """
         found = [i for i, name in enumerate(self.names) if name == wanted]
         if len(found) > 1:
@@ -133,13 +133,13 @@ class Sheet:
         return InputError(self.path, message, line=line, cure=cure)
 
     def check_fields(self) -> None:
-        """Refuse an empty line, and one with more or fewer fields than there are columns.
+        """Check that no line is empty or has more or fewer fields than there are columns.
 
         Raises InputError for the first such line.
         """
         count = self.dialect.fields
         character = self.dialect.delimiter
-        # The usual case in one pass: delimiters alone, no quotes, more than one column.
+        # The usual case in one pass: only delimiters, no quotes, more than one column.
         plain = character != " " and count > 1 and '"' not in self.rows[0]
         if self._checked or (plain and all(row.count(character) == count - 1 for row in self.rows)):
             self._checked.append(True)
@@ -165,7 +165,7 @@ class Sheet:
         self._checked.append(True)
 
     def _cure_of_fields(self, fields: int, row: str, last: bool) -> str:
-        """What to do about a line with another number of fields."""
+        """The advice for a line with a wrong number of fields."""
         if not row.strip():
             return "is there a second table below? keep one table in a file, without empty lines"
         if fields == 2 * self.dialect.fields and self.dialect.delimiter == ",":
@@ -177,7 +177,7 @@ class Sheet:
         )
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """Slow, line by line; only after the fast path has failed."""
+        """The error for the first bad number, found line by line; slow, used only if the fast path fails."""
         for row in range(len(self.rows)):
             text = self.dialect.split(self.rows[row])[column]
             if not self.dialect.is_number(text):
@@ -212,10 +212,10 @@ def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: La
 def names_and_units(
     path: Path, lines: Sequence[str], first: int, dialect: Dialect, layout: Layout
 ) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
-    """Names and units of the columns, how they were found, and the lines (from 0) that they stand on.
+    """Names and units of the columns, how they were found, and the indices of their lines (from 0).
 
-    The header is the last line above the samples with as many fields as they have; where that line holds
-    nothing but units ("(ms)", "Volt"), the names are on such a line above it.
+    The header is the last line above the samples with the same number of fields. If that line has only units
+    ("(ms)", "Volt"), the names are on such a line above it.
 
     Raises InputError if a stated line does not fit, or the line above the samples is a damaged line of
     samples.
@@ -264,7 +264,7 @@ def _cells(dialect: Dialect, line: str) -> list[str]:
 
 
 def _fits(dialect: Dialect, line: str) -> bool:
-    """True if a line can name or measure every numeric column."""
+    """True if a line can hold names or units of all numeric columns."""
     cells = dialect.split(line)
     if len(cells) <= max(dialect.numeric) or not all(cells[i] for i in dialect.numeric):
         return False
@@ -273,7 +273,7 @@ def _fits(dialect: Dialect, line: str) -> bool:
 
 
 def _fits_mostly(dialect: Dialect, line: str) -> bool:
-    """True if a line right above the samples names most numeric columns; merged cells name their first."""
+    """True if the line above the samples names most numeric columns; merged cells name only their first."""
     cells = dialect.split(line)
     if len(cells) < dialect.fields or any(dialect.is_number(cells[i]) for i in dialect.numeric):
         return False
@@ -282,7 +282,7 @@ def _fits_mostly(dialect: Dialect, line: str) -> bool:
 
 
 def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect: Dialect) -> None:
-    """Refuse twice as many whole numbers as names: "0,12,3,5" below "Strain,Stress" are two numbers."""
+    """Raise InputError if integers are twice as many as names: "0,12,3,5" below "Strain,Stress"."""
     names = [cell for cell in dialect.split(lines[first - 1]) if cell]
     twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
     if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
@@ -295,7 +295,7 @@ def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect:
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
-    """True for a line of units; without a line above it, what is no unit of a signal may be a name: "m"."""
+    """True for a line of units; without a line above it, units that are not of signals may be names: "m"."""
     cells = [cell for cell in _cells(dialect, line) if cell]
     units = [
         si_unit(cell) is not None
@@ -308,7 +308,7 @@ def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
 
 
 def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None:
-    """A heading has words; channels may be called 1, 2, 3, but not 0.0125."""
+    """Check that a heading has words; channels may have the names 1, 2, 3, but not 0.0125."""
     cells = _cells(dialect, line)
     numbers = [cells[i] for i in dialect.numeric if dialect.is_number(cells[i])]
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
@@ -331,21 +331,21 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
 
 
 LONGEST_HEADER = 5000
-"""Most lines above the samples."""
+"""Maximum number of lines above the samples."""
 
 
 @dataclass(frozen=True)
 class FoundTable:
-    """Lines of unknown make, recognised as a table."""
+    """Lines of unknown origin, recognized as a table."""
 
     dialect: Dialect
     """How they are divided."""
     lines: list[str]
-    """All of them; without outer blanks where blanks separate."""
+    """All lines; without outer blanks if blanks are the delimiter."""
     first: int
     """Index of the first line of samples."""
     above: list[str]
-    """The lines above it, without signs of comments."""
+    """The lines above it, without comment signs."""
     names: tuple[str, ...]
     """Column names."""
     units: tuple[str | None, ...]
@@ -353,7 +353,7 @@ class FoundTable:
     facts: dict[str, str]
     """Lines of names and units, counted from 1, in words."""
     headings: set[int]
-    """Indices of the lines that names and units stand on."""
+    """Indices of the lines with names and units."""
 
     def sheet(self, path: Path, names: tuple[str, ...], units: tuple[str | None, ...], **more: Any) -> Sheet:
         """Its samples under these names and units; ``more``: further fields of the sheet."""
@@ -363,11 +363,11 @@ class FoundTable:
 def find_table(
     path: Path, lines: list[str], layout: Layout, *, sparse: bool = False, word: str = "line"
 ) -> FoundTable:
-    """Recognise a table in the lines of a text: delimiter, decimal sign, samples, names and units.
+    """Recognize a table in the lines of a text: delimiter, decimal sign, samples, names and units.
 
-    ``layout``: what is declared; the rest is found. ``sparse``: whether a column may be empty in most rows
-    and still hold numbers. ``word``: what a line is called in messages. Raises InputError if no column is
-    numeric, nothing has the form of samples, or a declaration does not fit.
+    ``layout``: the declared layout; other properties are detected. ``sparse``: whether a numeric column may
+    be empty in most rows. ``word``: name of a line in messages. Raises InputError if no column is numeric, no
+    line has the form of samples, or a declaration does not fit.
     """
     dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal, word=word)
     if dialect.delimiter == " ":
@@ -389,7 +389,7 @@ _TIME_NAME = re.compile(
     re.IGNORECASE,
 )
 FEWEST_STEPS = 100
-"""Rows that a time column must have for its unit to be told from the header's interval."""
+"""Least number of rows of a time column for finding its unit from the header's interval."""
 SAME_STEP = 1e-3
 """Largest relative difference of the column's mean step from the header's interval [-]."""
 
@@ -401,17 +401,16 @@ class SignalTable:
     sheet: Sheet
     """The table."""
     layout: Layout
-    """What has been said of it."""
+    """Its declared layout."""
     times: tuple[int, ...]
     """The time columns, counted from 0."""
     _read: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict, compare=False, repr=False)
-    """Time columns that were read already: channels share them."""
+    """Cache of the time columns, which channels share."""
 
     def channels(self) -> tuple[Channel, ...]:
-        """The columns of numbers that are no times.
+        """The numeric columns that are not times.
 
-        Raises InputError if the header promises more samples than there are, or there are too many or too
-        few.
+        Raises InputError if there are fewer samples than the header states, too many, or too few.
         """
         sheet = self.sheet
         self._check_count()
@@ -423,7 +422,7 @@ class SignalTable:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Columns that count the samples, as Rigol's of the unit "Sequence"."""
+        """Columns of sample counts, such as Rigol's with the unit "Sequence"."""
         return tuple(i for i, unit in enumerate(self.sheet.units) if unit and unit.lower() == "sequence")
 
     def _channel(self, column: int, order: int, count: int) -> Channel:
@@ -450,7 +449,7 @@ class SignalTable:
             interval, tolerance, source = layout.interval, 0.0, "stated"
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
-            number = None  # the header says everything, and nobody says what the column counts
+            number = None  # the header has all data, and the unit of the column is unknown
         if number is None:
             if interval is None:
                 raise sheet.error(
@@ -473,9 +472,9 @@ class SignalTable:
         )
 
     def _first_time(self, header: HeaderClock) -> float | None:
-        """The header's start [s]; where samples are counted from it, the time of the first that is counted.
+        """Time of the first sample [s]: the header's start, or the time of the first sample count.
 
-        A count that begins at 1 names its samples; one of another number is how far the record is cut off.
+        A count that begins at 1 numbers the samples. Any other first count is the number of missing samples.
         """
         sheet = self.sheet
         if header.start is None or header.interval is None or not self.counts:
@@ -492,7 +491,7 @@ class SignalTable:
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
-        """The time column of a signal: the stated one, or the last one left of it, or the first."""
+        """The time column of a signal: the declared one, else the nearest one to its left, else the first."""
         stated = self.layout.time
         if isinstance(stated, Mapping):
             for channel, time in stated.items():
@@ -505,7 +504,7 @@ class SignalTable:
         return left[-1] if left else self.times[0]
 
     def _times(self, number: int) -> tuple[FloatArray, FloatArray]:
-        """Times and their last digits [s]."""
+        """Times and their last printed digits [s]."""
         if number in self._read:
             return self._read[number]
         sheet = self.sheet
@@ -527,7 +526,7 @@ class SignalTable:
         return said or self._unit_by_interval(number)
 
     def _unit_by_interval(self, number: int) -> str | None:
-        """Seconds, where the column's steps are the very interval that the header states in seconds."""
+        """Seconds, if the column's steps equal the header's interval in seconds; else None."""
         header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
         if header.interval is None or rows < FEWEST_STEPS:
@@ -547,9 +546,9 @@ class SignalTable:
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
-    """Find the time columns: the stated ones, else the columns that are called time, or hold seconds.
+    """Find the time columns: the declared ones, else columns named time or with a unit of time.
 
-    Raises InputError if a stated time column is missing.
+    Raises InputError if a declared time column is missing.
     """
     stated = layout.time
     if isinstance(stated, Mapping):

@@ -1,8 +1,8 @@
-"""Strict reading of a table of declared columns: no number is guessed or left out.
+"""Strict reading of a table with declared columns: no number is guessed or left out.
 
-Without a declared layout, a plain table (UTF-8, commas, decimal points, one header line) is read as such. A
-table that is clearly written otherwise (other delimiter, decimal commas, lines above the header) is read as
-it is written, and `kolsky check` reports how.
+Without a declared layout, a plain table (UTF-8, commas, decimal points, one header line) is expected. If a
+table clearly has another layout (other delimiter, decimal commas, lines above the header), that layout is
+detected, and `kolsky check` reports it.
 """
 
 import csv
@@ -37,16 +37,16 @@ from kolsky.readers.text import (
 PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
 """UTF-8, commas, decimal points, one line of column names, then data."""
 TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls")
-"""Endings of files that are read as text whatever they hold."""
+"""Endings of files that are always read as text."""
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The layout of a table; `PLAIN` if it is that, or nothing better is found."""
+    """The detected layout of a table; `PLAIN` if it is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
         return _layout_of(path, lines_of(path, text), encoding)
     except InputError:
-        return PLAIN  # the strict reader says what is wrong, and where
+        return PLAIN  # the strict reader reports the error and its line
 
 
 def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
@@ -72,7 +72,7 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
 
 
 def layout_in_words(path: Path) -> str:
-    """How a table is read where no layout is declared; empty if it is plain text, or no table of text.
+    """The detected layout of a table without a declared one, in words; empty for plain or binary files.
 
     Raises InputError if the file cannot be read.
     """
@@ -98,23 +98,23 @@ class Column:
     factor: float = 1.0
     """SI units per unit of the file, e.g. 1e-3 for "mm"."""
     bound: Literal["", "> 0", ">= 0"] = ""
-    """What its numbers must be."""
+    """Allowed range of its numbers."""
     cure: str | None = None
-    """What to do where one is not."""
+    """Advice if a number is out of range."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A text file as it was read."""
+    """A text file that was read."""
 
     sheet: Sheet
-    """Its lines of data, taken apart."""
+    """Its lines of data, divided into fields."""
     sha256: str
     """SHA-256 of its bytes, hex."""
     header_line: int | None
     """Line of the column names, counted from 1; None if the file has none."""
     division: str
-    """How it was divided into columns, and what may say otherwise, in words."""
+    """How it was divided into columns, and which declaration changes that, in words."""
 
     @property
     def path(self) -> Path:
@@ -134,8 +134,8 @@ class Table:
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
 
-        Raises InputError if the column is missing or named twice, or holds anything but finite numbers
-        inside its bound.
+        Raises InputError if the column is missing or its name is repeated, or if a value is not finite or
+        is outside its bound.
         """
         index = self._index(column)
         if self.sheet.dialect.decimal == ",":
@@ -172,9 +172,9 @@ class Table:
         return self.sheet.field(self._index(column), row)
 
     def printed_digit(self, column: Column) -> float:
-        """The last digit that the file prints of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
+        """The last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
 
-        With an exponent the last digit depends on the size of the number; the coarsest one counts.
+        With an exponent the last digit depends on the size of the number; the coarsest digit is returned.
         """
         index, last = self._index(column), len(self.sheet.rows) - 1
         step = max(1, (last + 1) // 1000)
@@ -189,9 +189,9 @@ class Table:
         return float(Decimal(1).scaleb(exponent)) * column.factor
 
     def check_increasing(self, column: Column, values: FloatArray | IntArray) -> None:
-        """Refuse a column that does not increase from row to row.
+        """Check that a column increases from row to row.
 
-        Raises InputError: with the first line that repeats a value or steps back.
+        Raises InputError that gives the first line with an equal or smaller value.
         """
         steps = np.diff(values)
         bad = np.flatnonzero(steps <= 0)
@@ -199,7 +199,7 @@ class Table:
             return
         row = int(bad[0]) + 1
         word = "repeats" if steps[row - 1] == 0 else "is not sorted:"
-        # A voltage or a displacement read as a time goes back and forth all the time.
+        # A voltage or a displacement that was declared as time decreases often.
         swapped = bad.size > 0.05 * steps.size and bad.size > 2
         raise self.error(
             f"column '{column.name}' {word} '{self.field(column, row)}' after '{self.field(column, row - 1)}'"
@@ -215,7 +215,7 @@ class Table:
         return self.sheet.error(message, row, cure)
 
     def _check_no_points(self, column: Column, index: int) -> None:
-        """With decimal commas a point could only separate thousands."""
+        """Check that there are no points: with decimal commas a point could only separate thousands."""
         for row, text in enumerate(self.sheet.rows):
             if "." in text and "." in (written := self.sheet.dialect.split(text)[index]):
                 raise self.error(
@@ -225,7 +225,7 @@ class Table:
                 )
 
     def _index(self, column: Column) -> int:
-        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a stroke
+        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a slash
         found = [i for i, name in enumerate(self.header) if name in names_of_array]
         if len(found) == 1:
             return found[0]
@@ -248,13 +248,14 @@ class Table:
 def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
-    A text is UTF-8 with commas, points and one header line, or as is declared or found.
+    A text is UTF-8 with commas, decimal points and one header line, unless another layout is declared or
+    detected.
 
-    ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
-    and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
-    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. Raises
-    InputError if the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or
-    has another number of fields than the header; or if the layout is impossible or does not fit.
+    ``path``: the file. ``layout``: encoding, delimiter, decimal sign, comment sign of header lines, header
+    line and first line. Defaults are UTF-8, a comma, a point, the first line and the line after it. None:
+    a clearly different layout is detected, see `kolsky.readers.table`. Raises InputError if the file cannot
+    be read (see `kolsky.readers.text`) or has no data; if a line is empty or has another number of fields
+    than the header; or if the layout is impossible or does not fit.
     """
     source = _source(path)
     if source is not None:
@@ -306,7 +307,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         sheet.check_fields()
     except InputError:
         if layout is PLAIN and len(names) == 1:
-            find_table(path, lines, Layout())  # says which other dialect the lines almost have
+            find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
         raise
     division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
     if source in (excel, excel_97):
@@ -317,7 +318,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
 
 
 def _source(path: Path) -> Any:
-    """The format of a workbook or of arrays; None of a text."""
+    """The format of a workbook or a file of arrays; None for text."""
     if path.suffix.lower() in TEXT_SUFFIXES:
         check_name(path)
         return None
@@ -338,7 +339,7 @@ def _plural(delimiter: str) -> str:
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
-    """Delimiter and decimal sign as said, without columns yet; quotes are read only where a layout is."""
+    """The declared delimiter and decimal sign, without columns; quotes are handled only with a layout."""
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
     decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:
@@ -351,7 +352,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
 
 
 def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:
-    """Names with or without a last empty one, where only the names or only the rows end with a delimiter."""
+    """Names, with or without a last empty one if only the names or only the rows end with a delimiter."""
     if dialect.delimiter == BLANKS.character or not names:
         return names
     ends = [row.rstrip().endswith(dialect.delimiter) for row in rows]

@@ -39,8 +39,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all numeric channels; a channel's name is "group/channel".
 
-    Raises InputError if npTDMS is missing, the file is damaged or its last segment is cut off, or it has no
-    channel of numbers.
+    Raises InputError if npTDMS is missing, if the file is damaged or its last segment is cut off, or if it
+    has no numeric channel.
     """
     try:
         from nptdms import TdmsFile
@@ -57,7 +57,7 @@ def read(path: Path, layout: Layout) -> Contents:
                 for channel in group.channels()
             ]
             waveforms = _waveforms(stream)
-    except Exception as error:  # npTDMS lets whatever damaged bytes lead to through
+    except Exception as error:  # npTDMS raises any exception for damaged bytes
         raise _damaged(path, error) from None
     if incomplete:
         raise InputError(path, "ends inside a segment", cure="the file is cut off; copy it again")
@@ -120,7 +120,7 @@ def _channel(
 
 @dataclass(frozen=True)
 class _Waveform:
-    """One stretch of a channel's samples."""
+    """One continuous section of a channel's samples."""
 
     begin: Any
     """`wf_start_time`, with its fractions of 2^-64 s."""
@@ -129,14 +129,14 @@ class _Waveform:
     interval: float
     """`wf_increment` [s]; 0 if there is none."""
     before: int
-    """Samples of the channel before it."""
+    """Number of the channel's samples before it."""
 
 
 def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
-    """The waveforms of each channel that states when they began.
+    """The waveforms of each channel with a stated start time.
 
-    A segment may give a channel properties anew; npTDMS keeps the last ones, which would lay the samples of
-    two waveforms with a gap between them end to end.
+    A segment may redefine the properties of a channel. npTDMS keeps only the last ones, so that a gap between
+    two waveforms would be lost.
     """
     from nptdms.common import ObjectPath
     from nptdms.reader import TdmsReader
@@ -187,7 +187,7 @@ def _since(begin: Any, origin: Any) -> float:
 
 
 def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
-    """Refuse a channel of several waveforms that do not follow each other sample by sample."""
+    """Check that the waveforms of a channel follow each other without a gap."""
     for name, parts in waveforms.items():
         first = parts[0]
         for part in parts[1:]:
@@ -203,7 +203,7 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
 
 
 def _delay(waveforms: list[_Waveform] | None, begins: list[Any]) -> float | None:
-    """Seconds by which a channel begins after the earliest channel of the file; None if it states no time."""
+    """Delay of a channel after the earliest channel of the file [s]; None without a stated time."""
     if not waveforms:
         return None
     return max(_since(waveforms[0].begin, begin) for begin in begins)
@@ -225,7 +225,7 @@ def _values(path: Path, name: str) -> FloatArray:
 
 
 class _Refusal(logging.Handler):
-    """Makes errors of what npTDMS only remarks on: bytes that are no text, data that do not fill a chunk."""
+    """Turns log messages of npTDMS into errors: invalid text, or data that do not fill a chunk."""
 
     def emit(self, record: logging.LogRecord) -> None:
         raise ValueError(record.getMessage()[:200])
@@ -233,7 +233,7 @@ class _Refusal(logging.Handler):
 
 @contextmanager
 def _strict() -> Iterator[None]:
-    """Make remarks and warnings of npTDMS errors, and keep them off the terminal."""
+    """Turn log messages and warnings of npTDMS into errors, and keep them off the terminal."""
     from nptdms.log import log_manager
 
     loggers = list(log_manager.loggers.values())

@@ -1,7 +1,7 @@
-"""CSV of Tektronix TDS, TPS and MDO oscilloscopes with keys in columns 1 to 3 beside time and volts.
+"""CSV of Tektronix TDS, TPS and MDO oscilloscopes: keys in columns 1 to 3, then time and volts.
 
-"Record Length,2.500000e+03,,-0.00050000,0.10400," and so on; the first lines have keys, the others begin with
-three empty fields. Several channels of one capture come as several such blocks side by side.
+A line is "Record Length,2.500000e+03,,-0.00050000,0.10400,". The first lines have keys, the others begin with
+three empty fields. Several channels of one capture are several such blocks side by side.
 """
 
 from pathlib import Path
@@ -14,14 +14,14 @@ from kolsky.readers.text import Dialect, read_text
 BINARY = False
 
 _BLOCK = 5
-"""Columns of a block: key, value, unit, time, volts; exports end each line of a block with a comma or not."""
+"""Columns of a block: key, value, unit, time, volts; a line of a block may or may not end with a comma."""
 
 _KEYED = 40
-"""Lines that may have keys."""
+"""Number of lines that may have keys."""
 
 
 def sniff(path: Path) -> bool:
-    """True if the first line has the key "Record Length" and, beside it, time and volts."""
+    """True if the first line has the key "Record Length" followed by time and volts."""
     line = head_of(path, 1024).split(b"\n")[0].decode("latin-1")
     named = line.lower().lstrip('"').startswith("record length")
     return named and line.count(",") >= _BLOCK - 1 and _pair(line)

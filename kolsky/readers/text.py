@@ -1,4 +1,4 @@
-"""A text file of unknown make: its characters, its lines, and how a line is divided into fields."""
+"""Read a text file of unknown origin: detect its characters, lines and fields."""
 
 import codecs
 import csv
@@ -15,11 +15,11 @@ from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
 
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
-"""Encodings that may be stated; the first three and cp1252 are found without."""
+"""Encodings that may be declared; the first three and cp1252 are also detected."""
 
 LONGEST_FIELD = 200
-"""Longest field that is searched for a name and a unit [characters]: no heading is longer, and what a search
-takes grows with a power of the length."""
+"""Longest field that is searched for a name and a unit [characters]. No heading is longer, and the time of a
+search grows with a power of the length."""
 LONGEST_PAIR = 4000
 """Longest line of a header that is searched for a key and its values [characters]."""
 
@@ -31,7 +31,7 @@ _MARKS = (
 
 
 def full_match(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_FIELD) -> re.Match[str] | None:
-    """The match of a pattern with a whole field; None for a field of more characters than `longest`."""
+    """The match of a pattern with a whole field; None for a field with more than `longest` characters."""
     return pattern.fullmatch(field) if len(field) <= longest else None
 
 
@@ -48,11 +48,11 @@ def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
 def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[str, str]:
     """The text of a file and the words for its encoding.
 
-    A byte order mark decides; without one, many zero bytes mean UTF-16, and what is not valid UTF-8 is
-    cp1252, the code page of Windows in western Europe and America.
+    A byte order mark determines the encoding. Without one, many zero bytes indicate UTF-16. Other text that
+    is not valid UTF-8 is cp1252, the code page of Windows in western Europe and America.
 
-    ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to find
-    it. Raises InputError if the encoding is unknown, or a byte is no character in it: with line and offset.
+    ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to detect
+    it. Raises InputError if the encoding is unknown or a byte is invalid in it, with line and offset.
     """
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError(
@@ -104,11 +104,11 @@ def _without_mark(data: bytes) -> str:
 
 
 def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
-    """The lines of a text without empty ones at its end; lines end with LF, CR LF or, unless strict, CR.
+    """The lines of a text without empty lines at its end; lines end with LF, CR LF or, unless strict, CR.
 
-    Raises InputError if there is nothing but blanks, or a carriage return stands inside a strict line.
+    Raises InputError if there are only blanks, or if a strict line contains a carriage return.
     """
-    # Not splitlines(): it also splits at characters that are no line ends in a text file.
+    # Not splitlines(): it also splits at characters that do not end a line of a text file.
     text = text.replace("\r\n", "\n")
     lines = (text.removesuffix("\r") if strict else text.replace("\r", "\n")).split("\n")
     while lines and not lines[-1].strip():
@@ -127,10 +127,10 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
 
 
 def _quoted_commas_apart(lines: list[str]) -> list[str]:
-    """Lines of fields such as "0,12","3,5" with semicolons between the fields, for commas are decimal signs.
+    """Replace commas between fields such as "0,12","3,5" by semicolons, because commas are decimal signs.
 
-    Only where most of the last lines that are not empty have commas inside and outside quotes, and no other
-    delimiter. A line above them with a comma between two digits and no quotes stays as it is: "dt: 1,25 ms".
+    This is done only if most of the last nonempty lines have commas inside and outside quotes and no other
+    delimiter. A line above them such as "dt: 1,25 ms" (comma between two digits, no quotes) is unchanged.
     """
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     apart = [
@@ -146,7 +146,7 @@ def _quoted_commas_apart(lines: list[str]) -> list[str]:
 
 
 def _semicolons(line: str) -> str:
-    """A line of commas with semicolons instead, those of its quoted fields left."""
+    """A line with semicolons in place of its commas, except in quoted fields."""
     try:
         cells = next(csv.reader([line], skipinitialspace=True), [])
     except csv.Error:  # a field of more than 131 072 characters
@@ -155,9 +155,9 @@ def _semicolons(line: str) -> str:
 
 
 def _whole_lines_unquoted(lines: list[str]) -> list[str]:
-    """Lines without the quotes around each whole line, as a spreadsheet saves what it took for one cell.
+    """Remove quotes around whole lines, which a spreadsheet writes if it stored each line in one cell.
 
-    Only where most lines that are not empty are one quoted field that has fields inside.
+    This is done only if most nonempty lines are one quoted field that contains fields.
     """
     filled = [line.strip() for line in lines if line.strip()]
     quoted = [line for line in filled if _QUOTED_LINE.fullmatch(line) and _DIVIDED.search(line)]
@@ -171,12 +171,12 @@ def _whole_lines_unquoted(lines: list[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Delimiter:
-    """What separates the fields of a line."""
+    """A separator of the fields of a line."""
 
     name: str
     """Its name in a layout."""
     character: str
-    """The character, which a layout may write too."""
+    """The character; a layout may also give the character."""
     plural: str
     """Its name in messages."""
 
@@ -190,23 +190,23 @@ DELIMITERS = (
     COMMA,
     BLANKS,
 )
-"""In the order in which they are tried; a new one is a line here."""
+"""All delimiters, in the order in which they are tried; add a new delimiter here."""
 
 
 def delimiter_of(text: str) -> Delimiter | None:
-    """The delimiter of a name or a character; None if it is none that is known."""
+    """The delimiter with a name or a character; None if unknown."""
     return next((d for d in DELIMITERS if text in (d.name, d.character)), None)
 
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _ALMOST = re.compile(r"[+-]?\d[\d.,'’ \u00a0\u202f]*(?:[eE][+-]?\d+)?")
-"""A number of any decimal sign, with or without signs between thousands."""
+"""A number with any decimal sign, with or without thousands separators."""
 _WHOLE, _FRACTION = re.compile(r"[+-]?\d+"), re.compile(r"\d+(?:[eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _LINES_COMPARED = 60
-"""Lines at the end of the file that the choice rests on."""
+"""Number of lines at the end of the file that are used to detect the dialect."""
 _FEWER_LINES = (20, 8, 3)
-"""Fewer of them, in turn, where those have no columns: a short table below many lines of other text."""
+"""Smaller numbers of lines, tried in turn for a short table below many lines of other text."""
 _QUOTED_LINE = re.compile(r'"(?:[^"]|"")*"')
 _QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
 _BARE_COMMA = re.compile(r"\d,\d")
@@ -214,11 +214,11 @@ _OTHER = re.compile(r"[\t;]")
 _OTHER_OR_COMMA = re.compile(r"[\t;,]")
 _DIVIDED = re.compile(r"[\t;,]|\S[ ]+\S")
 _AGREEING_SHARE = 0.8
-"""Share of them that must agree: one damaged line shall be named by its number, not change the choice."""
+"""Share of the lines that must agree, so that one damaged line causes an error, not another dialect."""
 
 
 _SHOWN = 60
-"""Most characters of a line that a message shows."""
+"""Maximum number of characters of a line in a message."""
 _REMARK_CURE = (
     "are there remarks, a mean or a second table below the numbers? keep the lines of one table; else "
     "correct the line"
@@ -258,17 +258,17 @@ _CURES = tuple(
         ),
     )
 )
-"""Form of a field that is no number -> the cure, the first that fits."""
+"""Pattern of a field that is not a number -> the advice; the first match is used."""
 
 
 def cure_of(field: str) -> str:
-    """What to do about a field that should be a number and is none."""
+    """The advice for a field that should be a number but is not."""
     return next((cure for form, cure in _CURES if full_match(form, field) is not None), _REMARK_CURE)
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Delimiter, decimal sign and columns of a file's lines."""
+    """Delimiter, decimal sign and columns of the lines of a file."""
 
     delimiter: str
     """The character between columns; " " stands for any run of blanks and tabs."""
@@ -277,11 +277,11 @@ class Dialect:
     fields: int
     """Fields in a line of samples."""
     numeric: tuple[int, ...]
-    """Which of them hold numbers, counted from 0."""
+    """Indices of the numeric fields, counted from 0."""
     empty: tuple[int, ...] = ()
-    """Which of them hold nothing: behind a last delimiter, or below the keys of the header."""
+    """Indices of the empty fields: after a last delimiter, or below the keys of the header."""
     quoted: bool = True
-    """Whether quotes around a field are taken off; else they belong to it."""
+    """Whether quotes around a field are removed; else they are part of it."""
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes and outer blanks."""
@@ -291,7 +291,7 @@ class Dialect:
             cells = csv.reader([line], delimiter=self.delimiter, skipinitialspace=True)
             try:
                 return [part.strip() for part in next(cells, [])]
-            except csv.Error:  # a field of more than 131 072 characters: no number, whatever it is
+            except csv.Error:  # a field of more than 131 072 characters is not a number
                 pass
         return [part.strip() for part in line.split(self.delimiter)]
 
@@ -324,9 +324,9 @@ def find_dialect(
 ) -> Dialect:
     """The dialect in which the most columns at the end of a file are numbers.
 
-    ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: what has been stated;
-    the rest is found. ``word``: what a line is called in messages. Raises InputError if something stated is
-    not allowed, or no column is numeric.
+    ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: the declared values;
+    None: detected. ``word``: name of a line in messages. Raises InputError if a declared value is not
+    allowed, or if no column is numeric.
     """
     characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
@@ -339,7 +339,7 @@ def find_dialect(
             for sign in decimals
             if sign != character and (dialect := _columns(filled[-count:], character, sign)) is not None
         ]
-        # Remarks of two words look like columns between blanks: fewer lines may show another delimiter.
+        # Comments of two words look like columns between blanks; fewer lines may give another delimiter.
         least = max(map(_share_of_numbers, dialects), default=(0.0, 0))
         others = [d for d in tail if d.delimiter != BLANKS.character and _share_of_numbers(d) >= least]
         dialects = others if dialects and others else dialects or tail
@@ -361,7 +361,7 @@ def find_dialect(
             )
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)
-    # max() keeps the first of equals: the order of `DELIMITERS`.
+    # max() returns the first of equal items, in the order of `DELIMITERS`.
     best = max(several, key=_share_of_numbers)
     # Lines of settings above a short table have words in its first column: the last lines have numbers there.
     for count in _FEWER_LINES:
@@ -378,7 +378,7 @@ def find_dialect(
 def _no_numbers(
     path: Path, lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str], word: str
 ) -> InputError:
-    """The error of lines without a column of numbers: what the last of them has instead."""
+    """The error for lines without a numeric column; it shows a field of the last such line."""
     line, text = _last_word(lines, characters, decimals)
     said = [
         *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),
@@ -397,7 +397,7 @@ def _no_numbers(
 
 
 def _check_stronger_delimiter(path: Path, lines: Sequence[str], filled: Sequence[str]) -> None:
-    """Refuse lines that commas or blanks divide, and tabs or semicolons into numbers of another form."""
+    """Raise InputError if tabs or semicolons would divide lines of commas or blanks into numbers."""
     tail = filled[-_FEWER_LINES[0] :]
     for delimiter in DELIMITERS[:2]:
         parts = [line.split(delimiter.character) for line in tail]
@@ -413,12 +413,12 @@ def delimiter_name(character: str) -> str:
 
 
 def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
-    """Share of numbers among the columns that are not empty, and how many these are."""
+    """Share of numeric columns among the nonempty columns, and the number of numeric columns."""
     return len(dialect.numeric) / (dialect.fields - len(dialect.empty)), len(dialect.numeric)
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
-    """The columns that most of the lines have, if one of them is numeric."""
+    """The dialect with the columns that most lines have; None if no column is numeric."""
     bare = Dialect(delimiter, decimal, 0, ())
     rows = [bare.split(line) for line in lines]
     counts = Counter(map(len, rows))
@@ -434,12 +434,12 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     if not numeric:
         return None
     empty = tuple(i for i, count in enumerate(filled) if count == 0)
-    mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
+    mostly = len(numeric) + len(empty) > fields / 2  # empty fields are not evidence
     return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
 
 
 def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
-    """The dialect with tabs, where tabs divide the samples as any blanks do: names may hold blanks then."""
+    """The dialect with tabs if tabs and blanks divide the samples alike; names may then contain blanks."""
     tab = DELIMITERS[0].character
     samples = [line for line in filled if dialect.is_samples(line)]
     same = [
@@ -452,10 +452,10 @@ def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
 
 
 def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:
-    """True if two whole numbers beside a comma are the two parts of one number: "-0,128" below "Kraft [N]".
+    """True if two integers around a comma are the parts of one decimal number: "-0,128" below "Kraft [N]".
 
-    A second part that no whole number has ("012", behind "-0"), or a line of names without a comma, says so;
-    first parts that count the lines are a column.
+    The evidence is a second part that is not an integer ("012", or after "-0"), or a line of names without a
+    comma. First parts that count the lines are a column.
     """
     if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
         return False
@@ -470,7 +470,7 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
 
 
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
-    """The last line, counted from 1, with a field that is no number, and that field; by the best dialect."""
+    """The last line, counted from 1, with a field that is not a number, and that field; best dialect."""
     kinds = [Dialect(c, sign, 0, ()) for c in characters for sign in decimals if sign != c]
     tail = range(max(0, len(lines) - 4 * _LINES_COMPARED), len(lines))
     best = max(kinds, key=lambda kind: sum(kind.is_number(f) for i in tail for f in kind.split(lines[i])))
@@ -482,7 +482,7 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 
 def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
-    """The dialect of the lines with another delimiter than the stated one."""
+    """The dialect of the lines with another delimiter than the declared one."""
     for character in _characters():
         for decimal in (".", ","):
             if character not in (stated, decimal):
@@ -499,7 +499,7 @@ def _characters() -> tuple[str, ...]:
 def declared_delimiter(path: Path, value: str) -> str:
     """The character of the delimiter that a layout declares by name or character.
 
-    Raises InputError if it is none that is known.
+    Raises InputError if it is unknown.
     """
     found = delimiter_of(value)
     if found is None:
@@ -512,7 +512,7 @@ def declared_delimiter(path: Path, value: str) -> str:
 def declared_decimal(path: Path, value: str) -> str:
     """The decimal sign that a layout declares.
 
-    Raises InputError if it is none.
+    Raises InputError if it is neither "." nor ",".
     """
     if value not in (".", ","):
         raise InputError(path, f"is declared to have the decimal {value!r}", allowed='one of ".", ","')
@@ -520,9 +520,9 @@ def declared_decimal(path: Path, value: str) -> str:
 
 
 def check_one_column(path: Path, lines: Sequence[str]) -> None:
-    """Refuse lines without commas that another delimiter takes apart: the fields are no plain numbers.
+    """Check that another delimiter does not divide lines without commas into numbers of another form.
 
-    Raises InputError: with the delimiter and the last line.
+    Raises InputError that gives the delimiter and the last line.
     """
     for delimiter in (d for d in reversed(DELIMITERS) if d not in (COMMA, BLANKS)):
         cells = lines[-1].split(delimiter.character)

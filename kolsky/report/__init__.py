@@ -1,4 +1,4 @@
-"""Pages, figures, films, notebook views: the only room with Matplotlib and PyVista."""
+"""Pages, figures, films and notebook views; the only package that uses Matplotlib and PyVista."""
 
 FIGURE_FORMATS = ("pdf", "svg", "png", "csv")
 """Names of the formats; "csv" is the table of the data shown."""

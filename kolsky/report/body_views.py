@@ -1,5 +1,4 @@
-"""What the pages of whole specimens and of actuators show: fits, strains, shapes, inversions, control
-runs."""
+"""Data for the pages of whole specimens and actuators: fits, strains, shapes, inversions, control runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,7 +30,7 @@ class StrainShare:
     whole: FloatArray
     """Of the whole specimen, along x, y, z [-], shape [3, bins]."""
     middle: FloatArray
-    """Of the inner half of its free length alone, likewise."""
+    """Of the inner half of its free length, along x, y, z [-], shape [3, bins]."""
 
 
 def strain_share(name: str, solution: Solution, middle: FloatArray) -> StrainShare:
@@ -48,14 +47,14 @@ def _shares(strain: FloatArray, volume: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SpecimenView:
-    """Fits of whole specimens with the simulations of the last of them."""
+    """Fits of whole specimens, with the simulations of the last fit."""
 
     name: str
     fits: tuple[SpecimenFit, ...]
     solutions: dict[str, Solution]
     """Simulation of each fitted test with the constants of the last fit, at the measured displacements."""
     shares: tuple[StrainShare, ...]
-    """Strains of each."""
+    """Strains of each test."""
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -69,7 +68,7 @@ class SpecimenView:
 
 
 def view_of(name: str, fits: Sequence[SpecimenFit]) -> SpecimenView:
-    """Simulate the tests of the last fit once more and bin their strains."""
+    """Simulate the tests of the last fit and bin their strains."""
     last = fits[-1]
     solutions, shares = {}, []
     solid = last.constants.solid(last.constants.start)
@@ -88,19 +87,19 @@ class SheetView:
 
     name: str
     measured: MeasuredField
-    """What was measured."""
+    """The measured field."""
     fit: FieldFit
     """The fit of all steps."""
     steps: tuple[FieldFit | str, ...]
-    """The fits of each step alone; empty if they were not made."""
+    """Separate fits of each step; empty if they were not made."""
     sensitivity: FloatArray
     """dm/du_msr of the last step as a field, relative to the constants [1/m^3], shape [p, nodes, 2]."""
     before: BeforeTest
-    """What displacements of the whole sheet would tell."""
+    """Sensitivity to displacements of the whole sheet before a test."""
     stiffness: StiffnessMap | None = None
-    """Factors of stiffness by blocks, if they were asked for."""
+    """Stiffness factors by blocks, if requested."""
     change: str = ""
-    """The one change of the data that would explain field and force; empty if there is none."""
+    """A single change of the data that would explain field and force; empty if there is none."""
 
     @property
     def mesh(self) -> Mesh:
@@ -176,19 +175,19 @@ class ActuatorView:
     directions: Sequence[Direction] = ()
     """Bends of every direction of gravity."""
     markers: Sequence[MarkerComparison] = ()
-    """Measured markers beside the simulated ones."""
+    """Measured and simulated markers."""
     stiffness: StiffnessFit | None = None
-    """Factor of all moduli fitted to them."""
+    """Factor of all moduli, fitted to the markers."""
     motions: Sequence[BendInTime] = ()
     """Bends over time."""
     inversions: Mapping[str, Sequence[Inversion]] = field(default_factory=dict)
-    """Pressures that were searched for, by direction of gravity."""
+    """Searches for a pressure, by direction of gravity."""
     closed: Mapping[str, Closed] = field(default_factory=dict)
     """Runs of the loop, by direction of gravity."""
     reductions: Mapping[str, Reduction] = field(default_factory=dict)
     """Their reduced models."""
     warnings: Sequence[str] = ()
-    """What a reader must know."""
+    """Warnings for the reader."""
 
 
 def outer_faces(mesh: Mesh) -> IntArray:
@@ -200,10 +199,10 @@ def outer_faces(mesh: Mesh) -> IntArray:
 
 
 def side_view(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Faces as seen along +y, the nearest last.
+    """Faces in the view along +y, the nearest last.
 
-    Returns: corners in x and z [m], shape [f, k, 2], and how much each face looks at the viewer, 0 to 1, of
-    shape [f].
+    Returns: corners in x and z [m], shape [f, k, 2], and the cosine between each face's normal and the
+    viewing direction, 0 to 1, shape [f].
     """
     corners = positions[faces]
     order = np.argsort(-corners[..., 1].mean(axis=1), kind="stable")

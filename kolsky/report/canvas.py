@@ -1,8 +1,8 @@
-"""Building and saving of figures without a window or global state: alone, as CSV data, or as SVG for a page.
+"""Build and save figures without a window or global state: as files, as CSV data, or as SVG for a page.
 
-The CSV table of a figure is read from the drawn artists, so that the two cannot differ. Legends that lie on
-data are moved to a free place, in pixels of the canvas; data are lines, markers, bars, the edges of bands and
-contours, not what fills a whole panel nor guides that run from side to side.
+The CSV table of a figure is read from the drawn artists, so that the two cannot differ. Legends that overlap
+data are moved to a free position, in pixels of the canvas. Data are lines, markers, bars and the edges of
+bands and contours, but not fills of a whole panel or guide lines across it.
 """
 
 import io
@@ -46,18 +46,19 @@ PLACES: tuple[_Place, ...] = (
     "upper center",
     "lower center",
 )
-"""Where a legend may stand, the preferred ones first."""
+"""Positions of a legend, the preferred ones first."""
 ROOM, MOST_ROOM = 0.1, 0.8
-"""Where none is free, the y axis gets so much of its range more at its upper end, in steps, at most."""
+"""If no position is free, the y axis is extended upward in steps of the first share of its range, up to the
+second."""
 TOUCH = 0.5
-"""Boxes that share less than this are side by side [px]."""
+"""Boxes with a smaller overlap count as adjacent [px]."""
 
 
 def free_legends(figure: Figure) -> bool:
-    """Move every legend that lies on data to a free place, or make one above the data.
+    """Move every legend that overlaps data to a free position, or extend the axis to make one above the data.
 
-    ``figure``: laid out, its axes are where they will be drawn. Returns: true if an axis has new limits, so
-    that the figure must be laid out again. A legend beside its panel stays there.
+    ``figure``: after layout, with its axes at their final positions. Returns: true if an axis has new limits,
+    so that the figure needs a new layout. A legend outside its panel is not moved.
     """
     changed = False
     for ax in figure.axes:
@@ -70,7 +71,7 @@ def free_legends(figure: Figure) -> bool:
 
 
 def _move(legend: Legend, ax: Axes) -> bool:
-    """Put a legend to the first free place; leave it if there is none."""
+    """Move a legend to the first free position; False, and not moved, if there is none."""
     before = legend._loc_real  # type: ignore[attr-defined]  # Matplotlib has no public way to read it
     for place in PLACES:
         legend.set_loc(place)
@@ -81,7 +82,7 @@ def _move(legend: Legend, ax: Axes) -> bool:
 
 
 def _room_above(legend: Legend, ax: Axes) -> bool:
-    """Raise the upper limit of the y axis until a legend at the top is free; put it back if it never is."""
+    """Raise the upper limit of the y axis until a legend at the top is free; restore it if none is."""
     if ax.images:
         return False
     before, scale = ax.get_ylim(), ax.yaxis.get_transform()
@@ -111,7 +112,7 @@ def _shared(one: Bbox, other: Bbox) -> bool:
 
 
 def _on_data(ax: Axes, box: Bbox) -> bool:
-    """True if data of a panel are inside a box; what is drawn is clipped at the panel."""
+    """True if data of a panel are inside a box; drawings are clipped at the panel."""
     inside = Bbox.intersection(box.padded(-TOUCH), ax.bbox)
     if inside is None:
         return False
@@ -160,7 +161,7 @@ _Points = tuple[str, NDArray[Any], NDArray[Any], NDArray[Any] | None]
 """Kind, x, y and values of an artist."""
 DATA_COLUMNS = ("panel", "x axis", "y axis", "series", "kind", "x", "y", "value", "value axis")
 _PICTURE_ARTISTS = frozenset({"gray", "grey", "Greys_r"})
-"""Colour maps of camera pictures, which are no data of a figure."""
+"""Colour maps of camera pictures, which do not count as data of a figure."""
 
 
 def write_data(path: Path, figure: Figure) -> Path:

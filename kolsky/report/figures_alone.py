@@ -1,4 +1,4 @@
-"""Figures of a result as files of their own, where a command is asked for them."""
+"""Figures of a result as separate files, if a command requests them."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ def save_figures_alone(
     *,
     registry: "Mapping[str, FigureKind[Any]] | None" = None,
 ) -> None:
-    """Save the figures of a result alone, if formats are asked for; Matplotlib is loaded only then."""
+    """Save the figures of a result as separate files if formats are given; only then load Matplotlib."""
     if formats:
         from kolsky.report.canvas import save_figures
 

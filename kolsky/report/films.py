@@ -28,7 +28,7 @@ from kolsky.report.figures.bodies import draw_shape
 from kolsky.report.scene.drawing import offscreen_pyvista, write_frames
 
 _SIZE, _DPI = (6.4, 4.8), 100
-"""Size of a film's picture [inch] and its dots an inch."""
+"""Size of a film's picture [inch] and its resolution [dots per inch]."""
 _STEEL = "0.75"
 
 
@@ -55,7 +55,7 @@ def write_prediction_film(
     rate: float = 25.0,
     progress: Callable[[int], None] = lambda n: None,
 ) -> Path:
-    """Write the test as a film, a picture each 25 µs.
+    """Write the test as a film, with one picture per 25 µs.
 
     ``rate``: frame rate of the film [1/s].
     """
@@ -112,7 +112,7 @@ def _box_patch(ax: Axes, start: float, length: float, diameter: float) -> None:
 
 
 def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
-    """Write a film, mp4 or gif, a picture a step, `rate` of them a second."""
+    """Write a film, mp4 or gif, with one picture per step and `rate` pictures per second."""
     write_frames(path, partial(_actuator_picture, shown), range(len(shown.pristine.angle)), rate=rate)
 
 

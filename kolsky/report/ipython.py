@@ -1,6 +1,6 @@
 """Registration of the views: with IPython by name of the type, and as methods of results.
 
-Nothing is imported before it is needed.
+Modules are imported only when they are needed.
 """
 
 import io
@@ -42,7 +42,7 @@ def register_with(for_type_by_name: Callable[[str, str, Callable[[Any], str]], A
 
 
 def _notebook() -> Any:
-    from kolsky.report import notebook  # loads much: when something is shown, not before
+    from kolsky.report import notebook  # slow to load, therefore only when something is shown
 
     return notebook
 

@@ -52,7 +52,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
         the last four are the CSV files of the same names. Of any other result (waves, rates, several shots,
         a prediction, a plan, a sweep, a budget, constants, a reference curve, a displacement field) the name
         of one of its CSV files, without ".csv"; the main one if left out. Of a displacement field also
-        "points", a row a point of a frame.
+        "points", one row per point and frame.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def _frame_of(data: object, table: str) -> Any:
 
 
 def _cells(cells: Any) -> Any:
-    """A column; an empty cell among numbers is a number that there is not."""
+    """A column; an empty cell among numbers becomes NaN."""
     if isinstance(cells, np.ndarray) or all(isinstance(cell, str) for cell in cells):
         return cells
     return [nan if isinstance(cell, str) and not cell else cell for cell in cells]
@@ -264,7 +264,7 @@ def plot(data: object, figure: str = "") -> Figure:
 
 
 def _drawn(data: Any) -> Any:
-    """What the figures of a result show: itself, or its view."""
+    """The object that the figures of a result show: the result or its view."""
     from kolsky.report import picture_views
 
     match type(data).__name__:

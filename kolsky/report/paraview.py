@@ -187,7 +187,7 @@ def _write_frames(
     triangles: NDArray[np.int64],
     write: Callable[[int, Path, NDArray[np.int64]], None],
 ) -> list[Path]:
-    """Write a file a frame, with the triangles whose corners are all valid there, and the listing."""
+    """Write one file per frame, with the triangles whose corners are all valid, and the listing."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):

@@ -1,7 +1,7 @@
-"""Result folders: result, tables, page and figures, all written or none.
+"""Result folders: result, tables, page and figures, written completely or not at all.
 
-`RESULTS` says of each type of result which tables and files it has; `tables_of` and `write_results` are made
-of it. What needs more than the result, be it a shot or many results, has a function of its own.
+`RESULTS` lists the tables and files of each type of result, for `tables_of` and `write_results`. Results that
+need more input, such as a shot or several results, have separate functions.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ class ResultFiles:
     """Tables and files of a type of result; functions by their dotted names, loaded when they are used."""
 
     tables: str
-    """Function of the result that gives its `Tables`, the main one first, or the columns of the only one."""
+    """Function of the result that returns its `Tables`, the main one first, or the only one's columns."""
     only: str = ""
     """Name of the only table; "" if the function names them."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Name of a file -> function of its path and the result that writes it; of JSON, function of the result
     that gives the object."""
     figures: Callable[[Any], Iterable[tuple[Any, Any]]] = lambda result: [(result, None)]
-    """What the figures show and their registry; None for that of `kolsky.report.figures.figures_of`."""
+    """The objects of the figures with their registry; None for that of `kolsky.report.figures.figures_of`."""
 
 
 _WAVES = {
@@ -205,11 +205,11 @@ SUMMARY = "summary"
 """Stem of the table of one row, which `kolsky open` lists shots by."""
 PAGE = "report.html"
 MOST_DRAWING = 4
-"""Largest number of processes that draw a page: the slowest figure takes a quarter of the time of all."""
+"""Largest number of processes that draw a page, because the slowest figure takes a quarter of all time."""
 
 
 def drawing_processes() -> int:
-    """Return how many processes draw the figures of a page side by side: one a core, 2 to 4."""
+    """Return the number of parallel processes that draw the figures of a page: one per core, 2 to 4."""
     return min(max(cores(), 2), MOST_DRAWING)
 
 
@@ -280,7 +280,7 @@ def read_identify_results(folder: Path, shot: Shot) -> Identification:
     Raises
     ------
     InputError
-        If there is none, it cannot be used, or it was made from other files than the shot's.
+        If there is none, it cannot be used, or it was made from files that differ from the shot's.
     """
     from kolsky.results.hdf5 import read_identification
 
@@ -325,17 +325,17 @@ def write_dic_results(
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     shot
         The shot with its pictures, as `kolsky.shot.load.load_pictures` gives it.
     found
-        What the pictures gave.
+        The stereo result.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        How many draw the page; see `dic.processes.run_parallel`.
+        Number of processes that draw the page; see `dic.processes.run_parallel`.
 
     Raises
     ------
@@ -464,7 +464,7 @@ def write_prediction_results(
     film: str = "",
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of a prediction with the scan that was made before, and a film if it is asked for.
+    """Write the results of a prediction with its scan, and a film if requested.
 
     ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
     ``film``: format of a film, "mp4" or "gif"; empty for none.
@@ -488,7 +488,7 @@ def write_prediction_results(
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
-    """Refuse a result made from other versions of the files: its page would mix both."""
+    """Raise InputError for a result of other versions of the files, because its page would mix both."""
     then = then if isinstance(then, dict) else {}
     differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
     if differing:
@@ -515,7 +515,7 @@ def write_specimen_results(
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
     ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
     """
-    from kolsky.bodies import specimen_output  # brings scipy.stats
+    from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:
@@ -542,7 +542,7 @@ def write_sheet_results(
     stills: bool = False,
 ) -> None:
     """Write the results of a sheet, as `write_specimen_results` those of force curves."""
-    from kolsky.bodies import specimen_output  # brings scipy.stats
+    from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
     with filling(folder) as partial:
@@ -581,7 +581,7 @@ def write_solution_vtu(
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
     fields."""
-    from kolsky.report.paraview import write_grid  # brings image correlation
+    from kolsky.report.paraview import write_grid  # imports image correlation
 
     mesh, last = solution.model.mesh, solution.reached - 1
     named = {

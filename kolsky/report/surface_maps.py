@@ -36,11 +36,11 @@ OUTCOME_COLOURS = {
 }
 """A colour for every outcome."""
 SHARE = (1.0, 99.0)
-"""Percentiles of the values that the colours span: a few wild points would leave no contrast."""
+"""Percentiles of the values at the limits of the colours, so that outliers do not reduce the contrast."""
 LONGEST = 720
 """Longer side of a map over a picture [px]."""
 FINEST = 4
-"""Most pixels of a map along one pixel of the picture."""
+"""Maximum number of map pixels along one pixel of the picture."""
 SPACE_SIZE = (640, 480)
 """Width and height of a picture of the surface in space [px]."""
 _DRAWING = Lock()
@@ -49,16 +49,16 @@ _DRAWING = Lock()
 
 @dataclass(frozen=True)
 class View:
-    """Direction from the surface to the eye, from Z toward the cameras on [°]."""
+    """Direction from the surface to the eye, as angles from Z, which points toward the cameras [°]."""
 
     azimuth: float = 30.0
-    """Turned about y toward x."""
+    """Rotation about y toward x [°]."""
     elevation: float = 20.0
-    """Above the plane of x and Z."""
+    """Angle above the plane of x and Z [°]."""
 
 
 def limits_of(field: FieldOfPoints) -> tuple[float, float]:
-    """Ends of a field's colours over all frames; the same for a whole film."""
+    """Limits of a field's colours over all frames; constant for a whole film."""
     known = field.values[np.isfinite(field.values)]
     if not known.size:
         return 0.0, 1.0
@@ -73,7 +73,7 @@ def scale_colours(count: int = 24) -> list[str]:
 
 
 def faces_of(points: MeasuredPoints, frame: int) -> IntArray:
-    """Triangles between neighbouring points that were found in a frame, shape [n, 3]."""
+    """Triangles between neighbouring points that are valid in a frame, shape [n, 3]."""
     triangles = grid_triangles(points.cell)
     return np.asarray(triangles[points.surface.valid[frame][triangles].all(axis=1)])
 
@@ -165,9 +165,9 @@ def space_png(
     chosen: int | None = None,
     size: tuple[int, int] = SPACE_SIZE,
 ) -> bytes:
-    """The surface of one frame in space with a field on it, as PNG; the surface at the reference is a net.
+    """The surface of one frame in space with a field on it, as PNG; the reference surface is a wire mesh.
 
-    ``limits``: ends of the colours. ``chosen``: a point that is marked. Raises
+    ``limits``: limits of the colours. ``chosen``: a point to mark. Raises
     `kolsky.report.scene.drawing.CannotRender` if PyVista is not installed or VTK cannot render here.
     """
     pyvista = offscreen_pyvista()
@@ -183,7 +183,7 @@ def space_png(
 
 
 def positions_of(points: MeasuredPoints, frame: int | None) -> FloatArray:
-    """Places in space, y up, in the unit that is shown; of the reference for None, NaN where lost."""
+    """Positions in space, y up, in the displayed unit, NaN where lost; for None those of the reference."""
     factor, _ = points.length
     X = points.surface.X if frame is None else points.surface.position[frame]
     if frame is not None:
@@ -192,7 +192,7 @@ def positions_of(points: MeasuredPoints, frame: int | None) -> FloatArray:
 
 
 def _fill(plotter, pyvista, points, name, frame, limits, chosen) -> None:  # type: ignore[no-untyped-def]
-    """Put net, surface and chosen point into a picture; PyVista has no types."""
+    """Add wire mesh, surface and chosen point to a picture; PyVista has no types."""
     at_reference, now = positions_of(points, None), positions_of(points, frame)
     whole, faces = grid_triangles(points.cell), faces_of(points, frame)
     values = points.fields[name].values[frame]

@@ -1,5 +1,4 @@
-"""An identification as it is shown: display units (damping in microseconds), words and digits of its
-records."""
+"""Display of an identification: display units (damping in microseconds), words and digits of its records."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -35,12 +34,12 @@ def _with_unit(e: Estimate) -> Estimate:
 
 
 class Recorded(NamedTuple):
-    """How an entry of provenance is shown."""
+    """Display format of an entry of provenance."""
 
     words: str = ""
     """Its words; its key if empty."""
     factor: float = 1.0
-    """Shown number over the number in SI."""
+    """Displayed number divided by the number in SI."""
     unit: str = ""
     """Unit of the shown number."""
     digits: int = 6

@@ -1,7 +1,7 @@
-"""The form of an identification: place, unit, key and heading of every field, one table a record.
+"""The file format of an identification: path, unit, key and heading of every field, one table per record.
 
-HDF5, JSON, tables and display units are derived from it. One HDF5 file a shot, written completely or not at
-all; every value is checked when it is read.
+HDF5, JSON, tables and display units are derived from it. There is one HDF5 file per shot, written completely
+or not at all. Every value is checked when it is read.
 """
 
 from dataclasses import fields, replace
@@ -123,9 +123,9 @@ CAUSE = Record(
 
 
 FORMAT = Format("kolsky identification", version=4, readable=(1, 2, 3, 4))
-"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
-version 2 no goodness of fit, no lags of clocks and no causes of a misfit; version 3 not the ranges in which
-parameters were searched."""
+"""Version 1 lacks other choices, numbers of image correlation and parts of the numerical uncertainty.
+Versions 1 and 2 lack goodness of fit, lags of clocks and causes of a misfit. Versions 1 to 3 lack the search
+ranges of parameters."""
 
 ESTIMATE = Record(
     Estimate,
@@ -401,11 +401,11 @@ def write_identification(path: Path, identification: Identification) -> None:
     Raises
     ------
     ValueError
-        If shapes of the result disagree with each other, or a text cannot be stored.
+        If shapes of the result are inconsistent, or a text cannot be stored.
     TypeError
-        If provenance holds something JSON cannot say.
+        If provenance contains a value that JSON cannot represent.
     OSError
-        If the file cannot be written; an older file of the name is then unchanged.
+        If the file cannot be written; an existing file is then unchanged.
     """
     plain = replace(identification, provenance=jsonable(identification.provenance, "provenance"))
     with writing(path, FORMAT) as place:
@@ -413,7 +413,7 @@ def write_identification(path: Path, identification: Identification) -> None:
 
 
 def read_identification(path: Path) -> Identification:
-    """Read a file of `write_identification`, trusting nothing in it.
+    """Read a file of `write_identification` and check everything in it.
 
     Parameters
     ----------
@@ -428,8 +428,8 @@ def read_identification(path: Path) -> Identification:
     Raises
     ------
     InputError
-        If the file is missing, truncated or no such result, or if a dataset is missing, a link to another
-        file, of another type, shape or unit, or larger than 1 GiB. The message is one line.
+        If the file is missing, truncated or not such a result. Also if a dataset is missing, is a link to
+        another file, has a wrong type, shape or unit, or is larger than 1 GiB. The message is one line.
     """
     with reading(Path(path), FORMAT, cure="write it again with `kolsky identify`") as place:
         return IDENTIFICATION.read(place)

@@ -35,7 +35,7 @@ from kolsky.inverse.parameters import reference_words
 from kolsky.results.hdf5 import ESTIMATE, FIT
 
 FORMAT = Format("kolsky joint identification", version=6, readable=(3, 4, 5, 6))
-"""Its first version is 3, that of an identification, whose records of a parameter it shares."""
+"""Its first version is 3, the version of the identification format whose parameter records it uses."""
 
 OWN = Record(
     OwnStiffness,
@@ -155,7 +155,7 @@ def write_joint_hdf5(path: Path, found: JointResult) -> None:
 
 
 def read_joint_hdf5(path: Path) -> JointResult:
-    """Read a file of `write_joint_hdf5`, trusting nothing in it.
+    """Read a file of `write_joint_hdf5` and check everything in it.
 
     The message is one line.
     """
@@ -164,7 +164,7 @@ def read_joint_hdf5(path: Path) -> JointResult:
 
 
 _OF_ONE_SHOT = ("interval", "mesh_shift", "sigma_systematic")
-"""What an estimate tells of one shot only."""
+"""Fields of an estimate that exist only for a single shot."""
 
 
 def to_json(found: JointResult) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def to_json(found: JointResult) -> dict[str, Any]:
 
 
 def tables(found: JointResult) -> dict[str, dict[str, Any]]:
-    """Shared parameters, shots and, of a free curve, what the impacts ask for: named columns, SI."""
+    """Named columns (SI) of shared parameters, shots and, for a free curve, the curve from the impacts."""
     made = {
         "joint_parameters": _parameters(found),
         "joint_shots": {**SHOT.columns(found.shots), **_own_columns(found)},
@@ -211,7 +211,7 @@ def _parameters(found: JointResult) -> dict[str, list[Any]]:
 
 
 def _own_columns(found: JointResult) -> dict[str, list[float]]:
-    """What each shot asks for by itself, by all data and by each channel."""
+    """The separate estimate of each shot, from all its data and from each channel."""
     headings = {
         "value": "own stiffness over the shared, less 1 (1)",
         "sigma": "sigma of it (1)",
@@ -228,8 +228,10 @@ def _own_columns(found: JointResult) -> dict[str, list[float]]:
 
 
 def _fit_columns(found: JointResult) -> dict[str, list[Any]]:
-    """A row a channel of a shot, and a slow test: residual over that expected of a correct model, and its
-    limit."""
+    """One row per channel of a shot and per slow test.
+
+    Each gives the residual relative to that expected of a correct model, and its limit.
+    """
     rows = [(shot.name, fit.channel, fit) for shot in found.shots for fit in shot.fit]
     rows += [("slow test", fit.channel, fit) for fit in found.slow_fit]
     return {

@@ -1,7 +1,7 @@
 """Nomenclature of pages and figures, and its typesetting.
 
-Symbols, units and words of parameters, routes and stages; signs, powers, units and subscripts of text
-that was written for a terminal.
+It has symbols, units and words of parameters, routes and stages. It typesets signs, powers, units and
+subscripts in text written for a terminal.
 """
 
 import re
@@ -44,7 +44,7 @@ def _name_entry(parameter: str) -> WrittenName | None:
 
 
 NOISE = {"force and shape": "force and outline"}
-"""Words for the sources of noise whose keys are older than the words."""
+"""Words for sources of noise whose keys differ from the words."""
 
 _ROUTES = {
     "joint": "joint χ²",
@@ -55,7 +55,7 @@ _ROUTES = {
 
 
 def name_of(parameter: str, unit: str | None = None) -> WrittenName:
-    """Return how a parameter is written; an unknown one is written by its key."""
+    """Return symbol and words of a parameter; an unknown parameter is written as its key."""
     known = _name_entry(parameter)
     if known is not None:
         return known
@@ -74,8 +74,8 @@ def short(parameter: str) -> str:
 def in_words(text: str, names: Iterable[str] = ()) -> str:
     """Return a sentence in which every API name of a parameter is replaced by `short`.
 
-    ``text``: the sentence. ``names``: parameters to replace, beside those whose API name is no English word;
-    "friction" may be the plain word.
+    ``text``: the sentence. ``names``: parameters to replace in addition to those whose API name is not an
+    English word; "friction" may be an ordinary word.
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
@@ -83,9 +83,9 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
 
 
 def constant_symbol(name: str) -> str:
-    """Return a constant of a law for figures: "poisson" is ν, C10 has its number as an index.
+    """Return the symbol of a law's constant for figures: "poisson" is ν, C10 has its number as a subscript.
 
-    A name that is no letter with a number stands upright.
+    Other names than a letter with a number are upright.
     """
     greek = {"poisson": r"\nu", "mu": r"\mu", "alpha": r"\alpha", "lam": r"\lambda"}
     parts = re.fullmatch(r"(poisson|alpha|lam|mu|[A-Za-z])_?(\d*)", name)
@@ -149,8 +149,8 @@ _RAISED_DIGITS = str.maketrans("+-0123456789", "⁺⁻⁰¹²³⁴⁵⁶⁷⁸�
 def typeset(text: str) -> str:
     """Return a sentence or a value with typographic signs: "-1.2e-05 +- 3 us" is "−1.2 × 10⁻⁵ ± 3 µs".
 
-    A hyphen before a digit is a sign, so that no line breaks after it; one inside a word stays. An "e" needs
-    a sign after it, or it would be a digit of a checksum.
+    A hyphen before a digit becomes a minus sign, so that no line breaks after it; a hyphen inside a word is
+    unchanged. An "e" is an exponent only if a sign follows; else it may be a digit of a checksum.
     """
     text = re.sub(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]\d{2,3})(?!\w)", _raised_power, text)
     text = re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED_DIGITS), text)
@@ -168,5 +168,5 @@ def upper_first(text: str) -> str:
 
 
 def with_subscripts(text: str) -> Markup:
-    """Return text for HTML in which Φ_F, τ_Z, σ_b have real subscripts; a "_" inside a word stays."""
+    """Return text for HTML in which Φ_F, τ_Z, σ_b have subscripts; a "_" inside a word is unchanged."""
     return Markup(re.sub(r"(?<!\w)([^\W\d_])_(\w)(?!\w)", r"\1<sub>\2</sub>", str(escape(text))))

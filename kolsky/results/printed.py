@@ -1,4 +1,4 @@
-"""Results as lines of plain text for a terminal of 80 columns, and rows that terminal and page share."""
+"""Results as plain text for a terminal of 80 columns, and rows used by both terminal and page."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from kolsky.uncertainty.declarations import (
 )
 
 _CHANNEL_UNITS = {"N": (1.0, "N"), "m": (1e6, "µm")}
-"""Factor and unit in which a residual is shown."""
+"""Factor and unit of a displayed residual."""
 _NOT_RECORDED = "not recorded"
-"""What stands for the goodness of fit of a file that does not hold it."""
+"""Text for the goodness of fit if the file does not contain it."""
 
 
 def fit_line(found: Identification) -> str:
@@ -53,18 +53,18 @@ def fit_line(found: Identification) -> str:
 
 
 NOT_TESTABLE = "not testable with the declared uncertainties"
-"""What a check says that passes by what is declared alone."""
+"""Text for a check that could not fail with the declared uncertainties."""
 
 
 def fit_state(f: FitQuality) -> str:
-    """Return "explained" of a check that could have failed, or why it could not, or that it has."""
+    """Return the outcome of a check: "explained", failed, or why it could not have failed."""
     if not f.explained:
         return "NOT EXPLAINED"
     return "explained" if f.testable else NOT_TESTABLE
 
 
 def lag_state(result: Identification, lag: ClockLag) -> str:
-    """Return "late", or "on time" of a clock whose lag would be seen before it matters to the answer."""
+    """Return "late", or "on time" if a lag would be detected before it affects the result."""
     if not lag.sigma >= 0.0:
         return "not found"
     if lag.significance > LATE:
@@ -73,11 +73,11 @@ def lag_state(result: Identification, lag: ClockLag) -> str:
 
 
 MANY_SIGMAS = 4.0
-"""Residual over the noise, squared, from which on a page explains it: twice the noise."""
+"""Squared ratio of residual to noise above which a page explains the residual: twice the noise."""
 
 
 def why_beyond_noise(f: FitQuality) -> str:
-    """Return why a residual far above the noise is expected; empty where it is not, or is not explained."""
+    """Return why a residual far above the noise is expected; empty if it is small or not explained."""
     if not (f.explained and f.limit < float("inf") and f.chi2 > MANY_SIGMAS):
         return ""
     factor, unit = _CHANNEL_UNITS[f.unit]
@@ -93,7 +93,7 @@ def why_beyond_noise(f: FitQuality) -> str:
 
 
 def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, str]:
-    """Return the lines that a terminal gets of fit and clocks, in ASCII but for ±."""
+    """Return the lines about fit and clocks for a terminal, in ASCII except for ±."""
     if not found.fit:
         return {"goodness of fit": _NOT_RECORDED}
     rows = {}
@@ -127,7 +127,7 @@ def _limited(value: float, limit: float) -> str:
 
 
 def fit_tables(result: Identification) -> dict[str, Any]:
-    """Return what a page shows of fit and clocks."""
+    """Return the tables of fit and clocks for a page."""
     return {
         "symbols": [name_of(name).symbol for name in result.estimates],
         "channels": [_channel(result, f) for f in result.fit],
@@ -175,7 +175,7 @@ def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
 
 
 def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:
-    """Return one row for each input that moves the answer: amount, effect, what shows, how declared."""
+    """Return one row for each input that affects the result: amount, effect, visibility, declaration."""
     answer = {name: e.value for name, e in result.estimates.items()}
     open_ = {part.key for part in taken_as_exact(result.systematic)}
     return [_sensitivity_row(part, answer, open_) for part in result.systematic if part.moves]
@@ -199,7 +199,7 @@ def signed_percent(share: float) -> str:
 
 
 def unseen_notes(result: Identification) -> list[str]:
-    """Return sentences on what leaves no residual, and on what the data do not tell apart."""
+    """Return sentences on inputs that leave no residual, and on inputs that the data cannot distinguish."""
     return list(invisible_inputs(result.systematic))
 
 
@@ -238,7 +238,7 @@ def answer(e: Estimate) -> str:
 
 
 MOST_PARTS = 4
-"""So many parts of an uncertainty are printed, the largest first."""
+"""Maximum number of printed parts of an uncertainty, the largest first."""
 
 
 def variance_shares(found: Identification, name: str) -> dict[str, float]:
@@ -256,8 +256,11 @@ def variance_shares(found: Identification, name: str) -> dict[str, float]:
 
 
 def summary(found: Identification) -> dict[str, str]:
-    """Return what dominates the first parameter's uncertainty, the likely causes of a misfit, and what to do
-    next: names and values."""
+    """Return a short summary as names and values.
+
+    It has the main source of the first parameter's uncertainty, the likely causes of a misfit, and the next
+    step for the user.
+    """
     first = next(iter(found.estimates))
     largest = list(variance_shares(found, first).items())[:MOST_PARTS]
     rows = {}
@@ -268,7 +271,7 @@ def summary(found: Identification) -> dict[str, str]:
 
 
 def _next_step(found: Identification, largest: list[str]) -> str:
-    """What the user should do with the answer, in one sentence."""
+    """The next step for the user, in one sentence."""
     if any(not one.explained for one in found.fit):
         cause = next((c.key for c in found.causes if c.named), None)
         check = f"check {cause}" if cause else "check the inputs"
@@ -325,7 +328,7 @@ def details(found: Identification) -> dict[str, str]:
 
 
 def _causes(found: Identification) -> dict[str, str]:
-    """Likely causes of a misfit, the most likely first; nothing where there is none."""
+    """Likely causes of a misfit, the most likely first; empty if there is none."""
     rows = {}
     for number, cause in enumerate((c for c in found.causes if c.named), start=1):
         solved = ", ".join(

@@ -48,10 +48,10 @@ def all_tables(found: Identification) -> dict[str, dict[str, Any]]:
 
 
 def summary_row(found: Identification, nominal_rate: float) -> dict[str, list[Any]]:
-    """The answer as one row, so that the rows of many shots make one table, SI.
+    """The result as one row (SI); the rows of many shots form one table.
 
-    Of each free parameter its value, U (k = 2) and verdict. ``nominal_rate``: of the strain [1/s]; NaN if it
-    is not known.
+    It has value, U (k = 2) and verdict of each free parameter. ``nominal_rate``: nominal strain rate [1/s];
+    NaN if unknown.
     """
     row: dict[str, Any] = {"shot": found.shot, "nominal strain rate (1/s)": nominal_rate}
     for name, e in found.estimates.items():
@@ -61,7 +61,7 @@ def summary_row(found: Identification, nominal_rate: float) -> dict[str, list[An
 
 
 def end_columns(design: DesignTable) -> dict[str, Any]:
-    """Columns of a CSV table: the time a run reached and, if it failed, its element and what happened."""
+    """Columns of a CSV table: the last time of a run and, if it failed, the element and the reason."""
     r, y = design.failed_places.T
     lost = set(design.lost)
     return {
@@ -78,12 +78,12 @@ def to_json(identification: Identification) -> dict[str, Any]:
 
     Every free parameter is a key with `value`, `interval` (k = 2, inside the range `searched`), `sigma`,
     `sigma_noise`, `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined
-    mesh), `mesh_correction` (what `value` adds to it), `noise_parts`, `numerical_parts`, `unit`, `outcome`;
+    mesh), `mesh_correction` (`value` minus `on_mesh`), `noise_parts`, `numerical_parts`, `unit`, `outcome`;
     `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
     complete. Numbers that are not finite become null.
 
     Raises ValueError if a free parameter has the name of another key of the object. Raises TypeError if
-    provenance holds something JSON cannot say.
+    provenance contains a value that JSON cannot represent.
     """
     result, response = identification, identification.response
     answer = {name: e.value for name, e in result.estimates.items()}

@@ -1,2 +1,3 @@
-"""TOML schemas of a shot (shot.toml) and of image correlation alone (dic.toml), in SI; a problem names its
-line and cure."""
+"""TOML schemas of a shot (shot.toml) and of image correlation without a shot (dic.toml), in SI.
+
+Errors name the line and the cure."""

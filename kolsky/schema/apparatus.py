@@ -21,12 +21,12 @@ class SpecimenSection(Section):
 
 @dataclass(frozen=True)
 class ContactKey:
-    """A number of [interface] that some contact laws read."""
+    """A number of [interface] that some contact laws need."""
 
     read_by: str
-    """Field of `explicit.contact.ContactLaw` that says whether a law reads it."""
+    """Field of `explicit.contact.ContactLaw` that is true if a law needs it."""
     example: str
-    """A value as the shot file has it."""
+    """An example value as written in the shot file."""
     unit: str = ""
     """SI unit; empty for a plain number."""
 
@@ -36,7 +36,7 @@ CONTACT_KEYS = {
     "release_stress": ContactKey("needs_release_stress", '"50 kPa"', "Pa"),
     "contact_stiffness": ContactKey("needs_stiffness", '"1e13 Pa/m"', "Pa/m"),
 }
-"""Keys of [interface] beside the names of laws; each is a field of `kolsky.base.apparatus.Interface` too."""
+"""Numeric keys of [interface]; each is also a field of `kolsky.base.apparatus.Interface`."""
 
 
 def keys_read(*laws: str) -> list[str]:
@@ -51,7 +51,7 @@ def keys_read(*laws: str) -> list[str]:
 
 
 class InterfaceSection(Section):
-    """[interface]: how faces and side surface hold to the platens."""
+    """[interface]: contact of faces and side surface with the platens."""
 
     faces: f.ContactLawName
     side: f.ContactLawName
@@ -106,7 +106,7 @@ class PartSection(BarSection):
 def elastic_body(
     section: "TransmissionSection | FlyerBodySection", model: str, *, seen_at: float = 0.0
 ) -> ElasticBody:
-    """The parts of a section, in their order, as a simulation takes them."""
+    """The parts of a section, in their order, as input of a simulation."""
     parts = tuple(Bar(**part.model_dump()) for part in section.parts.values())
     return ElasticBody(
         model=model,
@@ -120,24 +120,24 @@ def elastic_body(
 
 
 MESHED = 1.0 / 6.0
-"""Largest side of an element over the smallest diameter of a part, where none is declared [-]."""
+"""Default of the largest element side over the smallest diameter of a part [-]."""
 
 
 def _check_inside(
     depth: float | None, length: float, what: str = "the parts' length", key: str = "transducer_depth"
 ) -> None:
-    """Refuse a place that is not between both ends of the parts."""
+    """Check that a position lies between the two ends of the parts."""
     if depth is not None and not depth < length:
         raise f.problem("is not allowed", key=key, allowed=f"below {what}, {length:g} m")
 
 
 class TransmissionSection(Section):
-    """[transmission]: what stands behind the specimen."""
+    """[transmission]: the support behind the specimen."""
 
     support: Literal["rigid", "bar", "mesh"]
     bar: BarSection | None = None
     parts: dict[str, PartSection] = Field(default_factory=dict)
-    """Platen, transducer, bar of support = "mesh", the specimen's side first."""
+    """Platen, transducer and bar for support = "mesh", in order from the specimen."""
     element_size: f.Length | None = None
     """Largest side of their elements; a sixth of the smallest diameter if left out."""
     transducer_depth: f.Length | None = None
@@ -173,17 +173,17 @@ class TransmissionSection(Section):
 
 
 class FlyerBodySection(Section):
-    """[flyer_body]: the flyer as a body between the place that is measured and the specimen."""
+    """[flyer_body]: the flyer as an elastic body between the measured place and the specimen."""
 
     model: Literal["rigid", "bar", "mesh"]
     parts: dict[str, PartSection] = Field(default_factory=dict)
-    """Its parts, the specimen's side first."""
+    """Its parts, in order from the specimen."""
     element_size: f.Length | None = None
     """Largest side of the elements of a mesh; a sixth of the smallest diameter if left out."""
     transducer_depth: f.Length | None = None
     """Distance of the incident force's transducer behind the face."""
     seen_at: f.Length | None = None
-    """Distance behind the face of the place whose displacement is measured; the face if left out."""
+    """Distance from the face to the place of measured displacement; default: the face."""
 
     @model_validator(mode="after")
     def _parts_where_they_act(self) -> "FlyerBodySection":
@@ -241,8 +241,8 @@ IDENTIFY_KEYS = (
     "Z_offset",
     "y_offset",
 )
-"""Keys that `kolsky identify` carries to its answer, in the order of its report; `kolsky.shot.inputs` has
-the rest of what is known of them."""
+"""Keys that `kolsky identify` propagates to its result, in the order of its report. `kolsky.shot.inputs`
+describes these inputs."""
 REDUCTION_KEYS = (
     "bar_wave_speed",
     "bar_modulus",
@@ -255,12 +255,12 @@ REDUCTION_KEYS = (
     "specimen_length",
     "specimen_density",
 )
-"""Keys that `kolsky waves` carries to the values of a test between bars."""
+"""Keys that `kolsky waves` propagates to the results of a test between bars."""
 _IDENTIFY_ONLY = {*IDENTIFY_KEYS, "length_in_pictures"} - {*REDUCTION_KEYS, "sensitivity"}
 
 
 class UncertaintySection(Section):
-    """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
+    """[uncertainty]: standard uncertainties (k = 1); undeclared inputs are taken as exact."""
 
     bar_modulus: f.Uncertainty = 0.0
     bar_wave_speed: f.Uncertainty = 0.0
@@ -299,5 +299,5 @@ class UncertaintySection(Section):
         return self.model_dump(exclude=_IDENTIFY_ONLY)
 
     def for_identify(self) -> dict[str, float]:
-        """Declared uncertainties of `IDENTIFY_KEYS`; a key that is absent was not declared."""
+        """Declared uncertainties of `IDENTIFY_KEYS`; undeclared keys are absent."""
         return {key: getattr(self, key) for key in IDENTIFY_KEYS if key in self.model_fields_set}

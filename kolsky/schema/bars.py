@@ -56,12 +56,12 @@ class WaveBarSection(Section):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus [Pa]; from the wave speed, or that of the fastest wave, where those are given."""
+        """Young's modulus [Pa]; from the wave speed or the speed of the fastest wave, if declared."""
         if self.prony is not None:
             return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:
             return self.youngs_modulus
-        assert self.wave_speed is not None  # the validator saw to it
+        assert self.wave_speed is not None  # checked by the validator
         return self.density * self.wave_speed**2
 
 
@@ -118,7 +118,7 @@ class RecorderSection(LayoutSection):
 
 
 class ShuntSection(Section):
-    """[gauges.NAME.bridge.shunt]: a known resistance across one arm, and the step that was recorded."""
+    """[gauges.NAME.bridge.shunt]: a known resistance across one arm, and the recorded step."""
 
     resistance: f.Resistance
     step: f.SignedVoltage
@@ -144,11 +144,11 @@ Sign = Literal["positive", "negative"]
 
 
 class ReflectedSection(Section):
-    """[gauges.incident.reflected]: the reflected pulse in a column of its own, cut from the same gauge."""
+    """[gauges.incident.reflected]: the reflected pulse of the same gauge in a separate column."""
 
     channel: f.Name | Annotated[int, Field(ge=1)]
     start: f.PositiveTime | None = None
-    """What is added to the column's times to place it on the recorder's clock."""
+    """Time added to the column's times to convert them to the recorder's clock."""
 
 
 class GaugeSection(Section):
@@ -206,8 +206,10 @@ class GaugeSection(Section):
 
 
 class GaugesSection(Section):
-    """[gauges]: one station on each bar; a second one, farther from the specimen, tells overlapping pulses
-    of the incident bar apart."""
+    """[gauges]: one station on each bar.
+
+    A second station on the incident bar, farther from the specimen, separates overlapping pulses.
+    """
 
     incident: GaugeSection
     incident_far: GaugeSection | None = None
@@ -241,6 +243,6 @@ class BarsShotFile(Section):
 
 
 class WavesShotFile(BarsShotFile):
-    """A shot.toml for `kolsky waves`: bars and gauges are needed, what `identify` reads is left alone."""
+    """A shot.toml for `kolsky waves`: bars and gauges are required, tables of `identify` are ignored."""
 
     specimen: WaveSpecimenSection

@@ -16,14 +16,14 @@ from kolsky.readers.table import Column
 
 
 def problem(message: str, **context: str) -> PydanticCustomError:
-    """An error whose context holds "allowed", "cure" and, if it is another than the field, "key"."""
+    """An error with "allowed" and "cure" in its context, and "key" if that is not the field."""
     return PydanticCustomError("shot", "{message}", {"message": message, **context})
 
 
 def physical(
     unit: str, rule: str = "finite", what: str | None = None, example: str | None = None
 ) -> Callable[[object], float]:
-    """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
+    """A validator for a quantity with unit: SI unit, range ("> 0", ">= 0" or "finite"), and description."""
     words, usual = DIMENSIONS[unit]
     hint = f'write {what or words}, e.g. "{example or usual}"'
 
@@ -180,7 +180,7 @@ def _pattern(name: object) -> str:
 
 
 def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
-    """So many finite numbers of size below 1e6."""
+    """``count`` finite numbers with magnitudes below 1e6."""
     if not isinstance(values, list | tuple) or len(values) != count:
         raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
     if any(isinstance(value, str) for value in values):
@@ -220,7 +220,7 @@ def _places(values: object) -> tuple[tuple[int, int], ...]:
 
 
 def _anchors(values: object) -> tuple[tuple[int, int, float, float], ...]:
-    """Dots by column and row with their places in a picture."""
+    """Dots by column and row with their positions in a picture."""
     if not isinstance(values, list | tuple) or len(values) != 3:
         raise problem("is not three dots", cure="write [[column, row, x, y], [...], [...]]")
     anchors = []
@@ -329,7 +329,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     def exactly_one(self, keys: tuple[str, ...], cure: str) -> None:
-        """Refuse tables with none or several of some keys, of which the first is the usual one."""
+        """Check that a table has exactly one of some keys, of which the first is the usual one."""
         given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
             raise problem(
@@ -339,18 +339,18 @@ class Section(BaseModel):
             )
 
     def needs(self, key: str, why: str, cure: str) -> None:
-        """Refuse a table that lacks a key; ``why``: what needs it."""
+        """Check that a table has a key; ``why``: what needs it."""
         if not getattr(self, key):
             raise problem(f"is missing; {why} needs it", key=key, cure=cure)
 
     def without(self, keys: tuple[str, ...], why: str, cure: str) -> None:
-        """Refuse keys that would have no effect."""
+        """Check that there are no keys without an effect."""
         for key in keys:
             if getattr(self, key):
                 raise problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
 
     def alike(self, keys: tuple[str, ...], model: str, cure: str) -> None:
-        """Refuse lists that have another length than that of a key."""
+        """Check that lists have the same length as the list of a key."""
         for key in keys:
             stated, wanted = getattr(self, key), getattr(self, model)
             if isinstance(stated, list | tuple) and len(stated) != len(wanted):
@@ -362,9 +362,9 @@ class Section(BaseModel):
 
 
 class ColumnSection(Section):
-    """A column of a text file; once read, `unit` is the factor that leads to SI.
+    """A column of a text file; after validation, `unit` is the factor to SI.
 
-    Its classes say by the type of `unit` what the column holds.
+    The type of `unit` in the subclasses defines the quantity of the column.
     """
 
     column: Name
@@ -406,7 +406,7 @@ class RatioColumn(ColumnSection):
 
 
 class ModeColumns(Section):
-    """All columns whose names begin alike: each a standard uncertainty that moves all points together."""
+    """All columns with one name prefix: each is a standard uncertainty common to all points."""
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit
@@ -433,10 +433,10 @@ def _check_time_unit(text: object) -> str:
 
 
 class TextLayoutSection(Section):
-    """A table that says how a text file is to be read.
+    """A table that declares the layout of a text file.
 
-    In the tables of a shot ([frames], [flyer], [centre_line], [curve]) what it leaves out is as without it:
-    UTF-8, commas, decimal points, one header line. In a recorder's file it is found.
+    In the tables of a shot ([frames], [flyer], [centre_line], [curve]) the defaults are UTF-8, commas,
+    decimal points and one header line. In a recorder's file undeclared properties are detected.
     """
 
     encoding: Name | None = None
@@ -454,7 +454,7 @@ class TextLayoutSection(Section):
 
 
 class LayoutSection(TextLayoutSection):
-    """A table that says how a recorder's file is to be read; what it leaves out is found in the file."""
+    """A table that declares the layout of a recorder's file; undeclared properties are detected."""
 
     format: Name | None = None
     time: str | int | dict[str, str | int] | None = None
@@ -466,8 +466,8 @@ class LayoutSection(TextLayoutSection):
     def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
         """The declaration as readers take it.
 
-        ``full_scale``: largest size that the recorder shows, in the SI unit of the samples. ``said``: fields
-        of `Layout` that other keys of the shot file say, e.g. ``unit="V"``; None says nothing.
+        ``full_scale``: largest recordable magnitude, in the SI unit of the samples. ``said``: fields of
+        `Layout` that other keys of the shot file declare, e.g. ``unit="V"``; None for undeclared.
         """
         declared = {name: getattr(self, name) for name in LayoutSection.model_fields}
         return Layout(

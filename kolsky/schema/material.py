@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 BASELINE_POINTS = 41
-"""Points of the curve that stands for the law where one is drawn or counted, rest included."""
+"""Number of points, rest included, of the curve that represents the law in figures and counts."""
 
 
 class LawSection(Section):
-    """[law]: name and constants of a law, how far its data went, and how well its stress is known."""
+    """[law]: name and constants of a law, the range of its data, and the uncertainty of its stress."""
 
     name: f.Name
     parameters: dict[str, Any]
@@ -49,7 +49,7 @@ class LawSection(Section):
 
     @cached_property
     def law(self) -> "explicit.materials.AnyLaw":
-        """The law, which knows how far the data of its constants went."""
+        """The law, with the range of the data of its constants."""
         from explicit.materials import LAWS
         from explicit.materials.law import not_positive
 
@@ -86,7 +86,7 @@ class LawSection(Section):
         return 1.0 - self.largest_strain if self.branch == "compression" else 1.0 + self.largest_strain
 
     def curve(self) -> MaterialCurve:
-        """The law's own uniaxial curve, incompressible, with one uncertainty that all its points share."""
+        """The uniaxial curve of the law, incompressible, with one uncertainty common to all points."""
         lam = np.linspace(1.0, self._end, BASELINE_POINTS)
         slope, side, _ = self.law.principal(lam, lam**-0.5, lam**-0.5)
         stress = slope - side * lam**-1.5
@@ -101,7 +101,7 @@ class LawSection(Section):
 
 
 def _law_constant(name: str, value: object, unit: str) -> float:
-    """A constant in SI: a quantity with its unit, or a plain number where it has none."""
+    """A constant in SI: a quantity with its unit, or a plain number if it has none."""
     if unit == "1" and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     try:
@@ -116,10 +116,10 @@ def _law_constant(name: str, value: object, unit: str) -> float:
 
 
 def one_baseline(curve: object, law: LawSection | None) -> None:
-    """Refuse a file that says nothing of the quasi-static material, or two things and not which counts.
+    """Check that a file declares exactly one quasi-static baseline.
 
-    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law], or both and [law] does not
-    say whether it is the baseline.
+    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law], or if there are both and
+    [law] does not declare whether it is the baseline.
     """
     if curve is None and law is None:
         raise f.problem(
@@ -174,10 +174,10 @@ class CurveSection(Section):
 
 
 def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
-    """[law] if it is there and is the baseline, else [curve]; `law.one_baseline` has seen both."""
+    """[law] if it is declared and is the baseline, else [curve]; `one_baseline` has checked both."""
     if law is not None and law.baseline:
         return law
-    assert curve is not None  # the schema saw to it
+    assert curve is not None  # checked by the schema
     return curve
 
 
@@ -190,7 +190,7 @@ _EXAMPLES = {"strengths": "[0.3]", "times": '["400 us"]', "ratio": "0.5", "resis
 def _branches(
     entry: Callable[[object], float], what: str, cure: str
 ) -> Callable[[object], tuple[float, ...]]:
-    """A validator for a list with an entry a branch."""
+    """A validator for a list with one entry per branch."""
 
     def validate(values: object) -> tuple[float, ...]:
         if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
@@ -244,7 +244,7 @@ class RelaxationSection(Section):
         return self
 
     def _possible(self) -> None:
-        """Refuse constants that the solver's own laws refuse, and uncertainties that are none."""
+        """Check the constants by the laws of the solver, and check the uncertainties."""
         from explicit.relaxation import BergstromBoyce, PronySeries
 
         record = self.declared()
@@ -268,7 +268,7 @@ class RelaxationSection(Section):
                 )
 
     def declared(self) -> Relaxation:
-        """The record that a shot holds."""
+        """The record for a shot."""
         if self.kind == "prony":
             strengths, times = self.strengths or (), self.times or ()
             names = prony_names(len(strengths))
@@ -294,7 +294,7 @@ class RelaxationSection(Section):
 def declared_relaxation(
     section: RelaxationSection | None, uncertainty: UncertaintySection | None
 ) -> dict[str, Any]:
-    """Fields `relaxation` and `uncertainty` of a shot: its constants' sigmas stand with the others."""
+    """Fields `relaxation` and `uncertainty` of a shot; the latter includes the sigmas of the constants."""
     known = {} if uncertainty is None else uncertainty.for_identify()
     if section is None:
         return {"relaxation": None, "uncertainty": known}

@@ -1,4 +1,4 @@
-"""The tables of shot.toml about what was measured: [force], [frames], [flyer], [centre_line], [surface]."""
+"""The tables of shot.toml about measurements: [force], [frames], [flyer], [centre_line], [surface]."""
 
 from typing import Annotated, Literal
 
@@ -52,16 +52,16 @@ class ForceSection(Section):
 
 
 class IncidentForceSection(Section):
-    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer.
+    """[incident_force]: the transducer in the flyer, behind a mass that moves with the flyer.
 
-    What is left out is as in [force]: both are usually channels of one recorder.
+    Defaults are the values of [force], because both are usually channels of one recorder.
     """
 
     voltage: VoltageColumn
     sensitivity: f.Sensitivity
     mass: f.Mass
     compared: bool = False
-    """Whether it is compared with simulations too, beside the transmitted force."""
+    """Whether it is also compared with simulations, in addition to the transmitted force."""
     file: f.FileName | None = None
     layout: LayoutSection | None = None
     time: TimeColumn | None = None
@@ -72,7 +72,7 @@ class IncidentForceSection(Section):
     clock_offset: f.Time | None = None
 
     def completed(self, force: ForceSection) -> ForceSection:
-        """The channel with what [force] says of the rest; another file has its own layout or time column."""
+        """The channel completed with values of [force]; another file needs its layout or time column."""
         given = {
             name: value
             for name in IncidentForceSection.model_fields
@@ -83,7 +83,7 @@ class IncidentForceSection(Section):
 
 
 class FramesSection(Section):
-    """[frames]: when the cameras took their pictures."""
+    """[frames]: the times of the pictures."""
 
     file: f.FileName
     layout: TextLayoutSection | None = None
@@ -152,7 +152,7 @@ class FlyerAreaSection(Section):
 
 
 class SurfaceSection(Section):
-    """[surface]: the specimen's surface, one file a frame."""
+    """[surface]: the specimen's surface, one file per frame."""
 
     pattern: f.FilePattern
     program: Annotated[str, BeforeValidator(_program)]

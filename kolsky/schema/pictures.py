@@ -1,5 +1,4 @@
-"""The tables about pictures: [pictures], [calibration], [dic], [reporting]; dic.toml for image correlation
-alone."""
+"""The tables about pictures: [pictures], [calibration], [dic], [reporting]; also dic.toml without a shot."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,7 +26,7 @@ class SeriesSection(Section):
 
     @property
     def source(self) -> tuple[str, str]:
-        """Key and text of where the pictures are."""
+        """Key and text of the path of the pictures."""
         return ("file", self.file) if self.file is not None else ("pattern", str(self.pattern))
 
 
@@ -45,7 +44,7 @@ class PicturesSection(Section):
 
 
 class TargetSection(Section):
-    """[calibration.target]: what the calibration pictures show; which keys it needs depends on its kind."""
+    """[calibration.target]: the calibration target; its required keys depend on its kind."""
 
     kind: f.TargetName
     columns: Annotated[int, Field(ge=2, le=1000)]
@@ -128,12 +127,12 @@ class RegionSection(Section):
         if self.x is not None and self.y is not None:
             (x0, x1), (y0, y1) = self.x, self.y
             return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
-        assert self.polygon is not None  # the validator saw to it
+        assert self.polygon is not None  # checked by the validator
         return self.polygon
 
 
 def _flyer_test(value: object) -> object:
-    """The kind of a shot; another belongs into a file of its own."""
+    """The kind of a shot; other kinds need a separate file."""
     if value != "flyer test":
         raise f.problem(
             "is not allowed",
@@ -166,7 +165,7 @@ class DicSection(Section):
 
 
 class ReportingSection(Section):
-    """[reporting]: what no file says, for the table that a publication must give."""
+    """[reporting]: data for the reporting table of a publication that no file contains."""
 
     camera: f.Name | None = None
     lens: f.Name | None = None
@@ -177,7 +176,7 @@ class ReportingSection(Section):
 
 
 class PlainRegion(RegionSection):
-    """A region of the reference picture; it has no frame of its own."""
+    """A region of the reference picture, without a frame number."""
 
     @model_validator(mode="after")
     def _in_the_reference(self) -> "PlainRegion":
@@ -189,7 +188,7 @@ class PlainRegion(RegionSection):
 
 
 class MeasurementSection(Section):
-    """[dic]: what is measured, and how."""
+    """[dic]: the measured quantity and the settings."""
 
     kind: Literal["plane", "surface", "cylinder"]
     region: PlainRegion | None = None
@@ -241,7 +240,7 @@ class MeasuredSeries(Section):
 
     @property
     def source(self) -> tuple[str, str | list[str]]:
-        """Key and value of where the pictures are."""
+        """Key and value of the path of the pictures."""
         key = next(key for key in ("file", "pattern", "files") if getattr(self, key) is not None)
         return key, getattr(self, key)
 

@@ -33,7 +33,7 @@ from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSecti
 
 
 class CommonTables(Section):
-    """What every shot that is identified declares, in SI, however it was measured."""
+    """The tables of every shot for `identify`, in SI, independent of the measurement method."""
 
     format: Literal[1]
     name: f.Name | None = None
@@ -56,18 +56,18 @@ class CommonTables(Section):
 
     @property
     def baseline(self) -> CurveSection | LawSection:
-        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
+        """The reference of m: [curve], or [law] if it is declared and is the baseline."""
         return chosen_baseline(self.curve, self.law)
 
 
 class BarDrivenShotFile(CommonTables):
-    """Tables for `identify` beside bars and gauges; those are in `kolsky.schema.bars`."""
+    """Tables for `identify` of a test with bars and gauges; these two are in `kolsky.schema.bars`."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class ShotFile(CommonTables):
-    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+    """A whole shot.toml, in SI; camera data are exports, pictures, or both."""
 
     transmission: TransmissionSection
     force: ForceSection
@@ -144,7 +144,7 @@ class ExportShotFile(ShotFile):
 
 
 class SurfaceShotFile(ShotFile):
-    """A shot with the whole surface as a DIC program exports it."""
+    """A shot with exports of the whole surface from a DIC program."""
 
     surface: SurfaceSection
 
@@ -164,7 +164,7 @@ class SurfaceShotFile(ShotFile):
 
 
 class PictureShotFile(ShotFile):
-    """A shot with pictures, to be correlated here."""
+    """A shot with pictures, which kolsky correlates."""
 
     pictures: PicturesSection
     calibration: CalibrationSection
@@ -172,7 +172,7 @@ class PictureShotFile(ShotFile):
 
 
 class FullShotFile(ExportShotFile, PictureShotFile):
-    """A shot with both; the exports are identified from."""
+    """A shot with both; the exports are used for identification."""
 
 
 def schema(content: dict[str, Any]) -> type[ShotFile]:
@@ -190,15 +190,15 @@ class ShotToml(TomlFile):
     """A valid shot file."""
 
     declared: ShotFile
-    """What it declares, in SI."""
+    """Its declared values, in SI."""
 
 
 Source = str | Path | TomlFile
-"""A shot: its folder, its shot.toml, or that file as it was parsed before."""
+"""A shot: its folder, its shot.toml, or the parsed file."""
 
 
 def parsed(source: Source) -> TomlFile:
-    """The shot file of a folder, parsed; one that is parsed already is returned as it is.
+    """The parsed shot file of a folder; a parsed file is returned unchanged.
 
     Raises InputError if there is none, or as `parse_toml`.
     """
@@ -208,8 +208,8 @@ def parsed(source: Source) -> TomlFile:
 def shot_toml(source: Source) -> ShotToml:
     """A whole shot file, validated.
 
-    Raises InputError if it cannot be read, is no TOML, or declares anything unknown, incomplete or
-    impossible; several problems come as one `InputErrors`.
+    Raises InputError if it cannot be read, is not TOML, or declares anything unknown, incomplete or
+    impossible. Several problems are raised as one `InputErrors`.
     """
     file = parsed(source)
     if isinstance(file, ShotToml):
@@ -219,7 +219,7 @@ def shot_toml(source: Source) -> ShotToml:
 
 
 def is_bar_driven(file: TomlFile) -> bool:
-    """True if motion and force of a shot come from the gauges of its bars, and from no cameras."""
+    """True if motion and force of a shot come from the gauges of its bars, without cameras."""
     return bool({"gauges", "bars", "recorders"} & set(file.content)) and not {
         "flyer",
         "pictures",
@@ -247,6 +247,6 @@ def find_shot_file(path: Path) -> Path:
 
 
 def folder_of(folder_or_toml: str | Path) -> Path:
-    """The folder of a shot that is named by its folder or its shot file."""
+    """The folder of a shot, given by its folder or its shot file."""
     path = Path(folder_or_toml)
     return path.parent if path.is_file() else path

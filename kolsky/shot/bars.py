@@ -1,4 +1,4 @@
-"""A test between bars: from its shot.toml and files to the input of the reduction, and its check."""
+"""Load and check a bar test: its shot.toml and its files become the input of the reduction."""
 
 import platform
 from collections.abc import Mapping
@@ -43,7 +43,7 @@ from kolsky.shot.plausibility import gate
 
 
 def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
-    """The declared stations by the chain's keys."""
+    """The declared strain-gauge stations, by their keys in the reduction."""
     found = {side: getattr(declared.gauges, side) for side in SIDES}
     return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
 
@@ -53,8 +53,8 @@ def _recordings_of(
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
     """The channels of all stations, and the hashes of their files.
 
-    A channel's unit is that of its file. One that the shot file states is taken instead; where both are
-    there and differ, `recording_notes` says so.
+    A unit stated in the shot file takes precedence over the unit in the recorder's file. If the two differ,
+    `_recording_notes` reports it.
     """
     found, hashes = {}, {}
     for key, gauge in gauges.items():
@@ -81,11 +81,12 @@ def _recordings_of(
 def _with_reflected(
     file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
-    """The record of a gauge from pulses that were cut apart: at rest between them.
+    """One record of a gauge whose incident and reflected pulses were exported separately.
 
-    Raises InputError if the reflected pulse has no place, would lie on the incident one or has another unit.
+    Between the pulses the record has its zero value. Raises InputError if the start of the reflected pulse
+    is missing, if the pulses would overlap, or if their units differ.
     """
-    assert gauge.reflected is not None  # the caller saw to it
+    assert gauge.reflected is not None  # checked by the caller
     key, start = "gauges.incident.reflected", gauge.reflected.start
     bar = declared.bars.incident
     travel = 2.0 * gauge.distance / np.sqrt(bar.modulus / bar.density)
@@ -139,7 +140,7 @@ def _with_reflected(
 def _recording_notes(
     declared: BarsShotFile, recordings: Mapping[str, tuple[Recording, ...]]
 ) -> tuple[str, ...]:
-    """Stated units that contradict their file's, and channels that were interpolated to uniform times."""
+    """Notes on stated units that contradict the file, and on channels interpolated to uniform times."""
     notes: list[str] = []
     for key, channels in recordings.items():
         gauge = getattr(declared.gauges, key.replace(" ", "_"))
@@ -160,14 +161,14 @@ def _recording_notes(
 
 
 def _shot_file_table(key: str) -> str:
-    """The table of a station in the shot file."""
+    """Name of a station's table in the shot file."""
     return "gauges." + key.replace(" ", "_")
 
 
 def _gauge_station(
     gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
 ) -> StationInput:
-    """A station as the reduction takes it; channels of two recorders are brought to one clock."""
+    """A station as input of the reduction; channels of two recorders are synchronized."""
     offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
     if len(set(gauge.recorders)) > 1:
         recordings = on_one_clock(recordings, offsets)
@@ -187,7 +188,7 @@ def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
         return Linear(1.0, unit="1")
     if gauge.strain_per_volt is not None:
         return Linear(gauge.strain_per_volt)
-    assert gauge.bridge is not None  # the validator saw to it
+    assert gauge.bridge is not None  # checked by the validator
     across = "Poisson" in gauge.bridge.kind
     stated = gauge.bridge.model_dump(exclude={"shunt"})
     bridge = Bridge(**stated, poisson=bar.poisson if across else None)
@@ -204,13 +205,13 @@ def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
 
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
-"""No specimen: the bars touch."""
+"""Placeholder for tests without a specimen: the bars touch."""
 
 
 def load_waves(source: Source) -> WavesInput:
-    """Load and check what `kolsky waves` needs of a shot.
+    """Load and check the input of `kolsky waves`.
 
-    ``source``: the shot's folder with its shot.toml, the path of such a file, or the file parsed. Raises
+    ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Raises
     InputError if a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
     """
     file = parsed(source)
@@ -221,7 +222,7 @@ def load_waves(source: Source) -> WavesInput:
     waves = declared.waves
     windows = None
     if waves.incident is not None:
-        assert waves.reflected is not None  # the schema saw to all three
+        assert waves.reflected is not None  # the schema requires all three
         assert waves.transmitted is not None
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
@@ -252,7 +253,7 @@ def load_waves(source: Source) -> WavesInput:
 
 
 def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) -> Switches:
-    """The switches; one that is on and cannot act is refused."""
+    """The switches of the corrections. Raises InputError if one is on but cannot have an effect."""
     switches = Switches(stated)
     idle = dict(NO_PART)
     if not two_stations:
@@ -271,9 +272,9 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
 
 
 def load_bars(source: Source) -> WavesInput:
-    """Load and check what `kolsky wavespeed` needs: bars and gauges, no specimen.
+    """Load and check the input of `kolsky wavespeed`: bars and gauges, no specimen.
 
-    The specimen of the result has no length and must not be used.
+    The specimen of the result is a placeholder of zero length and must not be used.
 
     Raises InputError as `load_waves`.
     """
@@ -296,7 +297,7 @@ def load_bars(source: Source) -> WavesInput:
 def _record(
     file: TomlFile, declared: BarsShotFile
 ) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
-    """Bars, stations, the hashes of their files and notes about them."""
+    """Bars, stations, the hashes of the stations' files, and notes on these files."""
     folder = file.path.parent
     gauges = _gauges_of(declared)
     _all_there(file, declared, gauges, folder)
@@ -334,7 +335,7 @@ def _bar(section: WaveBarSection) -> Bar:
 def _all_there(
     file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> None:
-    """Unknown recorders and missing files, all at once."""
+    """Raise one error that lists all unknown recorders and missing files."""
     problems: list[InputError] = [
         file.error(
             f"{_shot_file_table(key)}.recorder",
@@ -358,7 +359,7 @@ def _all_there(
 
 
 def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:
-    """Every gauge must sit on its bar."""
+    """Check that every gauge lies within the length of its bar."""
     refuse(
         [
             file.error(
@@ -373,7 +374,7 @@ def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mappin
 
 
 def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> None:
-    """The specimen must not be wider than a bar."""
+    """Check that the specimen is not wider than a bar."""
     refuse(
         [
             file.error(
@@ -388,7 +389,7 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
 
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
-    """Declarations, key by key as written, and the versions."""
+    """The declared values by key, as written in the file, and the software versions."""
     kept = (
         "specimen",
         "bars",
@@ -422,7 +423,7 @@ WAVES = ("incident", "reflected", "transmitted")
 
 @dataclass(frozen=True)
 class CheckedBars:
-    """What was understood of a shot between bars; nothing is reduced yet."""
+    """A bar test that was read and checked, but not reduced."""
 
     name: str
     """Name of the shot."""
@@ -491,7 +492,7 @@ Row = tuple[str, str, float | int | str, str]
 
 
 def bar_rows(shot: CheckedBars) -> list[Row]:
-    """What was understood, row by row, in the order of the shot file."""
+    """The checked values as rows, in the order of the shot file."""
     given = shot.given
     rows: list[Row] = [
         ("specimen", "diameter", given.specimen.diameter, "m"),
@@ -509,7 +510,7 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
 
 
 def _switch_words(given: WavesInput, key: str) -> str:
-    """How a correction stands, in words."""
+    """State of a correction (on or off), in words."""
     if key in NO_PART or (key == "separation" and FAR not in given.stations):
         return "no part in this test"
     if key == "radial inertia" and key not in given.switches.stated:
@@ -518,7 +519,10 @@ def _switch_words(given: WavesInput, key: str) -> str:
 
 
 def undeclared(shot: CheckedBars) -> list[str]:
-    """Keys of [uncertainty] that count as exact; of modulus and wave speed one is enough."""
+    """Keys of [uncertainty] that are not declared, so that their inputs are taken as exact.
+
+    Of modulus and wave speed, one is enough.
+    """
     stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
     other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
     return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]

@@ -1,7 +1,7 @@
-"""The shot with an input at the value found for it, and the curve with another definition or shape.
+"""Corrections: a shot with one input changed to its estimated value, or with a changed curve.
 
-Each change of the curve is one entry of `FORMS`: a function of the curve and an amount, 0 for the curve as it
-is declared.
+Each change of the curve is one entry of `FORMS`: a function of the curve and an amount. Amount 0 returns the
+declared curve.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,10 +26,12 @@ def with_gain(shot: Shot, value: float) -> Shot:
 
 
 def with_zero(shot: Shot, value: float) -> Shot:
-    """Volts taken off outside the baseline, whose own mean is the zero: after it, or before one that follows
-    the test."""
+    """Subtract a zero offset from the volts of the test; the baseline is unchanged.
+
+    The offset acts after a baseline that precedes the test, and before one that follows it.
+    """
     force = shot.force
-    assert isinstance(force, ForceChannel)  # it is not tried on another
+    assert isinstance(force, ForceChannel)  # this cause needs a force channel
     volts = force.transducer.compression_sign * force.transducer.sensitivity * value
     first, last = force.baseline
     moved = force.time > last if first <= shot.window[0] else force.time < first
@@ -46,7 +48,7 @@ def with_force_clock(shot: Shot, lag: float) -> Shot:
 
 
 def with_flyer_clock(shot: Shot, lag: float) -> Shot:
-    """The motion is known until its last frame, and compared no longer."""
+    """Shift the flyer's clock; the window ends at the last frame of the shifted motion at the latest."""
     motion = replace(shot.flyer, time=shot.flyer.time - lag)
     first, last = shot.window
     return replace(shot, flyer=motion, window=(first, min(last, float(motion.time[-1]))))
@@ -60,18 +62,18 @@ def with_motion(shot: Shot, factor: float) -> Shot:
 
 
 def with_outline(name: str, sign: float = 1.0) -> Callable[[Shot, float], Shot]:
-    """A column of the outline, moved by what was found."""
+    """A function that shifts one coordinate of the outline by a given value times ``sign``."""
 
     def applied(shot: Shot, found: float) -> Shot:
         line = shot.centre_line
-        assert line is not None  # it is not tried without one
+        assert line is not None  # this cause needs an outline
         return replace(shot, centre_line=replace(line, **{name: getattr(line, name) + sign * found}))
 
     return applied
 
 
 def with_film(shot: Shot, factor: float) -> Shot:
-    """The frames' times, and a window that ends with them."""
+    """Scale the times of the frames; the window ends with them."""
     motion, line = replace(shot.flyer, time=factor * shot.flyer.time), shot.centre_line
     if line is not None:
         line = replace(line, time=factor * line.time)
@@ -80,7 +82,7 @@ def with_film(shot: Shot, factor: float) -> Shot:
 
 
 def with_pictures(shot: Shot, factor: float) -> Shot:
-    """Every length of the pictures, with its uncertainty as it is."""
+    """Scale every length measured in the pictures; their uncertainties are unchanged."""
     line = shot.centre_line
     if line is not None:
         line = replace(line, y=factor * line.y, Z=factor * line.Z)
@@ -89,31 +91,32 @@ def with_pictures(shot: Shot, factor: float) -> Shot:
 
 def with_mirrored(shot: Shot, offset: float) -> Shot:
     line = shot.centre_line
-    assert line is not None  # it is not tried without one
+    assert line is not None  # this cause needs an outline
     return replace(shot, centre_line=replace(line, y=shot.specimen.length + offset - line.y))
 
 
 def with_leak(shot: Shot, rate: float) -> Shot:
-    """The rate of a transducer whose charge is declared to leak already is added."""
+    """Correct for a charge leak of the transducer; ``rate`` is added to a declared leak rate."""
     force = shot.force
-    assert isinstance(force, ForceChannel)  # it is not tried on another
+    assert isinstance(force, ForceChannel)  # this cause needs a force channel
     constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
     return replace(shot, force=replace(force, transducer=replace(force.transducer, time_constant=constant)))
 
 
 PAST_END = 2.0
-"""Last s = sqrt(I1 - 3) of a curve that goes on past its last point, over that of the point: specimens are
-strained past the curve by less."""
+"""An extended curve ends at this multiple of its last s = sqrt(I1 - 3). Specimens exceed the curve by
+less."""
 MORE_POINTS = 40
-"""Points past the last one."""
+"""Number of points added past the last one."""
 SOFTEST = 0.02
-"""Least quotient past the last point over that there: a curve that falls to nothing has no law."""
+"""Smallest quotient past the last point, relative to the quotient at that point. No material law follows
+a curve that falls to zero."""
 FINEST = 4096
-"""Stretches between which a stretch of given s is interpolated."""
+"""Number of stretches from which the stretch at a given s is interpolated."""
 
 
 def changed_curve(curve: MaterialCurve, amounts: Mapping[str, float]) -> MaterialCurve:
-    """The curve with changes by their names in `FORMS`.
+    """The curve with the changes of `FORMS` that ``amounts`` names.
 
     Raises ValueError if an amount leaves no curve of one branch.
     """
@@ -135,24 +138,24 @@ def _scale(curve: MaterialCurve, amount: float) -> MaterialCurve:
 
 
 def _true_stress(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """Nominal stress of a column that holds true stress (1), of an incompressible specimen: T = sigma / λ."""
+    """Convert true stress to nominal stress of an incompressible specimen (amount 1): T = sigma / λ."""
     return _with_stress(curve, curve.stretch**-amount)
 
 
 def _true_strain(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """Stretch of a column that holds logarithmic strain (1): λ = exp(strain)."""
+    """Convert logarithmic strain to stretch (amount 1): λ = exp(strain)."""
     nominal = curve.stretch - 1.0
     return replace(curve, stretch=1.0 + nominal + amount * (np.expm1(nominal) - nominal))
 
 
 def _tilt(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """Secants that grow along the curve, by the amount from its beginning to its end."""
+    """Multiply the secants by a factor that grows along the curve, by ``amount`` from start to end."""
     strain = np.abs(curve.stretch - 1.0)
     return _with_stress(curve, 1.0 + amount * (strain / strain.max() - 0.5))
 
 
 def _past_end(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """A quotient T / (λ - 1/λ²) that bends off its end tangent, by the amount at `PAST_END`."""
+    """Extend the curve so that T / (λ - 1/λ²) departs from its end tangent by ``amount`` at `PAST_END`."""
     law = marlow_from_curve(curve.stretch, curve.stress)
     s = law.last * np.linspace(1.0, PAST_END, MORE_POINTS + 1)[1:]
     quotient = law.two_u_prime(s) + amount * law.quotient[-1] * (s / law.last - 1.0) ** 2
@@ -180,7 +183,7 @@ def _stretch_of(s: FloatArray, *, compression: bool) -> FloatArray:
 
 
 def _branch(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """The other branch (1): tension that was declared as compression, or compression as tension."""
+    """Exchange tension and compression (amount 1), for a curve that was declared with the wrong one."""
     if amount < 0.5:
         return curve
     return replace(curve, stretch=2.0 - curve.stretch, stress=-curve.stress)

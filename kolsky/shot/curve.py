@@ -1,5 +1,7 @@
-"""What a shot declares of its specimen, with its quasi-static curves and their bands: of the first pull and
-of the conditioned material."""
+"""The declared specimen of a shot and its quasi-static curves with their bands.
+
+There is a curve of the first pull and, if declared, one of the conditioned material.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,20 +24,20 @@ from kolsky.shot.records import ModelSettings, Shot, ShotBase
 AnyShot = TypeVar("AnyShot", bound=ShotBase)
 
 LARGEST_STRAIN = 20.0
-"""Nominal strain beyond which a column is no strain of an elastomer."""
+"""Largest nominal strain of an elastomer [-]; a column with larger values is rejected."""
 MOST_MODES = 1000
-"""Most columns of common uncertainties that are read."""
+"""Maximum number of columns of common (correlated) uncertainties."""
 SMALLEST_CURVE = 5
-"""Points away from rest that a curve needs."""
+"""Least number of curve points with nonzero strain."""
 PAST_CURVE = 0.01
-"""Share of the specimen past the curve above which it is reported [-]."""
+"""A warning is given if more than this share of the specimen is strained beyond the curve [-]."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
-    """The quasi-static curve from rest outward, with the conditioned one if it is declared; or a law's own.
+    """The quasi-static curve, with the conditioned curve if one is declared; or the curve of a declared law.
 
-    Returns: the curve, and the hash of every file that was read. Raises InputError if a file cannot be read
-    or holds no such curve.
+    Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError if a
+    file cannot be read or holds no such curve.
     """
     if isinstance(section, LawSection):
         return section.curve(), {}
@@ -49,7 +51,7 @@ def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[Materi
 
 
 def shot_fields(file: TomlFile, declared: CommonTables) -> dict[str, Any]:
-    """The fields of `ShotBase` that do not depend on how the shot was measured.
+    """The fields of `ShotBase` that do not depend on the measurement method.
 
     Raises InputError as `read_curve`.
     """
@@ -69,9 +71,9 @@ def shot_fields(file: TomlFile, declared: CommonTables) -> dict[str, Any]:
 
 
 def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
-    """The shot with the curve that its stiffness factor is to refer to.
+    """The shot with the curve to which its stiffness factor refers.
 
-    Raises ValueError if the conditioned curve is asked for and the shot has none.
+    Raises ValueError if the conditioned curve is requested and the shot has none.
     """
     if pull == "first":
         return shot
@@ -84,7 +86,7 @@ def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
 
 
 def conditioned_ratio(curve: MaterialCurve) -> float | None:
-    """Mean stress of the conditioned over the first pull's curve where both have data [-], or None."""
+    """Mean stress ratio of the conditioned curve to the first pull over common strains [-], or None."""
     other = curve.conditioned
     if other is None:
         return None
@@ -117,7 +119,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
 
 
 def _modes(table: Table, section: ModeColumns) -> FloatArray:
-    """All columns whose names begin alike, shape [n_modes, n]."""
+    """All columns of common uncertainties (names with one prefix), shape [n_modes, n]."""
     names = [name for name in table.header if name.startswith(section.prefix)]
     if not 1 <= len(names) <= MOST_MODES:
         raise InputError(
@@ -130,7 +132,7 @@ def _modes(table: Table, section: ModeColumns) -> FloatArray:
 
 
 def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: CurveSection) -> None:
-    """One branch, one sign, from rest outward."""
+    """Check that the curve has one branch and one sign, and runs from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
     _rows(
@@ -187,7 +189,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
 
 
 def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """What to do about strains that are too large: per cent by their size, else another column."""
+    """The advice for strains that are too large: declare per cent if their size fits, else another column."""
     largest = float(np.abs(strain).max())
     percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
     return (
@@ -198,7 +200,7 @@ def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
 
 
 def _rows(table: Table, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
-    """Refuse the first bad row, saying how many there are."""
+    """Raise InputError for the first bad row; the message gives the number of bad rows."""
     rows = np.flatnonzero(bad)
     if rows.size:
         row = int(rows[0])

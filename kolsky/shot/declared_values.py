@@ -1,4 +1,4 @@
-"""Rules of a shot's declared values by themselves: units of columns, densities, bars, the specimen's size."""
+"""Plausibility rules for single declared values: units of columns, densities, bars, specimen size."""
 
 import math
 from collections.abc import Iterator
@@ -11,21 +11,21 @@ from kolsky.readers.recordings import list_channels
 from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure, written_value
 
 LARGEST_TABLE = 1_000_000
-"""Size of a file that is read once more for its units [bytes]: tables of points have tens of thousands."""
+"""Largest file that is read a second time for its units [bytes]; tables of points have tens of thousands."""
 DENSITIES = (10.0, 25_000.0)
-"""[kg/m^3] Below lie gases, and all solids up to 10 g/cm^3 whose number is written with kg/m^3; above the
-heaviest metal (osmium, 22 600)."""
+"""Smallest and largest density of a solid [kg/m^3]. Smaller values are gases, or numbers in g/cm^3 (up to
+10) declared as kg/m^3. Larger values exceed the densest metal (osmium, 22 600)."""
 FOAM_DENSITY = 100.0
-"""A lighter solid is more than nine tenths gas [kg/m^3]: the lightest solid of polymer alone has 850."""
+"""A solid below this density contains more than 90 % gas [kg/m^3]; the lightest solid polymer has 850."""
 FOAM_POISSON = 0.45
-"""Largest Poisson's ratio of such a foam [-]: it is measured near 0, at most 0.35."""
+"""Largest Poisson's ratio accepted for such a foam [-]; measured values are near 0 and at most 0.35."""
 BAR_DENSITY = 500.0
 """Least density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
 BAR_SPEEDS = (300.0, 20_000.0)
-"""[m/s] Bars of polyethylene have 700, of PMMA 2 200, of beryllium 12 900. A modulus of a metal that is
-1000 times too small gives at most 170."""
+"""Smallest and largest wave speed of a bar [m/s]: polyethylene 700, PMMA 2 200, beryllium 12 900. A metal's
+modulus that is 1000 times too small gives at most 170."""
 SPECIMEN_SIZES = (0.1e-3, 0.3)
-"""[m] No specimen of a bar test is shorter or thinner, longer or thicker."""
+"""Smallest and largest length or diameter of a specimen in a bar test [m]."""
 SLENDERNESS = (0.02, 10.0)
 """Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
 
@@ -42,7 +42,7 @@ def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
 
 
 def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
-    """The unit in a column's heading, or in a line of units below it, is the declared one."""
+    """Check that the unit in a column's heading, or in a line of units below it, is the declared unit."""
     for key, heading, declared in _columns(e.file.content):
         stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
         kind = dimension_of(declared)
@@ -50,7 +50,7 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
             continue
         size = _size(stated, kind)
         if size is None and not dimension_of(stated) and si_unit(stated) is None:
-            continue  # no unit at all, a remark
+            continue  # not a unit but a remark
         if size is None:
             yield e.finding(
                 f"{key}.unit",
@@ -70,7 +70,7 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
 
 
 def _size(unit: str, kind: str) -> float | None:
-    """SI units in a unit as instruments write it, "Volts" and "-" too; None if it is of another kind."""
+    """Value of a unit in SI, as instruments write it ("Volts" and "-" too); None for another quantity."""
     try:
         return unit_factor("1" if unit == "-" else unit, kind)
     except UnitError:
@@ -79,19 +79,19 @@ def _size(unit: str, kind: str) -> float | None:
 
 
 def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
-    """The unit in a line of units, or a row of a workbook; None without one, or where the file is large."""
+    """The unit in a line of units or a row of a workbook; None if there is none or the file is large."""
     name = written_value(e.file, f"{key.partition('.')[0]}.file")
     path = e.file.path.parent / name if isinstance(name, str) else None
     if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
         return None
     try:
         return next((one.unit for one in list_channels(path) if one.name == heading), None)
-    except InputError:  # the file's own reader says what is wrong with it
+    except InputError:  # the reader of the file reports the error
         return None
 
 
 def check_densities(e: Evidence) -> Iterator[Finding]:
-    """Solids have densities of solids, bars those of bars."""
+    """Check that specimen and bars have plausible densities."""
     poisson = getattr(getattr(e.declared, "model", None), "poisson", None)
     for key, value in _quantities(e.file.content, "density", "kg/m^3"):
         low, high = DENSITIES if key.startswith("specimen.") else (BAR_DENSITY, DENSITIES[1])
@@ -125,11 +125,11 @@ def check_densities(e: Evidence) -> Iterator[Finding]:
 
 
 OTHER_BAR = ("incident", "input bar", "striker", "reflected")
-"""Words in the heading of a channel that is not behind the specimen."""
+"""Words in a heading that indicate a channel in front of the specimen."""
 
 
 def check_channels(e: Evidence) -> Iterator[Finding]:
-    """The transmitted force is not the channel of the other bar."""
+    """Check that the transmitted force is not a channel of the incident bar."""
     force, other = (e.file.content.get(key) for key in ("force", "incident_force"))
     column = _voltage_column(force)
     if column is None or not isinstance(force, dict):
@@ -151,14 +151,14 @@ def check_channels(e: Evidence) -> Iterator[Finding]:
 
 
 def _voltage_column(section: Any) -> str | None:
-    """Heading of a channel's voltage; None where none is declared by its heading."""
+    """Heading of a channel's voltage column; None if the column is not declared by heading."""
     voltage = section.get("voltage") if isinstance(section, dict) else None
     column = voltage.get("column") if isinstance(voltage, dict) else None
     return column if isinstance(column, str) else None
 
 
 def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
-    """Dotted keys that end in a name, with their values in SI; what is no quantity is left to the schema."""
+    """Dotted keys that end in a name, with their values in SI; invalid quantities are left to the schema."""
     if not isinstance(content, dict):
         return
     for name, value in content.items():
@@ -172,7 +172,7 @@ def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tup
 
 
 def check_bar_speeds(e: Evidence) -> Iterator[Finding]:
-    """Modulus and density of a bar give the wave speed of a solid bar."""
+    """Check that modulus and density of a bar give a plausible wave speed."""
     densities = dict(_quantities(e.file.content, "density", "kg/m^3"))
     for key, modulus in _quantities(e.file.content, "youngs_modulus", "Pa"):
         density = densities.get(beside := f"{key.removesuffix('youngs_modulus')}density")
@@ -187,7 +187,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
     low, high = BAR_SPEEDS
     if low <= speed <= high:
         return
-    factor = power_of_1000(speed / 5000.0)  # of metals; the square of it belongs to a modulus
+    factor = power_of_1000(speed / 5000.0)  # of metals; the modulus has the square of this factor
     if si:
         factor = power_of_1000((speed / 5000.0) ** 2)
     scaled = speed * (math.sqrt(factor) if si else factor)
@@ -201,7 +201,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
 
 
 def check_specimen_size(e: Evidence) -> Iterator[Finding]:
-    """Diameter and length are those of a specimen, and fit each other."""
+    """Check that diameter, length and their ratio are plausible for a specimen."""
     if getattr(e.declared, "specimen", None) is None:  # bars alone
         return
     low, high = SPECIMEN_SIZES

@@ -1,4 +1,4 @@
-"""Image correlation for a shot's file: its surfaces, and the session in which its regions are drawn."""
+"""Image correlation of a shot: its surfaces, and the session in which its regions are drawn."""
 
 from pathlib import Path
 
@@ -24,14 +24,14 @@ def dic(
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
 ) -> Surfaces:
-    """Correlate the pictures of a shot, or read back what they gave: what `kolsky dic` does before it writes.
+    """Correlate the pictures of a shot, or read a stored result; `kolsky dic` calls this and writes tables.
 
     Parameters
     ----------
     shot
         A shot's folder, or its shot.toml.
     results
-        Where its file is or will be; by default the folder "results" of the shot.
+        Folder of the result file; by default the folder "results" of the shot.
     device, again, progress
         As in `kolsky.shot.optical_data.surfaces`.
 
@@ -47,7 +47,7 @@ def dic(
 
 
 def open_region_session(source: Path) -> Session:
-    """Open the pictures of camera 0 and what the file declares of their regions.
+    """Open the pictures of camera 0 and their declared regions.
 
     ``source``: folder or file of a shot with pictures, or of a dic.toml. Raises InputError if the file or its
     pictures cannot be used.
@@ -89,9 +89,9 @@ def open_region_session(source: Path) -> Session:
 
 
 def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], str]:
-    """The regions that a shot file leaves to its pictures, as the correlation finds them, and how.
+    """Regions that the shot file does not declare, detected in the pictures, and how they were detected.
 
-    Raises InputError if one of them cannot be found.
+    Raises InputError if one of them cannot be detected.
     """
     places = places_of(pictures)
     drawn = {
@@ -103,7 +103,7 @@ def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], s
 
 
 def _shot_toml_of(path: Path) -> None:
-    """Refuse a shot file that is not valid; its name does not matter."""
+    """Raise InputError for an invalid shot file, whatever its name."""
     shot_toml(path)
 
 
@@ -123,7 +123,7 @@ def _non_empty(drawn: dict[str, list[Drawn]]) -> dict[str, list[Drawn]]:
 
 
 def frames_to_show(session: Session) -> tuple[int, ...]:
-    """Frames for a grid: the first, the middle and the last that can be read."""
+    """Frames to display: the first, the middle and the last that can be read."""
     n = session.pictures.n_frames
     found = [k for k in dict.fromkeys((0, n // 2, n - 1)) if not isinstance(session.png(k), str)]
     if not found:

@@ -1,4 +1,4 @@
-"""What is known of a shot's inputs, and the units and factors that would fit where they contradict it."""
+"""Evidence on a shot's inputs for the plausibility rules, and units or factors that would correct them."""
 
 import math
 from collections.abc import Mapping
@@ -20,21 +20,21 @@ SCALES = {
     "V/N": ("uV/N", "mV/N", "V/N"),
     "1": ("1", "%"),
 }
-"""Units that are proposed in place of a wrong one, by their SI unit."""
+"""Units that are proposed as a correction, by SI unit."""
 UNIT_FACTORS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
-"""Errors of a prefix: ms for s, MPa for kPa, g/cm^3 for kg/m^3."""
+"""Factors of wrong unit prefixes: ms for s, MPa for kPa, g/cm^3 for kg/m^3."""
 LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
-"""Errors of a length: radius for diameter, inches for millimetres, and prefixes."""
+"""Factors of wrong lengths: radius for diameter, inches for millimetres, and prefixes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What is known of a shot so far; a rule that needs more keeps silent."""
+    """The data of a shot that have been read so far; a rule without its data finds nothing."""
 
     file: TomlFile
     """The shot file, for keys, lines and values as written."""
     declared: Any
-    """What it declares, in SI."""
+    """Its declared values, in SI."""
     frame_time: FloatArray | None = None
     """Times of the frames [s], shape [n]."""
     force_time: FloatArray | None = None
@@ -50,7 +50,7 @@ class Evidence:
     travel: FloatArray | None = None
     """The flyer's displacement from rest [m], shape [n]."""
     outline: CentreLine | None = None
-    """The outline, at rest and after."""
+    """The outline, at rest and during the test."""
     curve: MaterialCurve | None = None
     """The quasi-static curve."""
     recorders: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -61,18 +61,18 @@ class Evidence:
     def finding(
         self, key: str, problem: str, *, cure: str, allowed: str | None = None, contradiction: bool = True
     ) -> "Finding":
-        """What a rule found at a key."""
+        """The finding of a rule at a key."""
         return Finding(self.file.error(key, problem, allowed=allowed, cure=cure), contradiction)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a rule found."""
+    """A finding of a rule: a contradiction or a warning."""
 
     error: InputError
-    """Key, value, and what contradicts them."""
+    """The key, its value and the contradicting values, as an error."""
     contradiction: bool = True
-    """Whether it is refused; else it is a warning."""
+    """True if the shot is rejected, False for a warning."""
 
 
 def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float) -> float | None:
@@ -82,7 +82,7 @@ def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float
 
 
 def power_of_1000(ratio: float) -> float:
-    """The power of 1000 by which a ratio comes nearest to 1: 1e3 for 0.0005."""
+    """The power of 1000 whose product with a ratio is nearest to 1: 1e3 for 0.0005."""
     return float(10.0 ** (-3 * round(math.log10(ratio) / 3.0)))
 
 
@@ -96,7 +96,7 @@ def fitting_unit(written: str, si: str, factor: float) -> str | None:
 
 
 def written_value(file: TomlFile, key: str) -> Any:
-    """What the file has at a dotted key, as written; None if nothing."""
+    """The value at a dotted key of the file, as written; None if absent."""
     value: Any = file.content
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
@@ -106,9 +106,9 @@ def written_value(file: TomlFile, key: str) -> Any:
 def unit_cure(
     file: TomlFile, key: str, si: str, factor: float, span: tuple[float, float] = (0.0, math.inf)
 ) -> str:
-    """The sentence that names the unit of a column, or the value of a key, that would fit.
+    """A sentence that proposes the correct unit of a column, or the correct value of a key.
 
-    It is empty if there is none, or the value [SI] would lie outside ``span``.
+    It is empty if no unit fits, or if the value [SI] would lie outside ``span``.
     """
     written = written_value(file, f"{key}.unit")
     if isinstance(written, str):
@@ -127,5 +127,5 @@ def unit_cure(
 
 
 def likely_causes(*sentences: str) -> str:
-    """The likely causes in their order."""
+    """The likely causes in the given order, as one text; empty sentences are left out."""
     return "; or ".join(sentence for sentence in sentences if sentence)

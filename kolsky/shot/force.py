@@ -1,4 +1,4 @@
-"""[force] and [incident_force]: a recorder's channel with its transducer; range, zero and sign, checked."""
+"""Read [force] and [incident_force]: recorder channels with transducers; check range, zero and sign."""
 
 from dataclasses import replace
 from math import inf
@@ -20,18 +20,18 @@ from kolsky.shot.records import ForceChannel, IncidentForce
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 QUIET_SIGMAS = 6.0
-"""Difference of a quiet span's halves in its standard deviations: white noise exceeds it once in 5e8, noise
-of a recorder with a filter, whose successive samples agree, stays below."""
+"""Largest difference of a quiet span's two halves, in its standard deviations. White noise exceeds it once
+in 5e8. Filtered noise, whose successive samples are correlated, also stays below it."""
 SMALLEST_BASELINE = 20
-"""Samples needed for the zero and the noise of the force."""
+"""Least number of samples for the zero and the noise of the force."""
 
 
 def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatArray) -> ForceChannel:
     """[force]: the recorder's channel with its transducer.
 
-    ``rest``: the last frame before the test [s]. ``frame_time``: times of all frames [s]. Raises InputError
-    if the file cannot be read, or the channel is clipped or a clock, its times are not those of the frames'
-    test, or its baseline does not lie before the test.
+    ``rest``: time of the last frame before the test [s]. ``frame_time``: times of all frames [s]. Raises
+    InputError if the file cannot be read; if the channel is clipped or is a clock; if its times do not match
+    the frames; or if its baseline is not quiet.
     """
     section = toml.declared.force
     recording = _force_recording(folder / section.file, section)
@@ -44,7 +44,7 @@ def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatAr
 
 
 def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
-    """A recording with the transducer, the baseline and the clock that its section declares."""
+    """A recording with the declared transducer, baseline and clock."""
     return ForceChannel(
         recording=recording,
         transducer=Transducer(
@@ -61,11 +61,11 @@ def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
 def _force_recording(path: Path, section: ForceSection) -> Recording:
     """Read the channel that `section` names, in volts.
 
-    Without a layout a file is a table as `kolsky.readers.table` reads it, and its time column is taken as it
-    is.
+    Without a layout the file is a table that `kolsky.readers.table` reads, and its time column is used
+    unchanged.
     """
     if section.layout is None:
-        assert section.time is not None  # the section has one of the two
+        assert section.time is not None  # the section has a layout or a time column
         return read_scope(path, time=section.time.as_column(), voltage=section.voltage.as_column())
     time, unit = None, None
     if section.time is not None:
@@ -82,10 +82,10 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
 
 def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
-    """No sample at or beyond the recorder's full scale (with `bits`: at its first or last code)."""
+    """Check that no sample reaches the recorder's full scale (with `bits`: its first or last code)."""
     limit = section.full_scale
     if section.bits is not None:
-        # Codes run from -2^(b-1) to 2^(b-1) - 1; half a code less, since the volts are printed rounded.
+        # Codes run from -2^(b-1) to 2^(b-1) - 1. Half a code is subtracted: printed volts are rounded.
         limit *= 1.0 - 1.5 / 2 ** (section.bits - 1)
     clipped = np.flatnonzero(np.abs(scope.value) >= limit)
     if clipped.size:
@@ -100,7 +100,7 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
 
 
 def check_signal(scope: Recording, toml: ShotToml) -> None:
-    """A recording that rises from every sample to the next is a clock: a signal has noise."""
+    """Raise InputError if every sample exceeds the previous one: a clock does, a signal has noise."""
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",
@@ -111,10 +111,10 @@ def check_signal(scope: Recording, toml: ShotToml) -> None:
 
 
 def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: float = inf) -> None:
-    """Enough samples before the flyer moves, or quiet ones after the test, with visible noise.
+    """Check that the baseline has enough quiet samples with visible noise, before or after the test.
 
     ``volts``: the baseline's samples [V], shape [n]. ``rest``, ``last``: times of the last static frame and
-    of the last frame [s]. ``toml``: the shot file. Raises InputError if they cannot give zero and noise.
+    of the last frame [s]. ``toml``: the shot file. Raises InputError if zero and noise cannot be estimated.
     """
     section = toml.declared.force
     start, end = section.baseline
@@ -164,8 +164,8 @@ def _halves(volts: FloatArray) -> FloatArray:
 
 
 def _drifts(volts: FloatArray) -> bool:
-    """Whether both halves differ by more than `QUIET_SIGMAS` of what the noise of the samples allows."""
-    # From sample to sample a drift is not seen: half the mean square of the steps is the noise's variance.
+    """Whether the means of the halves differ by more than `QUIET_SIGMAS` times their noise."""
+    # A drift hardly changes successive differences: half their mean square is the variance of the noise.
     noise = float(np.sqrt(0.5 * np.mean(np.diff(volts) ** 2)))
     allowed = QUIET_SIGMAS * noise * 2.0 / np.sqrt(volts.size)
     return bool(abs(np.diff(_halves(volts))[0]) > allowed)
@@ -174,13 +174,13 @@ def _drifts(volts: FloatArray) -> bool:
 def check_sign(
     force: FloatArray, scope_time: FloatArray, span: tuple[float, float], flyer: FlyerMotion, toml: ShotToml
 ) -> None:
-    """A flyer that went far into the specimen has pushed it, not pulled.
+    """Check the sign of the force: a flyer that compresses the specimen pushes it.
 
     ``force``: compression-positive force at the scope samples [N], shape [n]. ``scope_time``: their times on
     the shot's clock [s], shape [n]. ``span``: the window [s]. ``flyer``: the flyer's motion. ``toml``: the
     shot file.
     """
-    # A bonded face pulls in the first waves; only a good part of the compression decides the sign.
+    # A bonded face may pull during the first waves, so the sign is checked only at larger compression.
     inside = flyer.time <= span[1]
     if np.ptp(flyer.displacement[inside]) < 0.1 * toml.declared.specimen.length:
         return
@@ -194,7 +194,7 @@ def check_sign(
 
 
 def incident_channel(toml: ShotToml) -> ForceChannel | None:
-    """The channel that a shot file declares; None if it declares none.
+    """The channel of the incident force; None if the shot file declares none.
 
     Raises InputError if its file cannot be read, it is clipped, or its baseline holds too few samples.
     """
@@ -216,10 +216,10 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
 
 
 def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, IncidentForce]:
-    """The incident force of a shot that compares it, as a field of the shot; empty for one that does not.
+    """The incident force as a field of the shot; empty if the shot does not compare it.
 
-    What acts on the flyer before the window, the pulse that sets it in motion, ends before it flies: the
-    window begins at rest, so that such a shot's incident force is that of the specimen from its start on.
+    The pulse that accelerates the flyer ends before the flight, and the window begins at rest. Within the
+    window the incident force is therefore that of the specimen.
 
     ``toml``: the shot file. ``span``: the window [s]. Raises InputError as `incident_channel`; if the
     recording does not cover the window, or has another clock than [force].

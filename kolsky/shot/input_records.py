@@ -1,6 +1,6 @@
-"""The record of a shot's input: what it is, what it changes, how it is tried as a cause.
+"""Record types for the inputs of a shot: their effects, and how each is tested as the cause of a misfit.
 
-`kolsky.shot.inputs` has the list.
+The inputs are listed in `kolsky.shot.inputs`.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.shot.records import Shot
 
 RELATIVE = 0.0025
-"""Step of an input that is a scale, relative to it [-]: more would turn the phase of what rings, less would
-show the roughness of the contact where the side surface rolls onto a platen."""
+"""Relative step of an input that is a scale [-]. A larger step would shift the phase of oscillations. A
+smaller one would resolve the roughness of the contact where the side surface rolls onto a platen."""
 CLOCK = 1e-6
 """Step of a clock [s]."""
 OFFSET = 1e-5
-"""Step of a place [m]."""
+"""Step of a position [m]."""
 SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
 """Factor and unit in which an amount or a value is written."""
 
@@ -36,10 +36,10 @@ Needs = Literal[
 
 
 class Model(Protocol):
-    """The model's force and outline at the optimum, through which an input is seen that needs no run."""
+    """The model's force and outline at the optimum; give the effect of inputs that need no new simulation."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data from those of its parts, shape [k]."""
+        """The change of prediction minus data, from the changes of its parts, shape [k]."""
 
     def transmitted(self) -> FloatArray:
         """The transmitted force in its bins [N]."""
@@ -51,42 +51,42 @@ class Model(Protocol):
         """Time derivative of the radius at every counted point's height [m/s]."""
 
     def higher(self, step: float) -> FloatArray:
-        """Change of the prediction by outline points that lie higher [m], shape [k]."""
+        """Change of the predicted radius if the outline points lie higher by ``step`` [m], shape [k]."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What an input at another value changes: what is simulated, and what is made of a run."""
+    """Effect of a changed input: on the simulation, and on the data predicted from it."""
 
     values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the simulation at other values than the shot's."""
+    """Parameters of the simulation whose values differ from the shot's."""
     specimen: Mapping[str, float] = field(default_factory=dict)
     """Factors on fields of the specimen."""
     motion: float = 1.0
     """Factor on the motion of the front face."""
     force_factor: float = 1.0
-    """The force is this many times the simulated one [-]."""
+    """Factor on the simulated force [-]."""
     force_offset: float = 0.0
-    """And so much larger [N]."""
+    """Offset added to the force after the factor [N]."""
     force_lag: float = 0.0
-    """The force comes so much later [s]."""
+    """Delay of the force [s]."""
     spread: float = 0.0
-    """The force begins over times so much earlier to so much later, as over a tilted round face [s]."""
+    """Half the spread of the force's arrival times, as over a tilted round face [s]."""
     outline_lag: float = 0.0
-    """The outline comes so much later [s]."""
+    """Delay of the outline [s]."""
     y_offset: float = 0.0
-    """The outline's points lie so much higher than their file says [m]."""
+    """Height of the outline's points above their height in the file [m]."""
     Z_offset: float = 0.0
-    """And so much further from the axis [m]."""
+    """Increase of the points' distance from the axis [m]."""
     mirror: float = nan
-    """Heights count down from the other end, which lies so much higher than the length at rest [m]; NaN if
-    they do not."""
+    """For heights that count down from the other end: height of that end minus the length at rest [m]. NaN
+    if heights count up."""
     film: float = 1.0
     """Factor on the times of all frames, from the shot's zero on."""
     picture: float = 1.0
     """Factor on all lengths in the pictures: the flyer's motion and the outline."""
     time_constant: float = 0.0
-    """Of a first-order low-pass of the force [s]."""
+    """Time constant of a first-order low-pass filter of the force [s]."""
     leak: float = 0.0
     """Rate at which the charge of the force's transducer leaks [1/s]."""
     flyer_share: float = 0.0
@@ -95,8 +95,11 @@ class Change:
     """Changes of the quasi-static curve, see `kolsky.shot.corrections`."""
 
     def then(self, other: Change) -> Change:
-        """Both at once: of a parameter the other's value holds, factors multiply, lags and offsets add,
-        spreads add in quadrature."""
+        """Both changes combined.
+
+        Parameters take the other's value, factors multiply, lags and offsets add, and spreads add in
+        quadrature.
+        """
         factors = dict(self.specimen)
         for name, factor in other.specimen.items():
             factors[name] = factors.get(name, 1.0) * factor
@@ -122,25 +125,25 @@ class Change:
 
     @property
     def sight(self) -> tuple[float, ...]:
-        """What distinguishes the radii that are seen of one run: when and where points are looked for."""
-        mirror = inf if isnan(self.mirror) else self.mirror  # NaN is not equal to itself
+        """Key of the radii compared with one simulation: the times and places of the outline points."""
+        mirror = inf if isnan(self.mirror) else self.mirror  # NaN differs from itself
         return self.outline_lag, self.y_offset, mirror, self.film, self.picture
 
     @property
     def path(self) -> tuple[float, float]:
-        """What distinguishes the motion of the front face: factors on its displacement and on its times."""
+        """Key of the motion of the front face: the factors on its displacement and on its times."""
         return self.motion * self.picture, self.film
 
     @property
     def seen(self) -> tuple[float, ...]:
-        """What tells the data that are made of one run from those of another change."""
+        """Key of the data predicted from one simulation; equal for changes with equal predictions."""
         force = self.force_factor, self.force_offset, self.force_lag, self.spread
         channel = self.time_constant, self.leak, self.flyer_share
         return *force, *channel, *self.sight, self.Z_offset
 
 
 UNCHANGED = Change()
-"""Everything as the shot declares it."""
+"""No change: every input has its declared value."""
 
 
 def _plain(u: float) -> float:
@@ -149,34 +152,34 @@ def _plain(u: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """An input tried as the cause of a misfit, as a coordinate u in which the response is nearly linear."""
+    """An input tested as the cause of a misfit; the response is nearly linear in its coordinate u."""
 
     key: str
-    """Key of shot.toml, or what else is wrong; results have it."""
+    """Key of shot.toml, or a name for another error; used in results."""
     words: str
-    """What is changed, as a sentence begins: "a factor on the force"."""
+    """The changed quantity, as the start of a sentence: "a factor on the force"."""
     check: str
-    """What to check, as a sentence ends: "check force.sensitivity"."""
+    """The advice, as the end of a sentence: "check force.sensitivity"."""
     changed: Callable[[float], Change]
-    """The input at a coordinate."""
+    """The change at a coordinate."""
     needs: Needs = "nothing"
-    """What a shot must have for it to be tried."""
+    """Data that a shot must have for this cause to be tested."""
     scan: tuple[float, ...] = ()
-    """Values of the coordinate that are tried before the search, far from what is declared."""
+    """Coordinates far from the declared value that are tried before the search."""
     finer: float = 0.0
-    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
+    """Spacing of further trials about the best of ``scan``, for a narrow minimum; 0 for none."""
     step: float
-    """Step of the coordinate for differences."""
+    """Step of the coordinate for finite differences."""
     typical: float
-    """Standard uncertainty that is usual where none is declared, in the value's unit; orders what the data
-    cannot tell apart."""
+    """Usual standard uncertainty if none is declared, in the value's unit. It ranks causes that the data
+    cannot distinguish."""
     mistakes: tuple[float, ...] = ()
-    """Values of usual mistakes, in the value's unit: a factor of two or ten, another definition."""
+    """Values of common mistakes, in the value's unit: a factor of two or ten, another definition."""
     allowance: float = 0.0
-    """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
+    """Standard uncertainty added to the declared one: a limit that no laboratory can improve."""
     onset: bool = False
-    """Whether what the flyer's path leaves open of its onset is granted too: where no frame shows it, a force
-    or a flyer that seems late by as much is no wrong clock."""
+    """Whether the uncertainty of the flyer's onset is added too. If no frame shows the onset, an equal delay
+    of the force or the flyer is not a clock error."""
     value: Callable[[float], float] = _plain
     """Value at a coordinate."""
     coordinate: Callable[[float], float] = _plain
@@ -186,63 +189,63 @@ class Cause:
     highest: float = inf
     """Largest coordinate."""
     exact: float = 0.0
-    """The value that is right if the input is: 1 for a factor, 0 for an offset."""
+    """The value without an error of the input: 1 for a factor, 0 for an offset."""
     simulated: bool = False
-    """Whether other runs are needed."""
+    """Whether new simulations are needed."""
     unit: str = "1"
-    """SI unit of the value; that of the input, as are the next two."""
+    """SI unit of the value. This and the next two fields are those of the input."""
     declared: str = ""
-    """Its key in [uncertainty], if it has one there."""
+    """Its key in [uncertainty], if there is one."""
     parameter: str = ""
-    """The parameter of the simulation that it is; then what is held is right if the input is."""
+    """Name of the simulation parameter, if it is one; its held value is then the value without an error."""
 
 
 @dataclass(frozen=True)
 class Laboratory:
-    """How a virtual laboratory errs in an input."""
+    """Error of an input in a virtual laboratory."""
 
     key: str
-    """Dotted key of its specification."""
+    """Dotted key in the laboratory's specification."""
     usual: str | float | None = None
-    """Standard uncertainty in a careful laboratory; None if it is no source of error there."""
+    """Standard uncertainty in a careful laboratory; None if it is not a source of error there."""
     order: int = 99
-    """Its place among the sources of a careful laboratory, whose draws depend on it."""
+    """Order among the error sources of a careful laboratory; the random draws depend on it."""
     words: str = ""
-    """What it is there; that of the input if left out."""
+    """Its description there; that of the input if empty."""
     anew: bool = False
-    """Whether it is drawn anew for each shot, though what is declared of it holds for all."""
+    """Whether it is drawn for each shot separately although its declaration holds for all shots."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One input: what it is, where it is declared, and what a wrong one does."""
+    """One input: its description, its place in shot.toml, and the effect of an error in it."""
 
     key: str
-    """Its key; that of [uncertainty] where it has one there."""
+    """Its key; the key of [uncertainty] if there is one."""
     words: str
-    """What it is, as tables and sentences write it."""
+    """Its description in tables and sentences."""
     place: str = ""
-    """Table and key of shot.toml that declare it; empty if none does."""
+    """Table and key of shot.toml that declare it; empty if it is not declared."""
     unit: str = "1"
     """SI unit of its step; "1" for a plain number."""
     relative: bool = False
-    """Whether its step and its uncertainty are shares of it."""
+    """Whether its step and its uncertainty are relative to its value."""
     shared: str = ""
-    """What shots share it through: "rig", "curve" or "group"; empty if each has its own."""
+    """Shots with this in common share the input: "rig", "curve" or "group"; empty if it is not shared."""
     needs: Needs = "nothing"
-    """What a shot must have for its uncertainty to have a part in the answer."""
+    """Data that a shot must have for the input's uncertainty to contribute to that of the result."""
     step: float = 0.0
-    """By how much it is moved to see what it does, in its unit or relative; of a parameter a share of its
-    scale, of a force one of the largest. Zero if it is not moved."""
+    """Step for its finite difference, in its unit or relative; 0 if it is not varied. For a parameter it is a
+    share of its scale, for a force a share of the largest force."""
     parameter: str = ""
-    """The parameter of the simulation that it is."""
+    """Name of the simulation parameter, if it is one."""
     specimen: str = ""
-    """The field of the specimen that it is a factor of."""
+    """The field of the specimen that it multiplies, if it does."""
     seen: Callable[[Model, float], FloatArray] | None = None
-    """Exact first-order change of prediction minus data by a step; None if runs must be made for it."""
+    """Exact first-order change of prediction minus data for a step; None if simulations are needed for it."""
     applied: Callable[[Shot, float], Shot] | None = None
-    """The shot with the input at a value of its `cause`: a factor, a lag, an offset that was found."""
+    """The shot with the input at an estimated value of its `cause`: a factor, a lag or an offset."""
     cause: Cause | None = None
-    """How it is tried as a cause; None if it leaves no residual that is its own."""
+    """How it is tested as a cause; None if its residual cannot be distinguished from others."""
     laboratory: Laboratory | None = None
-    """How a virtual laboratory errs in it."""
+    """Its error in a virtual laboratory."""

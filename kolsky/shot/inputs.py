@@ -1,10 +1,10 @@
-"""The inputs of a shot, one record each: what it is, what it changes, and how wrong it may be.
+"""The inputs of a shot, one record each: its description, its effect, and its possible error.
 
-An input is a number of shot.toml that the data do not hold: a scale, a zero, a clock, a length, a constant of
-the model. The parts of its record are read by those who ask about it: by how much a declared uncertainty
-moves the answer (`kolsky.uncertainty.input_changes`), whether it explains a misfit
-(`kolsky.diagnosis.causes`), and what a laboratory that errs in it would measure (`kolsky.studies.budget`,
-`kolsky.virtual`). A new input is one entry of `INPUTS`.
+An input is a number of shot.toml that the recorded data do not contain: a scale, a zero, a clock, a length,
+or a constant of the model. Three kinds of module use its record. `kolsky.uncertainty.input_changes` computes
+the effect of its declared uncertainty on the result. `kolsky.diagnosis.causes` tests whether it explains a
+misfit. `kolsky.studies.budget` and `kolsky.virtual` simulate a laboratory with an error in it. A new input is
+one entry of `INPUTS`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kolsky.shot.records import Shot
 
 
 def causes() -> tuple[Cause, ...]:
-    """Every input that is tried as a cause, in the order of tables."""
+    """Every input that is tested as a cause, in the order of tables."""
     return tuple(
         replace(one.cause, unit=one.unit, declared=one.key, parameter=one.parameter)
         for one in INPUTS.values()
@@ -45,10 +45,10 @@ _FACTOR: dict[str, Any] = {
     "exact": 1.0,
     "simulated": True,
 }
-"""A cause that is a factor on what is simulated; u is by how much it is not 1."""
+"""A cause that is a factor on a simulated quantity; u is the factor minus 1."""
 _SHARES = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
 _FACTORS = (0.1, 0.5, 2.0, 10.0)
-"""Usual mistakes of a scale: a radius for a diameter, a digit too many."""
+"""Common mistakes of a scale: a radius for a diameter, one digit too many."""
 _SIZE: dict[str, Any] = {
     "scan": (-0.5, *_SHARES, 1.0),
     "step": 2e-3,
@@ -57,7 +57,7 @@ _SIZE: dict[str, Any] = {
     "mistakes": _FACTORS,
 }
 _LAGS = tuple(5e-6 * n for n in range(-12, 13) if n)
-"""Lags that are tried [s]."""
+"""Lags to try [s]."""
 _RATIOS = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.2, 1.45, 2.0, 3.0, 5.0, 10.0)
 
 
@@ -90,7 +90,7 @@ def _of_specimen(name: str, laboratory: Laboratory, *, shared: str = "", **tried
 
 
 def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried: Any) -> Input:
-    """A change of the reference curve, see `kolsky.shot.corrections`; u is its amount."""
+    """A change of the quasi-static curve, see `kolsky.shot.corrections`; u is its amount."""
     return Input(
         key=name,
         words=words,
@@ -123,14 +123,14 @@ INPUTS: dict[str, Input] = {
             shared="rig",
             needs="force channel",
             step=RELATIVE,
-            # A larger sensitivity is a smaller force.
+            # A larger sensitivity gives a smaller force.
             seen=lambda model, u: model.change(transmitted=u * model.transmitted()),
             applied=with_gain,
             cause=Cause(
                 key=SENSITIVITY,
                 words="a force gain",
                 check="check force.sensitivity",
-                # The force that was evaluated, times the gain, is the simulated one.
+                # The evaluated force times the gain is the simulated force.
                 changed=lambda u: Change(force_factor=u),
                 scan=_RATIOS,
                 step=1e-3,
@@ -152,7 +152,7 @@ INPUTS: dict[str, Input] = {
             place="[force] baseline",
             unit="N",
             step=RELATIVE,
-            # What is taken for zero is subtracted.
+            # The assumed zero is subtracted.
             seen=lambda model, u: model.change(transmitted=u),
             applied=with_zero,
             cause=Cause(
@@ -220,7 +220,7 @@ INPUTS: dict[str, Input] = {
             place="[flyer] time",
             unit="s",
             step=CLOCK,
-            # All that is simulated comes later.
+            # All simulated data are delayed.
             seen=lambda model, u: model.change(
                 force=-u * model.force_rate(), outline=-u * model.outline_rate()
             ),
@@ -260,7 +260,7 @@ INPUTS: dict[str, Input] = {
             words="Poisson’s ratio",
             place="[model] poisson",
             shared="group",
-            step=0.01,  # its scale is its distance from 1/2, which sets the frequency of what rings
+            step=0.01,  # its scale is its distance from 1/2, which sets the frequency of oscillations
             parameter="poisson",
             cause=Cause(
                 key=POISSON,

@@ -1,6 +1,7 @@
-"""A shot loaded from a folder and checked: from exports, from a whole surface, from pictures or from bars.
+"""Load and check a shot from a folder: from exports, a whole surface, pictures or bars.
 
-The window is the part of the shot that is simulated and compared: from rest until the first recording ends.
+The window is the part of the shot that is simulated and compared. It lasts from rest until the first
+recording ends.
 """
 
 from collections.abc import Callable
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 
 UNCOVERED_SHARE = 0.05
-"""Share of the frames that the force recording may miss at its end without a declared window.end."""
+"""Largest share of frames after the end of the force recording, if window.end is not declared."""
 
 
 def window(
@@ -56,14 +57,15 @@ def window(
     *,
     symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window on the shot's clock: as declared, else from the last static frame to the last covered one
-    before symmetry ends.
+    """The window on the shot's clock: as declared, else from the last static frame to the last usable one.
+
+    The last usable frame is covered by all recordings and lies before the end of symmetry.
 
     ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
     ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
     sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
-    its first direction [s], None if it does not or is not known. Raises InputError if the specimen already
-    moves at the start, or the recordings do not cover the window.
+    its first direction [s], None if it does not or the time is unknown. Raises InputError if the specimen
+    already moves at the start, or the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])
@@ -119,15 +121,15 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     Parameters
     ----------
     source
-        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
+        The shot's folder with its shot.toml, the path of such a file, or the parsed file.
     measure
-        How pictures become numbers, for a shot without exports; by default
-        `kolsky.shot.optical_data.measured`, which keeps them in the shot's results folder.
+        The function that correlates the pictures of a shot without exports; by default
+        `kolsky.shot.optical_data.measured`, which stores the result in the shot's results folder.
 
     Returns
     -------
     Shot
-        Everything declared and measured, in SI, on the shot's clock.
+        All declared and measured values, in SI, on the shot's clock.
 
     Raises
     ------
@@ -165,12 +167,12 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
 
 
 def _moves(toml: ShotToml, rest: float) -> Callable[[FlyerMotion], object]:
-    """The rules about a flyer's motion; `rest` is the time of the last static frame [s]."""
+    """A check of a flyer's motion; `rest` is the time of the last static frame [s]."""
     return lambda flyer: gate(Evidence(file=toml, declared=toml.declared, **travel_of(flyer, rest)))
 
 
 def load_pictures(source: Source) -> PicturedShot:
-    """Load and check what a shot with pictures has before they are correlated.
+    """Load and check a shot with pictures, before they are correlated.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def load_pictures(source: Source) -> PicturedShot:
 
 
 def check_shot(source: Source) -> "ShotBase | CheckedBars":
-    """Load a shot as far as it goes without correlating pictures; between bars, without reducing it.
+    """Load and check a shot without correlating its pictures or reducing its bar signals.
 
     Raises
     ------
@@ -217,15 +219,15 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
 
 
 def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
-    """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
+    """A shot whose outline, and optionally flyer, come from exports of a whole surface."""
     from kolsky.shot.surface import measured_surface
 
     declared, folder = toml.declared, toml.path.parent
-    assert declared.surface is not None  # the caller saw to it
+    assert declared.surface is not None  # checked by the caller
     centre_line, flyer, inputs = measured_surface(toml, declared.surface, frames)
     source = folder / declared.surface.pattern
     if flyer is None:
-        assert declared.flyer is not None  # the schema saw to it
+        assert declared.flyer is not None  # checked by the schema
         flyer, inputs[declared.flyer.file] = flyer_motion(
             folder, frames, declared.flyer, toml, check=_moves(toml, rest)
         )
@@ -274,7 +276,7 @@ def _with_pictures(
 
 
 def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
-    """The shot with the length, and the outline's heights, that its pictures leave of the declared ones."""
+    """The shot with specimen length and outline heights corrected by its pictures."""
     declared, uncertainty = shot.specimen.length, dict(shot.uncertainty)
     length = conditioned_length(
         rim,
@@ -309,7 +311,7 @@ def _compared_span(
     flyer: FlyerMotion,
     symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window of a shot with cameras, in which the sign of its force is right."""
+    """The window of a shot with cameras; the sign of the force is checked in it."""
     span = window(
         toml,
         frames.time + toml.declared.frames.clock_offset,
@@ -329,7 +331,7 @@ def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     gate(Evidence(file=toml, declared=toml.declared))
     calibration = toml.declared.calibration
     if calibration is not None and calibration.target is not None:
-        from kolsky.pictures.calibration import target_of  # brings image correlation: for pictures only
+        from kolsky.pictures.calibration import target_of  # imports image correlation: for pictures only
 
         target_of(calibration.target, toml)
     frames = read_frames(toml)
@@ -338,7 +340,7 @@ def _open(source: Source) -> tuple[ShotToml, FrameTable]:
 
 
 def _base(toml: ShotToml, frames: FrameTable, optical: dict[str, str]) -> dict[str, Any]:
-    """The fields of `ShotBase` of a shot with cameras; `optical` are the hashes of what they gave."""
+    """The fields of `ShotBase` of a shot with cameras; `optical` are the hashes of the optical data."""
     declared, folder = toml.declared, toml.path.parent
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = force_channel(folder, rest, toml, frames.time)
@@ -374,7 +376,7 @@ def _elastic(declared: ShotFile, bar: Bar | None) -> dict[str, Any]:
 
 
 def _all_there(toml: ShotToml, folder: Path) -> None:
-    """See that every declared file is there."""
+    """Check that every declared file exists."""
     missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
     refuse(
         [
@@ -385,11 +387,11 @@ def _all_there(toml: ShotToml, folder: Path) -> None:
 
 
 REACH = 0.9
-"""Largest approach of the faces over the specimen's length that is simulated [-]."""
+"""Largest simulated approach of the faces, over the specimen's length [-]."""
 
 
 def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
-    """The transmitted force of a reduction as a shot's force."""
+    """The transmitted force of a bar reduction, as the force of a shot."""
     measured, scale = back_force(reduction, waves)
     return BarForce(measured, scale)
 
@@ -403,9 +405,9 @@ def driven_by_waves(
     centre_line: CentreLine | None = None,
     end: float | None = None,
 ) -> Shot:
-    """The shot whose front face moves with ``c0 (eps_i - eps_r)`` instead of with a flyer that cameras saw.
+    """The shot whose front face moves with ``c0 (eps_i - eps_r)``, instead of with a measured flyer.
 
-    Everything is on the shot's clock, also where the transmitted force is a transducer's (`base.force`).
+    All times are on the shot's clock, also if the transmitted force is from a transducer (`base.force`).
     """
     motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
     path = front_path(motion)
@@ -436,13 +438,13 @@ def driven_by_waves(
 
 
 def load_bar_driven(source: Source) -> Shot:
-    """Reduce the gauges of a shot and make it ready for `identify`.
+    """Reduce the gauges of a shot and prepare it for `identify`.
 
-    ``source``: the shot's folder with its shot.toml, the path of such a file, or the file parsed. Returns:
-    without a centre line: the force alone identifies. Raises InputError if a file is missing or damaged, a
-    declaration is impossible, or the signals hold no such test.
+    ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Returns: a
+    shot without a centre line, identified from the force only. Raises InputError if a file is missing or
+    damaged, a declaration is impossible, or the signals are not those of such a test.
     """
-    from kolsky.bars.reduction.analyse import analyse  # brings scipy.stats
+    from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)

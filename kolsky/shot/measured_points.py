@@ -1,6 +1,6 @@
-"""Fields of an image correlation: points of one surface with what was measured there, in every frame.
+"""Fields of an image correlation: the measured values at the points of one surface, in every frame.
 
-Used for the bodies of a shot and for an image correlation without a shot, both read from `dic.h5`.
+They are read from `dic.h5`, for the bodies of a shot or for an image correlation without a shot.
 """
 
 from __future__ import annotations
@@ -37,29 +37,29 @@ class FieldOfPoints:
     values: FloatArray
     """Values, NaN where there is none, shape [n_frames, n_points]."""
     sigma: FloatArray | None = None
-    """Their standard deviations, same shape; None for a field that is one itself, and for outcomes."""
+    """Their standard deviations, same shape; None for a field of standard deviations and for outcomes."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoints:
-    """Points of one surface that the cameras followed."""
+    """Points of one surface that the cameras tracked."""
 
     name: str
     """Specimen, flyer or surface."""
     surface: SurfaceHistory
     """Their motion."""
     pixels: tuple[FloatArray, ...]
-    """Places in the pictures of each camera [px], NaN where lost, each of shape [n_frames, n_points, 2]."""
+    """Pixel coordinates in the pictures of each camera [px], NaN where lost, each [n_frames, n_points, 2]."""
     reference: FloatArray
-    """Places in the reference picture of camera 0 [px], shape [n_points, 2]."""
+    """Pixel coordinates in the reference picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
     """Column and row of each point in the grid, shape [n_points, 2]."""
     strain: SurfaceStrain | None
-    """Strains; None if there are none of this body."""
+    """Strains; None if none were computed for this body."""
     unit: str = "m"
     """Unit of the surface: "m" or "px"."""
     plane: bool = False
-    """True for a plane seen by one camera: no motion out of it, y runs down."""
+    """True for a plane seen by one camera: no out-of-plane motion, and y points down."""
     timed: bool = True
     """False if the times count frames."""
 
@@ -102,8 +102,10 @@ class MeasuredPoints:
         return {PointOutcome(int(numbers[i])): int(counts[i]) for i in order}
 
     def places(self, camera: int, frame: int) -> FloatArray:
-        """Places of all points in a picture [px], shape [n_points, 2]; of a lost one the last place that is
-        known, NaN if the camera has not seen it yet."""
+        """Pixel coordinates of all points in a picture [px], shape [n_points, 2].
+
+        A lost point has its last known place; it is NaN if the camera has not seen the point before.
+        """
         history = self.pixels[camera][: frame + 1]
         known = np.asarray(np.isfinite(history).all(axis=2))
         last = frame - np.argmax(known[::-1], axis=0)
@@ -114,17 +116,17 @@ class MeasuredPoints:
         return np.asarray(places)
 
     def nearest(self, camera: int, frame: int, place: tuple[float, float]) -> int | None:
-        """Number of the point nearest to a place (x, y) of a picture [px]; None if no point has one there."""
+        """Number of the point nearest to (x, y) in a picture [px]; None if the picture has no points."""
         away = np.linalg.norm(self.places(camera, frame) - np.asarray(place), axis=1)
         return int(np.nanargmin(away)) if np.isfinite(away).any() else None
 
 
 def read_measured_points(folder: Path) -> tuple[MeasuredPoints, ...]:
-    """Read what the pictures of a folder gave, a surface each.
+    """Read the result of an image correlation, one entry for each surface.
 
-    ``folder``: of a shot or of a dic.toml; `results/dic.h5` is read. Returns: the specimen and, if it was
-    followed, the flyer; or the one surface of a dic.toml. Raises InputError if there is no such file, or it
-    cannot be read.
+    ``folder``: the folder of a shot or of a dic.toml; `results/dic.h5` is read. Returns: the specimen and, if
+    it was tracked, the flyer; or the one surface of a dic.toml. Raises InputError if the file does not exist
+    or cannot be read.
     """
     path = folder / "results" / RESULT_FILE
     if find_measurement_file(folder) is not None:
@@ -133,7 +135,7 @@ def read_measured_points(folder: Path) -> tuple[MeasuredPoints, ...]:
 
 
 def points_of(result: StereoResult) -> tuple[MeasuredPoints, ...]:
-    """Specimen and, if it was followed, flyer of a stereo result."""
+    """Specimen and, if it was tracked, flyer of a stereo result."""
     bodies = {"specimen": result.specimen, "flyer": result.flyer}
     return tuple(
         _of_body(name, body, result.strain if name == "specimen" else None)

@@ -1,4 +1,4 @@
-"""Measurements of a shot's cameras: correlated once, kept in the results folder, read back; their tables."""
+"""Camera measurements of a shot: correlate once, store in the results folder, read back, write tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,16 +37,16 @@ RESULT_FILE = "dic.h5"
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The stereo result of a shot, and the file it is in."""
+    """The stereo result of a shot and its file."""
 
     result: StereoResult
-    """What the pictures gave."""
+    """The stereo result."""
     path: Path
     """Its file."""
     fresh: bool
-    """True if it was computed now, False if it was read back."""
+    """True if it was computed in this call, False if it was read from the file."""
     flight: FlightOfSpecimen | str
-    """The flyer's flight, or why it is not known."""
+    """The flyer's flight, or the reason why it is unknown."""
 
     @property
     def warnings(self) -> list[str]:
@@ -83,13 +83,13 @@ def surfaces(
     progress: Progress = lambda stage, done, total: None,
     cameras: Callable[[Progress], Calibrated] | None = None,
 ) -> Surfaces:
-    """Correlate the pictures of a shot, or read back what they gave.
+    """Correlate the pictures of a shot, or read the stored result.
 
-    ``pictures``: the pictures. ``folder``: where `RESULT_FILE` is or will be. It is used again if inputs,
-    declarations and the version of the chain are those it was made with. ``device``: where pictures are
-    correlated, "cpu" or a CUDA device. ``again``: correlate even if there is such a file. ``progress``: told
-    of the frames done, stage by stage. ``cameras``: the cameras that
-    `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found here. Raises
+    ``pictures``: the pictures. ``folder``: folder of `RESULT_FILE`. The file is reused if inputs,
+    declarations and the version of the software are unchanged. ``device``: where pictures are correlated,
+    "cpu" or a CUDA device. ``again``: correlate even if the file exists. ``progress``: called with the number
+    of frames done, stage by stage. ``cameras``: the calibration that
+    `kolsky.pictures.rig.calibrate_in_background` has started; None: calibrate here. Raises
     InputError if the cameras cannot be calibrated or nothing can be measured.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
@@ -99,7 +99,7 @@ def surfaces(
             result = read_stereo_result(path)
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except InputError:
-            pass  # damaged since it was written: made anew
+            pass  # damaged after it was written: computed again
     with single_threaded_libraries(), infrequent_gc():
         result = correlate(pictures, device, progress, cameras=cameras)
         with filling(folder) as partial:
@@ -126,11 +126,11 @@ def measured(
     pictures
         The pictures.
     folder
-        Where the result is kept; by default the folder "results" of the shot.
+        Where the result is stored; by default the folder "results" of the shot.
     device
         Where pictures are correlated.
     progress
-        Told of the frames done, stage by stage.
+        Called with the number of frames done, stage by stage.
 
     Raises
     ------
@@ -178,10 +178,10 @@ def measured(
 
 
 def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
-    """Write outline and flyer as the exports that a shot can declare, the flight and the reporting table.
+    """Write the outline and the flyer as exports that a shot can declare, the flight and the reporting table.
 
-    ``folder``: where to; it exists. ``found``: what the pictures gave. ``number``: number of each frame as
-    the shot counts them, shape [n_frames].
+    ``folder``: an existing folder. ``found``: the stereo result. ``number``: number of each frame in the
+    shot's numbering, shape [n_frames].
     """
     result = found.result
     line = result.centre

@@ -1,9 +1,9 @@
-"""Inputs of a shot against each other and against what such tests can have, before any work starts.
+"""Plausibility checks: compare a shot's inputs with each other and with usual values, before any computation.
 
-A rule is one function and one line of `RULES`; those of declared values by themselves are in
-`kolsky.shot.declared_values`. It compares what is known and yields findings: a warning names
-both keys and both values, a contradiction is refused with the unit or the factor that would fit. `gate` is
-called as soon as a record is read, so that the cause is named before a later check meets its effect.
+A rule is one function and one line of `RULES`; rules for single declared values are in
+`kolsky.shot.declared_values`. A rule compares the known inputs and yields findings. A warning names both keys
+and both values. A contradiction is rejected, with the unit or factor that would correct it. `gate` is called
+as soon as a record is read. The message therefore names the cause, before a later check finds its effect.
 """
 
 import math
@@ -38,54 +38,58 @@ from kolsky.shot.evidence import (
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
 FRAME_INTERVALS = (1e-9, 5e-3)
-"""[s] The fastest camera takes 1e9 pictures a second; at 200 a second an impact is over between two."""
+"""Smallest and largest frame interval [s]. The fastest camera takes 1e9 pictures per second; at 200 per
+second an impact is shorter than one interval."""
 FORCE_STEPS = (1e-9, 1e-4)
-"""[s] Recorders of bar tests take 10^4 to 10^9 samples a second."""
+"""Smallest and largest sampling interval of the force [s]: 10^4 to 10^9 samples per second."""
 FRAME_STEPS = (1e-8, 1e-3)
-"""[s] Cameras of bar tests take 10^3 to 10^8 pictures a second."""
+"""Usual frame intervals [s]: cameras of bar tests take 10^3 to 10^8 pictures per second."""
 FEWEST_FORCE_SAMPLES = 10
-"""Samples of the force during all frames below which it has no history to compare."""
+"""Least number of force samples during the frames; with fewer, no force history can be compared."""
 SHORTEST_RECORD = 10.0
-"""A wave's way through a bar over the duration of a bar's record [-]: such a record holds no reflection."""
+"""Largest transit time through a bar over the duration of its record [-]; a shorter record contains no
+reflection."""
 LONGEST_FRAMES = 100.0
-"""Duration of the frames over that of the force record [-]: 0.01 would be covered."""
+"""Largest duration of the frames over that of the force record [-]; above it, less than 1 % is covered."""
 IMPACT_SPEEDS = (0.05, 500.0)
-"""[m/s] A fall of 0.2 mm gives 0.06 m/s; above 500 m/s soft specimens are not compressed but blown apart."""
+"""Smallest and largest impact speed [m/s]. A fall of 0.2 mm gives 0.06 m/s; above 500 m/s soft specimens
+disintegrate."""
 LEAST_TRAVEL = 1e-3
-"""Travel of the flyer over the specimen's length [-]: below, the displacement's unit is wrong before the
-time's."""
+"""Least travel of the flyer over the specimen's length [-]. Below it, the unit of displacement is more likely
+wrong than the unit of time."""
 RADIUS_TOLERANCE = 0.2
-"""Largest disagreement of the outline at rest with the specimen's radius, relative to it [-]."""
+"""Largest difference between the outline at rest and the specimen's radius, relative to the radius [-]."""
 STIFFENING = 30.0
 """Largest dynamic stress over the quasi-static one [-]: soft materials stiffen at most 10 times with strain
 rate, faces that stick add at most a factor of 3."""
 INERTIA = 3.0
-"""Largest stress of inertia over rho v^2 [-]: a column that is stopped has 1, its reflected front 2."""
+"""Largest inertial stress over rho v^2 [-]: a stopped column has 1, its reflected front 2."""
 SOFTENING = 1.0 / 30.0
 """Least dynamic stress over the quasi-static one [-]: a pre-conditioned or swollen specimen has 0.2."""
 UNUSUAL = (0.2, 10.0)
 """Dynamic over quasi-static stress outside which a warning is given [-]: soft materials stiffen at most 10
 times, and soften at most 5 times with conditioning."""
 NOISE_SIGMAS = 10.0
-"""A force that does not rise above this many standard deviations of its baseline was not transmitted yet."""
+"""A force below this many standard deviations of its baseline has not been transmitted yet."""
 CROSSINGS = 2.0
-"""Transits of the specimen by its wave after which the force has arrived and stress is nearly uniform."""
+"""Number of wave transits through the specimen until the force has arrived and stress is nearly uniform."""
 SENSITIVITIES = (1e-6, 10.0)
-"""[V/N] Force transducers with their amplifiers, from load cells to soft piezoelectric sensors."""
+"""Smallest and largest sensitivity of force transducers with amplifiers [V/N], from load cells to soft
+piezoelectric sensors."""
 SOFT_STRESSES = (1e3, 3e7)
-"""[Pa] Stress of a soft material at the end of a test, from gels to hard rubber."""
+"""Smallest and largest stress of a soft material at the end of a test [Pa], from gels to hard rubber."""
 SHORTEST_CURVE = 0.03
-"""Last strain of the curve over the test's [-]: ratios that were declared as per cent are 100 times too
-small."""
+"""Least ratio of the curve's last strain to the test's strain [-]. Ratios that were declared as per cent are
+100 times too small."""
 LONGEST_STRETCH = 8.0
-"""Stretch beyond which a curve is warned of: natural rubber breaks at 7 to 8."""
+"""Stretch above which a curve gets a warning [-]: natural rubber breaks at 7 to 8."""
 
 
 Rule = Callable[[Evidence], Iterator[Finding]]
 
 
 def _frame_rate(e: Evidence) -> Iterator[Finding]:
-    """The frames follow each other as a high-speed camera takes them."""
+    """Check that the frame interval is that of a high-speed camera."""
     if e.frame_time is None or e.frame_time.size < 2:
         return
     step, count = float(np.median(np.diff(e.frame_time))), e.frame_time.size
@@ -94,7 +98,7 @@ def _frame_rate(e: Evidence) -> Iterator[Finding]:
         return
     factor = power_of_1000(
         step / 1e-5
-    )  # a camera of such a test takes 100 000 a second, 30 times less or more
+    )  # a camera of such a test takes 100 000 per second, within a factor of 30
     yield e.finding(
         "frames.time",
         f"gives {count} frames at {1.0 / step:.4g} frames/s, {count * step:.4g} s in all: no camera of an"
@@ -105,7 +109,7 @@ def _frame_rate(e: Evidence) -> Iterator[Finding]:
 
 
 def _clocks(e: Evidence) -> Iterator[Finding]:
-    """Frames and force are recorded during the same test."""
+    """Check that frames and force were recorded during the same test."""
     if e.frame_time is None or e.force_time is None or e.frame_time.size < 2 or e.force_time.size < 2:
         return
     frames, force = float(np.ptp(e.frame_time)), float(np.ptp(e.force_time))
@@ -115,7 +119,7 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
     if samples >= FEWEST_FORCE_SAMPLES and frames <= LONGEST_FRAMES * force:
         return
     usual = FORCE_STEPS[0] <= step <= FORCE_STEPS[1], FRAME_STEPS[0] <= frame_step <= FRAME_STEPS[1]
-    # The clock whose step is unusual is named first; of two alike the one that is too slow.
+    # The clock with an unusual step is named first; if both are alike, the slower one.
     of_force = usual[1] if usual[0] != usual[1] else samples < FEWEST_FORCE_SAMPLES
     key, other, ratio = "frames.time", "force.time", frames / force
     if of_force:
@@ -134,12 +138,12 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
 
 
 def _bar_clocks(e: Evidence) -> Iterator[Finding]:
-    """A recorder at bars resolves a wave's way through them, and lasts as long."""
+    """Check that a recorder of bars resolves the transit time of a wave, and records at least that long."""
     for key, time in e.recorders.items():
         step, span = float(np.median(np.diff(time))), float(np.ptp(time))
         if step * FEWEST_FORCE_SAMPLES <= e.bar_transit <= SHORTEST_RECORD * span:
             continue
-        # A recorder of such a test takes a sample every microsecond, and ten times less or more often.
+        # A recorder of such a test takes one sample per microsecond, within a factor of ten.
         factor = power_of_1000(step / 1e-6)
         written = written_value(e.file, f"{key}.time_unit")
         unit = None if written is None else fitting_unit(written, "s", factor)
@@ -158,15 +162,15 @@ def _bar_clocks(e: Evidence) -> Iterator[Finding]:
 
 
 def _impact_speed(e: Evidence) -> Iterator[Finding]:
-    """The flyer is as fast as an impact, and not faster than a gun's."""
+    """Check that the flyer's speed is that of an impact."""
     if e.travel is None or e.flyer_time is None or e.travel.size < 2:
         return
     length = e.declared.specimen.length
     speed, far = _speed(e), float(np.abs(e.travel).max())
     low, high = IMPACT_SPEEDS
-    if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the last
+    if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the latter
         return
-    # A unit's power of 1000 that leads into the middle of the range, by the time or by the displacement.
+    # The power of 1000 of a unit (time or displacement) that gives a value in the middle of the range.
     factor = power_of_1000(speed / 5.0)
     by_time = unit_cure(e.file, "frames.time", "s", 1.0 / factor)
     where = "flyer.displacement" if written_value(e.file, "flyer") is not None else "surface.unit"
@@ -183,8 +187,8 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
 
 
 def _speed(e: Evidence) -> float:
-    """Largest speed of the flyer over a tenth of its record [m/s]: over single frames noise would decide."""
-    assert e.travel is not None  # the callers saw to both
+    """Largest speed of the flyer over a tenth of its record [m/s]; noise would dominate single frames."""
+    assert e.travel is not None  # checked by the caller
     assert e.flyer_time is not None
     lag = max(1, e.travel.size // 10)
     moved = np.abs(e.travel[lag:] - e.travel[:-lag]) / (e.flyer_time[lag:] - e.flyer_time[:-lag])
@@ -192,15 +196,15 @@ def _speed(e: Evidence) -> float:
 
 
 def _travel(e: Evidence) -> Iterator[Finding]:
-    """The flyer does not go through the specimen."""
+    """Check that the flyer's travel is smaller than the specimen's length."""
     if e.travel is None:
         return
     length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
     if (
         far < length or written_value(e.file, "flyer") is None
-    ):  # what pictures or surfaces show has other causes
+    ):  # errors of pictures or surfaces have other causes
         return
-    # A test compresses its specimen by a twentieth at least; a column of frame numbers has no factor.
+    # A test compresses its specimen by at least a twentieth; for a column of frame numbers no factor fits.
     factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
     yield e.finding(
         "flyer.displacement",
@@ -215,7 +219,7 @@ def _travel(e: Evidence) -> Iterator[Finding]:
 
 
 def _outline_size(e: Evidence) -> Iterator[Finding]:
-    """The outline at rest has the specimen's radius and height; else the likeliest cause is named."""
+    """Check that the outline at rest has the specimen's radius and height; else name the likeliest cause."""
     if e.outline is None or e.rest is None:
         return
     static = e.outline.time <= e.rest
@@ -240,7 +244,7 @@ def _outline_size(e: Evidence) -> Iterator[Finding]:
         return
     elif not 0.7 <= top / length <= 1.1:  # the outline may end below the flyer's face
         if factor in (2.0, 0.5):
-            return  # an outline of half the height is one that was cut
+            return  # an outline of half the height was cut
         yield e.finding(
             "specimen.length",
             f"contradicts {table} ({source}): the outline at rest reaches y = {1e3 * top:.4g} mm above the"
@@ -253,7 +257,7 @@ def _outline_size(e: Evidence) -> Iterator[Finding]:
 
 
 def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
-    """The likely causes of an outline that is not at the specimen's radius, the likeliest first."""
+    """The likely causes of an outline with a wrong radius, the likeliest first."""
     radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
     factor = fitting_factor(middle / radius, LENGTH_FACTORS, tolerance=RADIUS_TOLERANCE)
     offset = radius - middle + getattr(getattr(e.declared, "centre_line", None), "Z_offset", 0.0)
@@ -263,7 +267,7 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         if table == "centre_line"
         else "check surface.origin and surface.unit"
     )
-    assert e.outline is not None  # the caller saw to it
+    assert e.outline is not None  # checked by the caller
     heights = e.outline.Z
     swapped = (
         abs(float(np.median(y)) - radius) <= RADIUS_TOLERANCE * radius
@@ -298,7 +302,7 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
 
 
 def _curve_reach(e: Evidence) -> Iterator[Finding]:
-    """The curve's strains are those of the test's material, and no per cent."""
+    """Check that the curve's strains fit the test, and are not per cent declared as ratios."""
     if e.curve is None or e.curve.law is not None:
         return
     end = float(e.curve.stretch[-1])
@@ -324,10 +328,10 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
 
 
 def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, float]:
-    """Least and largest size of the compressive nominal stress at a strain, by the curve's moduli [Pa].
+    """Smallest and largest compressive nominal stress at a strain, by the curve's moduli [Pa], as magnitudes.
 
-    At every point of the curve stands the modulus mu of the neo-Hookean material that has this stress there,
-    sigma = mu (lambda - lambda^-2); the smallest and the largest are taken to the strain.
+    Each point of the curve gives the modulus mu of a neo-Hookean material with that stress,
+    sigma = mu (lambda - lambda^-2). The smallest and the largest mu give the stresses at ``strain``.
     """
     loaded = curve.stretch != 1.0
     stretch = curve.stretch[loaded]
@@ -338,7 +342,7 @@ def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, flo
 
 
 def _force_over_area(e: Evidence) -> Iterator[Finding]:
-    """Force over area is the curve's stress, within what rate, ends and inertia can change."""
+    """Check force over area against the curve's stress, within the effects of rate, ends and inertia."""
     if e.force is None or e.travel is None or e.curve is None or e.flyer_time is None or e.rest is None:
         return
     assert e.force_time is not None  # it comes with the force
@@ -409,18 +413,18 @@ RULES: tuple[Rule, ...] = (
     _curve_reach,
     _force_over_area,
 )
-"""All rules, in the order in which causes are named."""
+"""All rules; causes are named in this order."""
 
 
 def findings(evidence: Evidence) -> list[Finding]:
-    """Everything that the rules find in what is known."""
+    """All findings of the rules."""
     return [finding for rule in RULES for finding in rule(evidence)]
 
 
 def gate(evidence: Evidence) -> tuple[str, ...]:
-    """Refuse contradictions; return the warnings, a sentence each.
+    """Reject contradictions; return the warnings, one sentence each.
 
-    Raises InputError for a contradiction; several come as one `InputErrors`.
+    Raises InputError for a contradiction, `InputErrors` for several.
     """
     all_findings = findings(evidence)
     refuse([finding.error for finding in all_findings if finding.contradiction])
@@ -428,7 +432,7 @@ def gate(evidence: Evidence) -> tuple[str, ...]:
 
 
 def evidence_of(shot: ShotBase) -> Evidence | None:
-    """All that a loaded shot shows, on the shot's clock; None of one that was not read from a shot file."""
+    """The evidence of a loaded shot, on the shot's clock; None if it was not read from a shot file."""
     if shot.file is None:
         return None
     declared = getattr(shot.file, "declared", shot)  # of bars the shot holds all that the rules ask for
@@ -448,7 +452,7 @@ def evidence_of(shot: ShotBase) -> Evidence | None:
 
 
 def with_warnings(shot: Shot) -> Shot:
-    """The shot with what is unlikely in its inputs among its notes.
+    """The shot with warnings about unlikely inputs added to its notes.
 
     Raises InputError for a contradiction.
     """

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 FILM_PICTURES = 24
-"""Most pictures that are kept."""
+"""Maximum number of stored pictures."""
 FILM_WIDTH = 260
 """Width of each [px]."""
 MARGIN = 0.2
-"""Share of the specimen's size that is kept around it."""
+"""Margin around the specimen, as a share of its size [-]."""
 JPEG_QUALITY = 75
-"""Of JPEG, 0 to 100: a picture to look at, from which nothing is measured."""
+"""JPEG quality, 0 to 100; the pictures are for display only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class PictureFilm:
 
 
 def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
-    """Pictures at equal intervals of time, as far as frames have points; None if none can be read."""
+    """Pictures at equal time intervals, up to the last frame with points; None if none can be read."""
     from dic.images import PictureError  # for shots with pictures only
 
     valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
@@ -73,7 +73,7 @@ def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
 
 
 def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns around all places of the points, `BESIDE` of their extent more on each side."""
+    """Rows and columns that contain all points, with a margin of `BESIDE` times their extent on each side."""
     cuts = []
     for axis, size in ((1, shape[0]), (0, shape[1])):
         low, high = np.nanmin(pixels[..., axis]), np.nanmax(pixels[..., axis])
@@ -83,9 +83,9 @@ def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tupl
 
 
 PATH_POINTS = 801
-"""Times at which the fitted path is drawn."""
+"""Number of times at which the fitted path is drawn."""
 DIC_PAGE = "dic.html"
-"""The page of `kolsky dic`, linked if it lies beside the report."""
+"""The page of `kolsky dic`; linked if it is in the report's folder."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class MotionShown:
     measured_time: FloatArray
     """Frames, or samples of the bar's face [s], shape [n]."""
     measured: FloatArray
-    """Displacement toward the specimen from rest on [m], or velocity [m/s], shape [n]."""
+    """Displacement toward the specimen since rest [m], or velocity [m/s], shape [n]."""
     sigma: FloatArray
     """Standard deviation of each, as declared or measured, shape [n]."""
     is_velocity: bool
@@ -107,14 +107,14 @@ class MotionShown:
     velocity: FloatArray
     """Its velocity [m/s], shape [m]."""
     velocity_sigma: FloatArray
-    """Standard uncertainty of that [m/s], shape [m]."""
+    """Standard uncertainty of the velocity [m/s], shape [m]."""
     residual: FloatArray
-    """Measured minus fitted where a path is, in the unit of `measured`; NaN before it, shape [n]."""
+    """Measured minus fitted, in the unit of `measured`; NaN before the path begins, shape [n]."""
 
 
 @dataclass(frozen=True)
 class ShotRecordings:
-    """The recordings behind an identification, as its report shows them."""
+    """The recordings of an identified shot, for its report."""
 
     time: FloatArray
     """Sample times of the force channel on the shot's clock [s], shape [k]."""
@@ -123,34 +123,34 @@ class ShotRecordings:
     unit: str
     """ "V" of a transducer, "N" where the force comes from the bar's waves."""
     baseline: tuple[float, float] | None
-    """Window that gives zero and noise [s]; None where the force comes from waves."""
+    """Window for zero and noise [s]; None if the force comes from waves."""
     zero: float
     """Mean of the baseline, in `unit`."""
     window: tuple[float, float]
     """First and last time that is simulated and compared [s]."""
     symmetry_end: float | None
-    """Time at which the flyer leaves its first direction [s]; None if it does not or nobody saw."""
+    """Time at which the flyer leaves its first direction [s]; None if it does not, or was not measured."""
     motion: MotionShown
     """The flyer, or the bar's face."""
     surface: dict[str, str] = field(default_factory=dict)
-    """What the pictures gave, in words; empty where nobody correlated any."""
+    """Result of the image correlation, in words; empty if no pictures were correlated."""
     surface_file: str = ""
-    """The file with those numbers, beside the report."""
+    """The file with these numbers, in the report's folder."""
     surface_page: str = ""
-    """The page about them, beside the report; empty if there is none."""
+    """The page about them, in the report's folder; empty if there is none."""
     numbers: dict[str, float] = field(default_factory=dict)
     """The numbers of the surfaces by name, as `kolsky.pictures.summary.numbers` has them; empty likewise."""
     pair: PicturePair | str = ""
-    """A pair of the pictures with the points on it, or why there is none."""
+    """A pair of pictures with the points on it, or the reason why there is none."""
     film: PictureFilm | None = None
     """A few small pictures through the test; None if there are none."""
 
 
 def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
-    """The recordings of a shot as its report shows them.
+    """The recordings of a shot for its report.
 
-    ``shot``: the shot. ``folder``: where its results are. Raises InputError if its pictures were correlated
-    but the file with the result cannot be read. Raises ValueError if the flyer's record cannot be used.
+    ``shot``: the shot. ``folder``: the folder of its results. Raises InputError if its pictures were
+    correlated but the result file cannot be read. Raises ValueError if the flyer's record cannot be used.
     """
     channel = shot.force
     if isinstance(channel, BarForce):
@@ -167,13 +167,13 @@ def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
         window=shot.window,
         symmetry_end=shot.symmetry_end,
         motion=_motion(shot),
-        # Where bars are the only instruments there are no pictures; nor where nobody read a file.
+        # No pictures exist if bars are the only instruments, or if no shot file was read.
         **(surface_of(shot.file, folder) if shot.file and isinstance(shot.flyer, FlyerMotion) else {}),
     )
 
 
 def recording_facts(shot: Shot) -> dict[str, Any]:
-    """The numbers with which the force and the flyer were read, for `provenance`; SI, JSON types."""
+    """The numbers used to read the force and the flyer, for `provenance`; SI, JSON types."""
     window = {"window_start_s": shot.window[0], "window_end_s": shot.window[1]}
     symmetry = {} if shot.symmetry_end is None else {"symmetry_end_s": shot.symmetry_end}
     motion = shot.flyer
@@ -226,7 +226,7 @@ def _motion(shot: Shot) -> MotionShown:
 
 
 def surface_of(source: Source, folder: Path) -> dict[str, Any]:
-    """The numbers of the stereo result, for a shot that was measured from its pictures."""
+    """The numbers of the stereo result, for a shot measured from its pictures."""
     toml = shot_toml(source)
     declared = toml.declared
     from_files = declared.surface is not None or (

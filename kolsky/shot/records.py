@@ -22,11 +22,11 @@ from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.specimen_length import LengthByPictures, RimAtRest
 
 FEWEST_MOVING_FRAMES = 24
-"""Moving frames below which no second impact is looked for."""
+"""Least number of moving frames for the search for a second impact."""
 
 
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
-    """The smooth path of a motion, its scale taken as exact."""
+    """The smooth path of a motion; its scale is taken as exact."""
     if isinstance(motion, FlyerMotion):
         return fit_flyer(
             motion,
@@ -38,7 +38,7 @@ def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> Flye
 
 
 def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
-    """Just before the second impact, if the displacements show one: a frame and two of its sigmas [s]."""
+    """Time one frame and two sigmas before the second impact [s]; None if the displacements show none."""
     moving = motion.time > start
     if int(moving.sum()) < FEWEST_MOVING_FRAMES or int((~moving).sum()) < 1:
         return None
@@ -49,7 +49,7 @@ def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
 
 
 def _with_zero_start(motion: FlyerMotion, start: float) -> FloatArray | None:
-    """Covariance of the displacements with that of their zero, which all after the rest share [m²]."""
+    """Covariance of the displacements with their common zero error after rest [m²]; None if it is zero."""
     if motion.zero_sigma == 0.0:
         return None
     moved = (motion.time > start).astype(np.float64)
@@ -65,21 +65,21 @@ class ModelSettings:
     damping: float
     """Stiffness-proportional damping beta, Eq. (M.2) [s]."""
     damping_kind: str
-    """What beta acts on: "deviatoric" or "full"."""
+    """Part of the stiffness that beta acts on: "deviatoric" or "full"."""
     mass_damping: float
     """Mass-proportional damping alpha [1/s]."""
 
 
 @dataclass(frozen=True)
 class ForceChannel:
-    """The transmitted force as volts of a recorder, with what turns them into newtons."""
+    """The transmitted force as recorded volts, with the transducer that converts them to newtons."""
 
     recording: Recording
     """The channel, on the recorder's own clock."""
     transducer: Transducer
     """Sensitivity, sign and full scale."""
     baseline: tuple[float, float]
-    """Time span before the test that gives zero and noise, on the shot's clock [s]."""
+    """Time span for zero and noise, on the shot's clock [s]."""
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
     sigma_gain: float = 0.0
@@ -110,7 +110,7 @@ class ForceChannel:
         )
 
     def noise_checks(self) -> dict[str, float]:
-        """Figures that tell whether the noise of the force is believable."""
+        """Numbers for checking the noise of the force: its correlation and the number of baseline samples."""
         return {
             "force_noise_correlation": noise_correlation(self.history(), self.baseline),
             "force_baseline_samples": int(self.baseline_volts().size),
@@ -129,49 +129,49 @@ class IncidentForce:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ShotBase(ResultViews):
-    """A shot apart from its optical measurements (SI, one clock)."""
+    """A shot without its optical measurements (SI, one clock)."""
 
     name: str
     """Name of the shot; by default its folder's."""
     folder: Path
-    """The folder its files are in."""
+    """The folder of its files."""
     specimen: Specimen
     """The specimen before the test."""
     interface: Interface
-    """How it holds to the platens."""
+    """Contact between specimen and platens."""
     support: str
-    """What stands behind it: "rigid", "bar" or "mesh"."""
+    """Support behind the specimen: "rigid", "bar" or "mesh"."""
     transmission_bar: Bar | None
-    """The bar, where support is "bar"; where it is "mesh", one of its length and of its longest part."""
+    """The bar if support is "bar"; for "mesh", a bar like the longest part, with the length of all parts."""
     transducer_depth: float = 0.0
     """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
-    """Material constants beside the curve."""
+    """Material constants that the curve does not give."""
     force: ForceChannel | BarForce
     """The transmitted force, of a transducer or of the bar itself."""
     curve: MaterialCurve
     """The quasi-static curve, from rest outward."""
     file: TomlFile | None = field(default=None, compare=False)
-    """Its shot file, parsed; None of a shot that was not read from one."""
+    """Its parsed shot file; None if the shot was not read from a file."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
     behind: ElasticBody | None = None
-    """The elastic parts behind the specimen, where support is "mesh"."""
+    """The elastic parts behind the specimen if support is "mesh"."""
     flyer_body: ElasticBody | None = None
-    """The flyer's elastic parts; None of one that moves as a whole."""
+    """The flyer's elastic parts; None for a rigid flyer."""
     incident: IncidentForce | None = None
     """The force at the flyer's transducer; None if it is not compared."""
     relaxation: Relaxation | None = None
-    """What relaxes beside the long-term curve; None if nothing does."""
+    """Viscoelastic terms added to the long-term curve; None for none."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
-    """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
+    """Declared standard uncertainties by their keys, SI or relative; undeclared ones are absent."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {len(self.inputs)} files in {str(self.folder)!r})"
 
 
 def fields_of(base: ShotBase) -> dict[str, Any]:
-    """The fields that a shot has apart from its optical measurements, to make a fuller record of them."""
+    """The fields of `ShotBase` in a record, as arguments for a record with more fields."""
     return {field.name: getattr(base, field.name) for field in fields(ShotBase)}
 
 
@@ -180,24 +180,24 @@ class Shot(ShotBase):
     """One test, ready to be identified."""
 
     flyer: FlyerMotion | FrontVelocity
-    """What moves the front face: the flyer's displacement at the frames, zero as in its file, or the
+    """Motion of the front face: the flyer's displacement at the frames, with the zero of its file, or the
     velocity of the incident bar's face."""
     centre_line: CentreLine | None
-    """The specimen's outline at the frames; None if nobody looked."""
+    """The specimen's outline at the frames; None if it was not measured."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
     notes: tuple[str, ...] = ()
-    """What was odd in the recordings and how it was dealt with, a sentence each."""
+    """Anomalies in the recordings and how they were treated, one sentence each."""
     symmetry_end: float | None = None
-    """Time at which the flyer leaves its first direction, if pictures say so [s]."""
+    """Time at which the flyer leaves its first direction, from pictures [s]; None if unknown."""
     axis_by_radius: bool = False
-    """Whether the outline's axis was placed by the declared radius at rest, so that Z grows with it."""
+    """Whether the outline's axis was placed with the declared radius at rest; Z then depends on it."""
     length_by_pictures: LengthByPictures | None = None
-    """The specimen's length as declared, in the pictures and as used; None where they do not show it."""
+    """The specimen's length as declared, as measured in pictures and as used; None without measurement."""
 
     @cached_property
     def flyer_path(self) -> FlyerPath:
-        """The smooth path of what moves the front face, fitted when it is first asked for.
+        """The smooth path of the front face, fitted at first use.
 
         Raises
         ------
@@ -224,11 +224,11 @@ class OpticalData:
     centre_line: CentreLine
     """The specimen's outline at the frames."""
     source: Path
-    """The file that a complaint about them names."""
+    """The file that error messages about them name."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""
     offsets: Mapping[str, float] = field(default_factory=dict)
-    """Standard uncertainties of the outline's place, by their keys of [uncertainty] [m]; empty if they are
-    not known."""
+    """Standard uncertainties of the outline's position, by their keys of [uncertainty] [m]; empty if
+    unknown."""
     rim: RimAtRest | None = None
-    """The flyer's rim at rest above the specimen's lower end; None where it is not known."""
+    """The flyer's rim at rest above the specimen's lower end; None if unknown."""

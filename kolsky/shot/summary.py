@@ -19,7 +19,7 @@ from kolsky.shot.plausibility import evidence_of, gate
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 
 ABSOLUTE = 0.1
-"""A time from which on microseconds would lose their last digits [s]: that of a clock that runs for long."""
+"""From this time on, microseconds would lose their last digits [s]: the clock has been running for long."""
 _WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
@@ -30,14 +30,14 @@ class Entry:
     section: str
     """The table of the shot file it belongs to."""
     name: str
-    """What it is."""
+    """Its description."""
     value: float | int | str
     """Its value, SI."""
     unit: str = ""
     """SI unit; empty for counts, ratios and words."""
 
     def written(self) -> str:
-        """The value in the units of a laboratory, e.g. "9.5 mm"."""
+        """The value in practical units, e.g. "9.5 mm"."""
         if isinstance(self.value, str):
             return self.value
         if self.unit == "s" and abs(self.value) >= ABSOLUTE:
@@ -103,7 +103,7 @@ def _picture_entries(shot: PicturedShot) -> list[Entry]:
 
 
 def _clock(section: str, time: np.ndarray, what: str = "samples") -> Entry:
-    """Rate, count and duration of a record, checked at a glance."""
+    """Rate, number of samples and duration of a record."""
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     words = clock_words(step, int(time.size)) if step > 0.0 else "one sample"
     return Entry(section, "clock", words.replace("samples", what))
@@ -183,7 +183,7 @@ def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
 
 
 def _centre_line_entries(line: CentreLine, shot: Shot) -> list[Entry]:
-    """The outline: its points, and the frames that have some."""
+    """The outline: its points, and the frames with points."""
     inside = _inside(shot, line.time)
     _, counts = np.unique(line.frame[inside], return_counts=True)
     return [
@@ -202,7 +202,7 @@ def _centre_line_entries(line: CentreLine, shot: Shot) -> list[Entry]:
 
 
 EXACT = "not declared: taken as exact"
-"""Value of an uncertainty that [uncertainty] does not hold."""
+"""Text for an uncertainty that [uncertainty] does not declare."""
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 """Endings of files that may be tables of text."""
 
@@ -250,7 +250,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
 
 
 def remarks(shot: ShotBase | CheckedBars) -> list[str]:
-    """What is odd in the inputs or unlikely beside the others, a sentence each."""
+    """Anomalies of the inputs and unlikely combinations of them, one sentence each."""
     if isinstance(shot, CheckedBars):
         return list(shot.given.notes)
     if isinstance(shot, Shot):
@@ -271,7 +271,7 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
 
 
 def _layouts(shot: ShotBase) -> list[Entry]:
-    """How the tables that are no plain text are read; of a series of files the first stands for all."""
+    """The layout of tables that need one; a series of files is described by its first file."""
     found = (
         (name, layout_in_words(_first_of_table(shot.folder / name)))
         for name in shot.inputs

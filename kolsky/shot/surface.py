@@ -1,4 +1,4 @@
-"""Flyer and outline of a shot from the exports that [surface] declares, or an outline from [centre_line]."""
+"""Read flyer and outline from the exports of [surface], or an outline from [centre_line]."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OUTCOMES = MappingProxyType(
         PointState.MISSING: PointOutcome.NOT_CONVERGED,
     }
 )
-"""What becomes of a point: an export does not say why a point is missing."""
+"""Outcome of a point by its state in an export; an export does not give the reason for a missing point."""
 WIDEST_ANGLE = 30.0
 """Largest angle between the axis of a fitted cylinder and the declared one [degrees]."""
 
@@ -46,7 +46,7 @@ class Placement:
     origin: FloatArray
     """The point of the specimen's axis at y = 0, in the export's coordinates [m], shape [3]."""
     cylinder: Cylinder | None = None
-    """The best-fit cylinder it rests on, if it does."""
+    """The best-fit cylinder that defines it, if one does."""
 
 
 def declared_placement(*, y: str, Z: str, origin: tuple[float, float, float]) -> Placement:
@@ -60,7 +60,7 @@ def declared_placement(*, y: str, Z: str, origin: tuple[float, float, float]) ->
 def cylinder_placement(
     export: DicExport, *, y: str, Z: str, on_platen: tuple[float, float, float], radius: float, sigma: float
 ) -> Placement:
-    """The test frame on the cylinder that fits the reference positions best."""
+    """The test frame from the cylinder that fits the reference positions best."""
     covariance = np.broadcast_to(sigma**2 * np.eye(3), (len(export.X), 3, 3))
     cylinder = fit_cylinder(export.X, covariance, radius=radius)
     declared = _unit(y)
@@ -90,7 +90,7 @@ def surface_history(
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
         outcome[export.state == state] = int(meaning)
-    from dic.surfaces.surface_history import SurfaceHistory  # brings image correlation
+    from dic.surfaces.surface_history import SurfaceHistory  # imports image correlation
 
     return SurfaceHistory(
         t=time,
@@ -104,7 +104,7 @@ def surface_history(
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
     """Mean displacement toward the specimen of the points that are valid in every frame.
 
-    Points that come and go would turn a tilt of the flyer into a step, so they are left out.
+    Other points are left out: with a tilted flyer they would cause steps of the mean.
 
     ``export``: points on the flyer. ``placement``: where the test frame lies; the flyer goes toward -y.
     ``time``: times of the frames on the shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of
@@ -130,10 +130,10 @@ def measured_surface(
 ) -> tuple[CentreLine, FlyerMotion | None, dict[str, str]]:
     """The outline, the flyer's motion if its area was exported, and the hashes of the files by pattern.
 
-    Raises InputError if an export cannot be read, has a frame that the frames' file does not know, or does
-    not fit the declared axes.
+    Raises InputError if an export cannot be read, has a frame that the frames' file lacks, or does not fit
+    the declared axes.
     """
-    from dic.surfaces.surface_history import centre_line  # brings image correlation
+    from dic.surfaces.surface_history import centre_line  # imports image correlation
 
     folder, specimen = toml.path.parent, toml.declared.specimen
     export, time = _export(folder, section.pattern, section, frames, toml)
@@ -193,17 +193,17 @@ def _export(
 
 
 LEAST_HEIGHT = 0.2
-"""Least height that the outline at rest reaches above the transmission platen, over the declared length [-]:
-one that reaches a tenth is that of another length."""
+"""Least height of the outline at rest above the transmission platen, over the declared length [-]. A height
+of a tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
-"""Largest radius that a specimen's outline reaches, over the declared one [-]: one that is compressed to a
-ninth of its length and slides freely."""
+"""Largest radius of an outline over the declared radius [-]: that of a freely sliding specimen at a ninth of
+its length."""
 
 
 def read_outline(
     folder: Path, frames: FrameTable, section: CentreLineSection, toml: ShotToml
 ) -> tuple[CentreLine, FrameTable]:
-    """[centre_line]: the specimen's outline at the frames, and the table it was read from.
+    """[centre_line]: the specimen's outline at the frames, and its source table.
 
     Raises InputError if the file cannot be read, or its frames and times are not those of [frames].
     """
@@ -241,13 +241,14 @@ def check_outline(
     *,
     line_of: Callable[[int], int] | None = None,
 ) -> None:
-    """Points before the axis, between the platens; `kolsky.shot.plausibility` has compared them at rest.
+    """Check that the points have a plausible radius and lie between the platens.
+
+    `kolsky.shot.plausibility` has already checked the points at rest.
 
     ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: the file it came from.
     ``rest``: time of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the
-    shot file. ``line_of``: line of the file on which a row stands, where the file is a table. Raises
-    InputError for the first point that cannot be one of this specimen's outline, or if no point is in the
-    window.
+    shot file. ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first
+    point that cannot be on this specimen's outline, or if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length
@@ -283,10 +284,10 @@ def check_outline(
 
 
 def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[str, ...]]:
-    """The outline with every point counted once, and a sentence about those that the file has several times.
+    """The outline without duplicate points, and a note about the duplicates.
 
-    A row that stands twice in an export is one measurement: counted twice it would weigh as much as two, and
-    five hundred times it would draw the answer to itself.
+    A repeated row in an export is one measurement. Counted several times it would have too much weight and
+    bias the result.
 
     ``line``: the outline, rows as in the file, shape [n]. ``table``: the file it was read from.
     """
@@ -307,7 +308,7 @@ def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[st
 
 
 def _check_height(line: CentreLine, path: Path, static: BoolArray, length: float) -> None:
-    """The outline at rest reaches as high as one of a specimen of this length."""
+    """Check that the height of the outline at rest fits the specimen's length."""
     if not static.any():
         return
     height = float(line.y[static].max())

@@ -1,7 +1,7 @@
-"""Tests reduced by classical means: between bars, repeated, bars pressed together, and with a flyer.
+"""Classical reduction of tests: with bars, repeated tests, bars pressed together, and with a flyer.
 
 A flyer test gives forces after mass compensation, and strain from the flyer's motion. Its reduction is a
-function of the values behind it, so that each can be varied for the budget.
+function of its input values, so that each can be varied for the uncertainty budget.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
 AVERAGE = 10e-6
-"""Span over which forces are averaged before they are judged [s]."""
+"""Span over which forces are averaged before their balance is checked [s]."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +54,24 @@ class FlyerInput:
     shot: Shot
     """The shot."""
     incident: ForceChannel | None = None
-    """The flyer's own transducer; None where there is none."""
+    """The flyer's transducer; None if there is none."""
     mass: float = 0.0
     """Mass between its sensing plane and the specimen [kg]."""
     pictured: bool = False
-    """Whether the flyer's motion is from pictures, which see its direction too."""
+    """Whether the flyer's motion is from pictures, which also give its direction."""
     share: float = VALIDITY_SHARE
-    """Share of the stress that inertia or the forces' difference may have [-]."""
+    """Largest share of inertia, or of the difference of the forces, in the stress [-]."""
     switches: Switches = field(default_factory=Switches)
     """Which corrections are applied."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties (k = 1) by the keys of [uncertainty]."""
     settings: Mapping[str, str] = field(default_factory=dict)
-    """What was declared, and the versions."""
+    """The declared values and the software versions."""
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """One reduction and what it was made of."""
+    """One reduction with its intermediate results."""
 
     reduction: Reduction
     validity: Validity
@@ -80,19 +80,19 @@ class Reduced:
 
 @dataclass(frozen=True)
 class FlyerTest:
-    """One test whose quantities can be given other values."""
+    """One flyer test whose input quantities can be varied."""
 
     given: FlyerInput
     events: FlyerEvents
     time: FloatArray
 
     def reduced(self, values: Mapping[str, float], log: AuditLog) -> Reduced:
-        """Reduction on `time`; corrections go into the log."""
+        """Reduction at the times `time`; corrections are recorded in ``log``."""
         given, time, shot = self.given, self.time, self.given.shot
         specimen = varied_specimen(shot.specimen, values)
         strain, rate, second = path_strain(self.events.path, time, length=specimen.length)
         acceleration = path_acceleration(self.events.path, time)
-        assert isinstance(shot.force, ForceChannel)  # `analyse_flyer` saw to it
+        assert isinstance(shot.force, ForceChannel)  # checked by `analyse_flyer`
         back = _at(_channel_force("transmitted force", shot.force, given, values).signal, time)
         front = back
         if given.incident is not None:
@@ -157,7 +157,7 @@ class FlyerTest:
         return Reduced(reduction, window, acceleration)
 
     def outputs(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Quoted numbers and forces, for the budget."""
+        """Reported numbers and forces, for the uncertainty budget."""
         r = self.reduced(values, AuditLog(self.given.switches)).reduction
         return {
             "largest strain": r.strain["three waves"].value,
@@ -169,7 +169,7 @@ class FlyerTest:
 def _channel_force(
     name: str, channel: ForceChannel, given: FlyerInput, values: Mapping[str, float]
 ) -> ForceSignal:
-    """The force of a transducer with its quantities; `values` replace the named ones."""
+    """The force of a transducer; ``values`` replace the input quantities that they name."""
     relative = given.uncertainty.get("sensitivity", 0.0)
     return force_signal(
         channel.recording,
@@ -193,21 +193,21 @@ def _scaled(history: History, factor: float) -> History:
 
 
 EARLY = 0.05
-"""Share of the specimen's length up to which the flyer's travel serves to compare the clocks [-]."""
+"""The clocks are compared up to this travel of the flyer, over the specimen's length [-]."""
 UNJUDGED = (
     "whether the forces on the faces are balanced is not known, as only the one behind the specimen was "
     "measured; cure: declare the flyer's own transducer in [incident_force], or use the inverse method "
     "(kolsky identify), which needs no balance"
 )
-"""What is said of the validity window where the force on the front face is not known."""
+"""Text for the validity window if the force on the front face is not known."""
 
 
 def analyse_flyer(
     given: FlyerInput, *, progress: Callable[[str, int, int], None] = lambda stage, done, total: None
 ) -> FlyerResult:
-    """Forces, strain, stress, events and the window in which they are a curve of the material.
+    """Forces, strain, stress, events, and the window in which stress and strain are a material curve.
 
-    Raises ValueError if the shot has no flyer motion, or the signals hold no such test: see the parts in
+    Raises ValueError if the shot has no flyer motion, or the signals are not those of such a test: see
     `kolsky.bars`.
     """
     shot, motion = given.shot, given.shot.flyer
@@ -317,7 +317,7 @@ def _result(
 def _flyer_events(
     found: FlyerEvents, shot: Shot, *, pictured: bool
 ) -> tuple[tuple[str, float | None, float | None, str], ...]:
-    """The events; the end of symmetry from the flyer's flight, where there are pictures."""
+    """The events of the test; with pictures, the end of symmetry is from the flyer's flight."""
     rows = [(e.name, e.time, e.sigma, e.how) for e in found.events if e.name != "end of symmetry"]
     if not pictured or not isinstance(shot.flyer, FlyerMotion):
         return tuple((e.name, e.time, e.sigma, e.how) for e in found.events)
@@ -399,15 +399,15 @@ def waves(
     shot
         A shot's folder, or its shot.toml.
     results
-        Where the surfaces of a shot with pictures are kept; by default the folder "results" of the shot.
+        Where the surfaces of a shot with pictures are stored; by default the folder "results" of the shot.
     progress
-        Told of the steps done, stage by stage.
+        Called with the number of steps done, stage by stage.
 
     Returns
     -------
     ReducedTest
-        `kolsky.bars.records.WavesResult` of a test between bars, `kolsky.bars.records.FlyerResult` of a
-        flyer's.
+        `kolsky.bars.records.WavesResult` for a test between bars, `kolsky.bars.records.FlyerResult` for a
+        flyer test.
 
     Raises
     ------
@@ -425,7 +425,7 @@ def waves(
     try:
         if "gauges" in file.content or is_bar_driven(file):
             return analyse(load_waves(file), progress=progress)
-        from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
+        from kolsky.shot.optical_data import measured  # imports image correlation: for pictures only
 
         loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(_load_flyer_test(loaded.file or file, loaded), progress=progress)
@@ -489,17 +489,17 @@ def repeats(
     shots
         Shots' folders, or their shot.toml files; two or more.
     progress
-        Told of the shots done.
+        Called with the number of shots done.
 
     Raises
     ------
     InputError
-        If two shots have one name, or one cannot be used.
+        If two shots have the same name, or a shot cannot be used.
     ValueError
         If there are fewer than two shots, or they have no strains in common.
     """
     paths = [Path(shot) for shot in shots]
-    given = [load_waves(path) for path in paths]  # bad input is refused before any work
+    given = [load_waves(path) for path in paths]  # reject invalid input before any computation
     found: dict[str, Reduction] = {}
     for number, (path, one) in enumerate(zip(paths, given, strict=True)):
         progress("repeats", number, len(paths))
@@ -535,8 +535,9 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
 
 
 def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: bool) -> BarsTogether:
-    """Fit wave speed and gain over the pulse up to its first echo; once more where the speed found moves
-    that echo.
+    """Fit wave speed and gain over the pulse up to its first echo.
+
+    The fit is repeated once, because the fitted speed changes the time of the echo.
     """
     speed = incident.bar.wave_speed
     for _ in range(2):
@@ -558,7 +559,7 @@ def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: b
 
 
 def residual_columns(found: BarsTogether) -> dict[str, list[float]]:
-    """The measured strain and what the fit leaves of it over time, as named columns."""
+    """The measured strain and the residual of the fit over time, as named columns."""
     return {
         "time (s)": found.time.tolist(),
         "measured strain": found.measured.tolist(),

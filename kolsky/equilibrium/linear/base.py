@@ -29,7 +29,7 @@ class LinearSolver(Protocol):
     """Factorises sums of element matrices of one mesh."""
 
     worth: int
-    """Solutions that take about the time of a factorisation."""
+    """Number of solutions that take about the time of one factorisation."""
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
@@ -40,15 +40,15 @@ class LinearSolver(Protocol):
 
 
 ENTRIES = 20_000_000
-"""Entries of element matrices that are sorted at once: the rest would need much memory [-]."""
+"""Maximum number of matrix entries that are sorted at once, to limit the memory [-]."""
 
 
 class Pattern:
-    """Where each entry of an element's array goes."""
+    """Positions of the entries of element arrays in vectors and matrices."""
 
     def __init__(self, dofs: IntArray, index: IntArray, count: int) -> None:
-        """Take the components of each cell, shape [m, k d], the unknown of each component (-1: none), and the
-        number of unknowns."""
+        """Store the components of each cell, shape [m, k d], the unknown of each component (-1: none), and
+        the number of unknowns."""
         self.dofs, self.index, self.count = dofs, index, count
 
     def vector(self, elements: FloatArray) -> FloatArray:
@@ -105,7 +105,7 @@ class Pattern:
 
 
 def _distinct(ordered: IntArray) -> IntArray:
-    """The different ones, not negative, of numbers in rising order."""
+    """The distinct nonnegative numbers of an increasing sequence."""
     first = np.ones(len(ordered), dtype=bool)
     first[1:] = ordered[1:] != ordered[:-1]
     return ordered[first & (ordered >= 0)]

@@ -1,8 +1,8 @@
 """Warp kernels of the factorisation: fronts are filled, and one system is solved with their factors.
 
-The matrix of a front is a sum of element matrices, or of what its two halves left. The sums are plain loops
-over memory, written out for a CPU in C++: through Warp's index arithmetic they take ten times as long. In a
-substitution every number of the factors is read once: the time is that of the memory.
+The matrix of a front is a sum of element matrices, or of the remainders of its two halves. The sums are plain
+loops over memory, written in C++ for a CPU; with Warp's index arithmetic they take ten times as long. A
+substitution reads every number of the factors once, so that its time is limited by the memory.
 """
 
 from functools import cache
@@ -30,7 +30,7 @@ ELEMENT = """
             for (int a = b + 1; a < free && at[a] == j; ++a) (j < p ? upper : under)[j] += column[take[a]];
     }
 """
-"""Adds the matrix of a cell, whose components stand in the order of their places."""
+"""Adds the matrix of a cell, with its components in the order of their positions."""
 
 HALF = """
     const auto* column = left.data + given;
@@ -53,20 +53,20 @@ HALF = """
         }
     }
 """
-"""Adds what a half left, run by run of neighbours in both."""
+"""Adds the remainder of a half, by runs of components that are contiguous in both."""
 
 
 @cache
 def assemble_kernel(kind: Any) -> Any:
     """The kernel for a precision; one thread adds to the front whose number it is given.
 
-    F11, F21, F12 and F22 of a front are 0 before and stand column by column. `shapes` has p, q and the
-    front's first and last cell and half; `starts` where F11 (p, p), F21 (q, p) and F12 (p, q) start in
-    `kept`, and F22 (q, q) in `left`. The components of a cell come in the order of their places, `inside`
-    says how many are eliminated here and how many are unknowns at all; `elements` are transposed. Of a half
-    `halves` has where its matrix starts in `left`, its size, its first run and their number; of a run `runs`
-    has where it starts there, where here, and its length. With `lower` 1 only entries on and below the
-    diagonal are summed, and there is no F12.
+    F11, F21, F12 and F22 of a front are initially 0 and stored column by column. `shapes` has p, q and the
+    front's first and last cell and half. `starts` has the starts of F11 (p, p), F21 (q, p) and F12 (p, q) in
+    `kept`, and of F22 (q, q) in `left`. The components of a cell are in the order of their positions.
+    `inside` has the number of components that are eliminated here, and the number that are unknowns.
+    `elements` are transposed. `halves` has, for each half, the start of its matrix in `left`, its size, its
+    first run and the number of runs. `runs` has, for each run, its start there, its start here, and its
+    length. With `lower` 1 only entries on and below the diagonal are summed, and there is no F12.
     """
 
     @wp.func_native(ELEMENT)

@@ -1,16 +1,16 @@
 """Multifrontal factorisation of element matrices on a dissected mesh, by dense BLAS and LAPACK.
 
-The cells are halved repeatedly along the longest axis of their centres (recursive coordinate bisection;
-Berger and Bokhari 1987) until few are left. An unknown belongs to the smallest part of the mesh that holds
-all its cells, and is eliminated there. A front is the dense matrix of a part's own unknowns and of those of
-its boundary, which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is assembled from
-its cells or its two halves and eliminated in part,
+The cells are repeatedly halved along the longest axis of their centres (recursive coordinate bisection;
+Berger and Bokhari 1987) down to small groups. An unknown belongs to the smallest part of the mesh that
+contains all its cells, and is eliminated there. A front is the dense matrix of a part's unknowns and of those
+on its boundary, which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is assembled from
+its cells or its two halves and partly eliminated,
 
     F = [F11 .; F21 F22],   F11 = L11 L11^T,   L21 = F21 L11^-T,   F22 <- F22 - L21 L21^T,        (F.1)
 
 and the remainder goes to the parent. A matrix that is not symmetric, or not positive definite, is eliminated
-by F11 = P L U in the same fronts instead; rows are exchanged inside a front only, which suffices where no
-unknown is without a stiffness of its own.
+by F11 = P L U in the same fronts instead. Rows are exchanged only inside a front, which is sufficient if
+every unknown has a stiffness on the diagonal.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from kolsky.equilibrium.linear.base import SingularError
 from kolsky.equilibrium.linear.kernels import assemble_kernel, substitution_kernel
 
 LEAF_COMPONENTS = 350
-"""Displacement components of all cells of a leaf, about: fewer make more and smaller fronts."""
+"""Approximate number of displacement components of a leaf's cells; fewer give more and smaller fronts."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,15 @@ class Front:
     unknowns: IntArray
     """Unknowns of the front, the eliminated ones first, then the boundary in the order of elimination."""
     eliminated: int
-    """How many are eliminated here."""
+    """Number of unknowns eliminated here."""
     children: tuple[int, ...]
     """Fronts that are added here."""
     places: tuple[IntArray, ...]
-    """Places here of the boundary of each child, in rising order."""
+    """Positions in this front of the boundary of each child, in increasing order."""
     start: int
-    """Where the eliminated ones begin in the order of elimination."""
+    """Start of the eliminated unknowns in the order of elimination."""
     outside: IntArray
-    """Places of the others in that order."""
+    """Positions of the other unknowns in that order."""
 
     @property
     def own(self) -> slice:
@@ -58,7 +58,7 @@ class Front:
 
     @property
     def left(self) -> int:
-        """How many unknowns are left over for the parent."""
+        """Number of unknowns that remain for the parent."""
         return len(self.unknowns) - self.eliminated
 
 
@@ -140,7 +140,7 @@ def _bisect(
 
 
 def _cut(along: FloatArray) -> int:
-    """How many cells go into the first half: a plane between layers of a structured mesh, near the middle."""
+    """Number of cells in the first half; in a structured mesh the cut is between layers near the middle."""
     half = len(along) // 2
     span = along[-1] - along[0]
     jumps = np.flatnonzero(np.diff(along) > 1e-6 * span) + 1
@@ -164,14 +164,14 @@ def _owners(
 
 
 Blocks = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""F11, F21, F12 and F22 of a front, column by column; F12 is empty of a symmetric one."""
+"""F11, F21, F12 and F22 of a front, column by column; F12 is empty for a symmetric front."""
 
 
 class Assembly:
-    """Where every number goes: tables that are made once for a mesh.
+    """Tables of positions for the assembly, made once for a mesh.
 
-    What a front leaves for its parent stands on one of two stacks, those of an even and of an odd depth: a
-    front is put upon its siblings, and its halves, which are given back then, end the other stack.
+    The remainder of a front is on one of two stacks, for even and for odd depth. A front is put on top of its
+    siblings. Its halves, which are then released, are at the top of the other stack.
     """
 
     def __init__(self, fronts: list[Front]) -> None:
@@ -200,7 +200,7 @@ class Assembly:
                 tops[1 - stack] = int(self._starts[front.children[0], 1])
             self.shapes[number, 5] = len(halves)
         self.stack = sum(stacks)
-        """Numbers in both stacks together."""
+        """Size of both stacks together."""
         self._at_22 = self._starts[:, 1] + np.where(self._starts[:, 0] == 1, stacks[0], 0)
         self._halves = np.array(halves, dtype=np.int64).reshape(-1, 4)
         self._halves[:, 0] = self._at_22[self._halves[:, 0]]
@@ -227,7 +227,7 @@ class Assembly:
         ]
 
     def start(self, elements: FloatArray, *, lower: bool) -> "Assembled":
-        """Begin with the element matrices [m, k d, k d]; `lower`: only lower triangles are filled in."""
+        """Start with the element matrices [m, k d, k d]; `lower`: only lower triangles are filled."""
         p, q = self.shapes[:, 0].astype(np.int64), self.shapes[:, 1].astype(np.int64)
         sizes = np.stack([p * p, p * q, np.zeros_like(p) if lower else p * q], axis=1)
         starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -244,7 +244,7 @@ class Assembly:
 
 
 class Assembled:
-    """The fronts of one matrix, which must be asked for in their order."""
+    """The fronts of one matrix, which must be requested in their order."""
 
     def __init__(
         self,
@@ -264,7 +264,7 @@ class Assembled:
         self._sizes, self._at = sizes.tolist(), at.tolist()
 
     def front(self, number: int) -> Blocks:
-        """Blocks of a front; F22 is read when its parent is asked for, and may be overwritten after that."""
+        """Blocks of a front; F22 is read when its parent is requested, and may then be overwritten."""
         (p, q), (at_11, at_21, at_12, at_22) = self._sizes[number], self._at[number]
         F22 = _block(self._left, at_22, q, q)
         F22.fill(0.0)
@@ -294,7 +294,7 @@ def _block(values: FloatArray, start: int, rows: int, columns: int) -> FloatArra
 
 
 def _warp_array(values: Any) -> Any:
-    """The same memory as an array of Warp."""
+    """A Warp array that shares the memory."""
     return wp.array(values, device="cpu", copy=False)
 
 
@@ -317,8 +317,8 @@ class _Substitution:
 
 
 SMALLEST_PIVOT = {"d": 1e-13, "f": 1e-6}
-"""Least pivot as a share of the diagonal's largest entry of the front, in double and single precision; below
-it the matrix is singular."""
+"""Least pivot over the largest diagonal entry of the front, in double and single precision; below it the
+matrix is singular."""
 _BLAS, _LAPACK = ("trsm", "syrk", "gemm"), ("potrf", "getrf", "laswp")
 ROUTINES: dict[str, dict[str, Any]] = {
     kind: dict(zip(_BLAS, get_blas_funcs(_BLAS, dtype=kind), strict=True))
@@ -394,13 +394,13 @@ class Multifrontal:
 
 
 Eliminate = Callable[[Blocks], tuple[FloatArray, ...]]
-"""Eliminates a front in place: what is kept of it. F22 becomes what is left for the parent."""
+"""Function that eliminates a front in place and returns the factors; F22 becomes the remainder."""
 
 
 def _factorised(
     assembly: Assembly, elements: FloatArray, eliminate: Eliminate, *, lower: bool
 ) -> tuple[list[tuple[FloatArray, ...]], Assembled]:
-    """Factors of every front, and where they stand; `lower`: only lower triangles are filled in."""
+    """Factors of every front, and their storage; `lower`: only lower triangles are filled."""
     assembled = assembly.start(elements, lower=lower)
     return [eliminate(assembled.front(number)) for number in range(len(assembly.shapes))], assembled
 

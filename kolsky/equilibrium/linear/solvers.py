@@ -1,10 +1,10 @@
 """Linear solvers by name.
 
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
-the usual choice; "superlu" is SciPy's; "pardiso" is Intel's (extra `pardiso`); "amg" is the method of
-conjugate gradients with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996;
-PyAMG, the extra `amg`), for more unknowns than a factorisation has memory for. Its near-null space is the
-rigid motions. `BridgedSolver` adds blocks between points of different elements (contact).
+the usual choice. "superlu" is SciPy's and "pardiso" is Intel's solver (extra `pardiso`). "amg" is the
+conjugate gradient method with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996;
+PyAMG, the extra `amg`). It is for problems too large for a factorisation in memory; its near-null space is
+the rigid motions. `BridgedSolver` adds blocks between points of different elements (contact).
 """
 
 from collections.abc import Callable
@@ -21,26 +21,26 @@ from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, disse
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
 GUIDE = 1e-3
-"""That of a solution with element matrices in single precision, which only guides an iteration."""
+"""The same with element matrices in single precision, for a solution that only guides an iteration [-]."""
 ITERATIONS = 500
-"""Most iterations of a solution."""
+"""Maximum number of iterations of a solution."""
 STRONG = 0.03
-"""Couplings |k_ij| below this share of sqrt(k_ii k_jj) join no points in an aggregate [-]."""
+"""Couplings |k_ij| below this share of sqrt(k_ii k_jj) do not join points in an aggregate [-]."""
 AGED = 3.0
-"""A hierarchy serves until a solution takes this many times the iterations of its first [-]."""
+"""A hierarchy is reused until a solution takes this many times the iterations of its first solution [-]."""
 
 
 class Hierarchy:
-    """A multigrid that outlives the matrix that it was made of."""
+    """A multigrid hierarchy that is reused for later matrices."""
 
     def __init__(self, rigid: FloatArray) -> None:
-        """Take the rigid motions of the unknowns, shape [N, 3 or 6]."""
+        """Store the rigid motions of the unknowns, shape [N, 3 or 6]."""
         self.rigid = rigid
         self._levels: Any = None
         self._first: dict[float, int] = {}
 
     def preconditioner(self, matrix: csr_array) -> LinearOperator:
-        """That of the hierarchy; made of this matrix if there is none."""
+        """The preconditioner of the hierarchy; a hierarchy is made from this matrix if there is none."""
         if self._levels is None:
             try:
                 from pyamg import smoothed_aggregation_solver
@@ -52,11 +52,11 @@ class Hierarchy:
 
     @property
     def made(self) -> bool:
-        """Whether there is one."""
+        """Whether a hierarchy exists."""
         return self._levels is not None
 
     def served(self, iterations: int, tolerance: float) -> None:
-        """Hear of a solution to a tolerance; drop the hierarchy if it has aged."""
+        """Record the iterations of a solution to a tolerance; drop the hierarchy if they are too many."""
         if iterations > AGED * self._first.setdefault(tolerance, iterations):
             self.drop()
 
@@ -146,17 +146,17 @@ def _amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, b
 
 
 MANY = 300_000
-"""Unknowns up to which "auto" takes "multifrontal" whatever the mesh is."""
+"""Up to this number of unknowns "auto" selects "multifrontal" for any mesh."""
 LARGEST = 8e9
-"""Largest factors that "auto" keeps beyond them [bytes in double precision]; larger ones: "amg"."""
+"""For more unknowns, largest factors of "multifrontal" [bytes in double precision]; else "amg" is used."""
 
 DIRECT = 8
-"""Iterations with a kept tangent that take about the time of a factorisation; a multigrid's hierarchy takes
-less than a solution with it."""
+"""Number of iterations with a reused tangent that take about the time of one factorisation. Creating a
+multigrid hierarchy takes less time than a solution with it."""
 
 
 class MultifrontalSolver:
-    """Fronts found once, factorised often."""
+    """Solver with fronts that are found once and used for many factorisations."""
 
     def __init__(self, pattern: Pattern, centres: FloatArray) -> None:
         self.fronts = dissect(centres, pattern.index[pattern.dofs], pattern.count)
@@ -165,7 +165,7 @@ class MultifrontalSolver:
 
     @property
     def bytes(self) -> float:
-        """Of the factors of a symmetric matrix in double precision."""
+        """Size of the factors of a symmetric matrix in double precision [bytes]."""
         return 8.0 * sum(front.eliminated * len(front.unknowns) for front in self.fronts)
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
@@ -234,7 +234,7 @@ class _Pardiso:
 
 
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
-    """Look a solver up by name, "auto" for the usual choice.
+    """Return a solver by name; "auto" selects one.
 
     Raises ValueError if there is no such solver.
     """
@@ -259,7 +259,7 @@ def _finite(elements: FloatArray) -> FloatArray:
 
 
 class BridgedSolver:
-    """The solver of a pattern whose elements are joined by blocks; blocks met once keep their place."""
+    """The solver of a pattern whose elements are connected by blocks; known blocks keep their positions."""
 
     def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
         self.name, self.pattern, self.points, self.cells = name, pattern, points, cells
@@ -285,7 +285,7 @@ class BridgedSolver:
         return self._solver.factors(together, symmetric=symmetric)
 
     def _joined(self, known: IntArray) -> LinearSolver:
-        """The solver of the cells and of the blocks as if they were cells; what is missing is held."""
+        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
         d, held = self.points.shape[1], len(self.pattern.index)
         own = self.pattern.dofs
         further = (known[..., None] * d + np.arange(d)).reshape(len(known), -1)

@@ -65,11 +65,11 @@ class FigureKind(Generic[Shown]):
     height: Callable[[Shown], float]
     """Height [mm]."""
     panels: Callable[[Shown], list[list[str]]]
-    """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
+    """Mosaic of panel names for `Figure.subplot_mosaic`; "." is an empty position."""
     draw: Callable[[Shown, Panels], str]
     """Draws a result into the panels and returns the caption; computes only differences and ratios."""
     applies: Callable[[Shown], bool]
-    """True if the result holds what the figure shows."""
+    """True if the result contains the data of the figure."""
     letters: bool | Sequence[str]
     """True if all panels are marked (a), (b), ...; the names of those that are."""
     mosaic: Mapping[str, Any]
@@ -160,8 +160,8 @@ def plain_log_ticks(axis: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None
 def label_text(text: str, most: int) -> str:
     """Return a name for use in a figure: one line of printable characters, a long one without its middle.
 
-    A dollar sign is escaped, so that it starts no formula. A character that the figures' font does not have
-    becomes a square; the tables of a page have it as it is.
+    A dollar sign is escaped, so that it does not start a formula. A character that is missing in the figures'
+    font becomes a square; tables of a page show it unchanged.
     """
     font = get_font(findfont("DejaVu Sans"))
     known = (c if c.isprintable() else " " for c in text)
@@ -189,7 +189,7 @@ def legend_above(ax: Axes, *, ncols: int) -> None:
 
 
 def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) -> None:
-    """Show a camera's picture between its darkest and brightest greys; half as dark lets points stand out."""
+    """Show a camera's picture between its darkest and brightest greys; ``dark``: darker, to show points."""
     low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
     least = 2.0 * low - high - 1 if dark else low
     ax.imshow(picture, cmap="gray", vmin=least, vmax=max(high, low + 1), interpolation="none")
@@ -199,7 +199,7 @@ def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) 
 def show_points(
     ax: Axes, places: NDArray[np.float64], values: NDArray[np.float64], low: float, high: float, **style: Any
 ) -> PathCollection:
-    """Show places, shape [n, 2], coloured by values between two ends."""
+    """Show positions, shape [n, 2], coloured by values between two limits."""
     x, y = places.T
     return ax.scatter(x, y, c=values, vmin=low, vmax=high, **({"lw": 0.0} | style))
 
@@ -207,7 +207,7 @@ def show_points(
 def label_point(
     ax: Axes, text: str, point: tuple[float, float], shift: tuple[float, float], **style: Any
 ) -> Annotation:
-    """Write a text beside a point, ``shift`` away [points]."""
+    """Write a text next to a point, at the offset ``shift`` [points]."""
     return ax.annotate(text, point, xytext=shift, textcoords="offset points", **style)
 
 
@@ -220,8 +220,8 @@ def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
 def weighted_chi2(result: Identification) -> NDArray[np.float64]:
     """Return chi-square of each run with the weights of the final search, shape [n_runs].
 
-    The sums of the runs are weighted by noise alone, those of the search by noise and model discrepancy in
-    quadrature; the median noise of force and of outline stands for all of their points.
+    The sums of the runs are weighted by noise only, those of the search by noise and model discrepancy in
+    quadrature. The median noise of force and of outline is used for all of their points.
     """
     c, design, quality = result.comparison, result.design, result.surrogate
     force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
@@ -232,7 +232,7 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
 
 
 def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Return the variance of the noise over that of noise and discrepancy, `sigma`'s median for the noise."""
+    """Return the variance of the noise over that of noise and discrepancy; noise is the median of `sigma`."""
     if tau == 0.0 or sigma.size == 0:
         return 1.0
     noise = float(np.median(sigma))

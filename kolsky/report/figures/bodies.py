@@ -36,7 +36,7 @@ from kolsky.results.nomenclature import constant_symbol
 COLOURS = (MODEL, SHAPE, FORCE, BAND, GREY)
 """Colours of the fits, in turn."""
 MOST_TESTS = 6
-"""Tests that have a panel of their own; the CSV file has all."""
+"""Maximum number of tests with a separate panel; the CSV file has all."""
 LEAST_SHARE = 1e-4
 """Smallest share of the volume on the axis."""
 
@@ -321,7 +321,7 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
 
 @figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
 def sheet_map(view: SheetView, panels: Panels) -> str:
-    assert view.stiffness is not None  # `applies` has looked
+    assert view.stiffness is not None  # checked by `applies`
     factors = view.stiffness.factors[view.stiffness.regions]
     _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
     words = "explains" if view.stiffness.explained else "does not explain"
@@ -334,7 +334,7 @@ def sheet_map(view: SheetView, panels: Panels) -> str:
 STATE_COLOURS = (SHAPE, MODEL, FORCE, GREY)
 """Colours of the directions of gravity, in turn."""
 MOST_DIRECTIONS = 3
-"""Directions that have panels of their own; the tables have all."""
+"""Maximum number of directions with separate panels; the tables have all."""
 SHADES = 0.45, 0.9
 """Grey of faces across and along the line of sight."""
 

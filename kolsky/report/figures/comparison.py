@@ -42,7 +42,7 @@ RIGHT = "correct model, k = 2"
 
 
 def right_model(result: Identification, channel: str) -> str:
-    """Return the sentence of a caption on what the band of a channel's residual is made of."""
+    """Return the sentence of a caption that explains the band of a channel's residual."""
     fit = next((one for one in result.fit if one.channel == channel), None)
     if fit is None:
         return "The band is k = 2 of the measured noise alone: the goodness of fit was not recorded."
@@ -313,7 +313,7 @@ def energy(result: Identification, panels: Panels) -> str:
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
-    # nothing relaxes in most tests, and a part that is nowhere needs no place in the legend
+    # most tests have no relaxation; a part that is zero is left out of the legend
     parts = [name for name in PARTS if name != "viscous" or (np.abs(ledger.viscous[0]) > 0.0).any()]
     shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in parts]
     labels = [
@@ -347,7 +347,7 @@ def energy(result: Identification, panels: Panels) -> str:
 MESHES = 4
 """Panels of the figure of meshes."""
 LINES = 16
-"""Lines of the mesh drawn in each direction, about; more would print as a grey area."""
+"""Approximate number of mesh lines drawn in each direction; more would look like a grey area."""
 
 
 def _kept_nodes(result: Identification) -> bool:

@@ -147,7 +147,7 @@ STABILITY_PATHS = (
     (Mode.EQUIBIAXIAL, "tension", "Equibiaxial tension"),
     (Mode.PLANAR, "tension", "Planar, simple shear"),
 )
-"""Equibiaxial tension is uniaxial compression with another stretch; both are drawn, each in its own."""
+"""Equibiaxial tension is uniaxial compression with another stretch; both are drawn over their stretch."""
 
 
 @figure(

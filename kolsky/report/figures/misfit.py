@@ -119,7 +119,7 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
         ax.annotate(label, (1.0, 1.0), xytext=(aside, 2.5), color=colour, annotation_clip=False, **above)
         _draw_runs(ax, design, curve.parameter, runs / smallest, colour)
     ax.margins(x=0.08, y=0.1)
-    # On the frame of the panel: a run that did not complete has a place but no misfit.
+    # On the frame of the panel: a run that did not complete has a position but no misfit.
     frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
     for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
         ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
@@ -215,7 +215,7 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     x, y = points.T
     if len(points) < 4 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return
-    # Triangles and curvature are those of the unit box, or the wider parameter would decide alone.
+    # Triangles and curvature are those of the unit box; else the wider parameter would dominate.
     low, span = box[:, 0], box[:, 1] - box[:, 0]
     unit = Triangulation((x - low[0]) / span[0], (y - low[1]) / span[1])
     fine, smooth = UniformTriRefiner(unit).refine_field(
@@ -270,13 +270,13 @@ def likelihood(result: Identification, panels: Panels) -> str:
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
 MOST_SAMPLES = 5.0
-"""Largest square root of the rise over the correlation that has a colour of its own."""
+"""Largest square root of the rise over the correlation with a separate colour."""
 
 
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
 def ridge(result: Identification, panels: Panels) -> str:
     ax, ridge = panels["plane"], result.ridge
-    assert ridge is not None  # `applies`
+    assert ridge is not None  # checked by `applies`
     symbols = [name_of(name).symbol for name in ridge.names]
     caption = (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
@@ -309,7 +309,7 @@ def ridge(result: Identification, panels: Panels) -> str:
 
 BINS = 30
 DOTS = 800
-"""Most samples drawn as dots of a pair."""
+"""Maximum number of samples drawn as dots of a pair."""
 
 
 def _corner_panels(result: Identification) -> list[list[str]]:

@@ -113,7 +113,7 @@ def plan_information(plan: Plan, panels: Panels) -> str:
 
 
 SLOPE_CHANGE = 0.01
-"""Change of a parameter that is drawn, over its scale."""
+"""Drawn change of a parameter, over its scale [-]."""
 
 
 def _design_words(plan: Plan, j: int) -> str:
@@ -217,7 +217,7 @@ MARKS = {
 }
 """Events drawn, in a word or two."""
 RINGING = 20e-6
-"""Span of the running mean of forces inside short parts, which ring along their axis [s]."""
+"""Span of the running mean of forces in short parts, which oscillate along their axis [s]."""
 PREDICTION_PANELS = ("bar", "velocity", "flyer", "transmitted", "path")
 PREDICTION_SHOWN = ("flyer_speed", "mean_rate", "largest_strain")
 """Numbers of a scan that are drawn, with their labels."""
@@ -292,7 +292,7 @@ def _mark(ax: Axes, result: Prediction, *, named: bool) -> None:
 
 
 def _limits(ax: Axes, result: Prediction, signal: np.ndarray) -> None:
-    """Leave the blow of bar and flyer out of the axes: limits from the flight, with room."""
+    """Set limits from the flight, with a margin; the impact of bar on flyer may exceed the axes."""
     events, times = result.events, result.bars.times
     if not np.isfinite(events.separation):
         return

@@ -58,7 +58,7 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
     slowest = min([low, *rates])
     wide.set_xlim(slowest / 3.0, high * 3.0)
     near.set_xlim(low / 1.3, high * 1.3)
-    if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
+    if not rates:  # from quasi-static to impact there are decades, so powers of ten are used
         _plain_rates(wide)
     _plain_rates(near)
     near.margins(y=0.25)
@@ -301,7 +301,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
 
 
 TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
-"""Colours of tests, in turn, beside that of the model."""
+"""Colours of tests, in turn; the model has another colour."""
 
 
 @dataclass(frozen=True)
@@ -309,7 +309,7 @@ class TimeScales:
     """Apparent moduli of tests and of a fitted model, drawn over one axis of time."""
 
     tests: Sequence[ApparentModuli]
-    """Each test's own moduli, see `kolsky.material.relaxation.rate_fit.apparent_moduli`."""
+    """Moduli of each test, see `kolsky.material.relaxation.rate_fit.apparent_moduli`."""
     fitted: ApparentModuli | None = None
     """The fitted model, its modulus and uncertainty from
     `kolsky.material.relaxation.rate_fit.fitted_modulus`."""

@@ -225,7 +225,7 @@ def three_frames(shot: Shot) -> list[int]:
 
 
 def _caption_of_force(shot: Shot | PicturedShot) -> str:
-    """Return what the caption says of the force."""
+    """Return the part of the caption about the force."""
     text = "(a) Force at every sample, compression positive"
     return text + (
         "; grey: the baseline, which gives its zero and noise" if isinstance(shot.force, ForceChannel) else ""
@@ -243,7 +243,7 @@ def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
 
 
 def on_one_clock(panels: Panels, *times: FloatArray) -> None:
-    """Give force and motion one axis of time, so that a wrong clock is seen."""
+    """Give force and motion a common time axis, which makes a wrong clock visible."""
     time = MS * np.concatenate(times)
     for panel in (panels["force"], panels["motion"]):
         panel.set_xlim(time.min(), time.max())
@@ -286,7 +286,7 @@ def checked_shot(shot: Shot, panels: Panels) -> str:
 
 
 def _draw_outline(shot: Shot, panels: Panels) -> None:
-    """Draw the outline at three times beside the declared specimen."""
+    """Draw the outline at three times with the declared specimen."""
     ax, line = panels["outline"], shot.centre_line
     if line is None or not three_frames(shot):
         note_empty(ax, "no outline was measured")
@@ -330,7 +330,7 @@ def checked_curve(shot: Shot | PicturedShot, panels: Panels) -> str:
 
 def force_over_area(shot: Shot) -> tuple[FloatArray, FloatArray]:
     """Return the flyer's travel over the length [-] and force over area [Pa] at the frames of the window."""
-    assert isinstance(shot.flyer, FlyerMotion)  # the callers saw to it
+    assert isinstance(shot.flyer, FlyerMotion)  # checked by the caller
     time = shot.flyer.time
     inside = (time >= shot.window[0]) & (time <= shot.window[1])
     zero = float(np.median(shot.flyer.displacement[time <= shot.window[0]]))

@@ -34,9 +34,9 @@ TEX_SYMBOLS = {"Phi_F": r"\Phi_F", "Phi_S": r"\Phi_S", "Phi": r"\Phi"}
 UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
 """Misfits in captions, in formulas, and their units."""
 MOST_PAIRS = 3
-"""Most pairs of parameters on a page; three parameters have as many."""
+"""Maximum number of parameter pairs on a page; three parameters have three pairs."""
 LEAST_SPAN = 1e-3
-"""Range of a misfit's logarithm below which a map has one colour: 0.2 %, below what a surrogate resolves."""
+"""Below this range of a misfit's logarithm a map has one colour: 0.2 %, less than a surrogate resolves."""
 COLUMN_HEIGHT = 56.0
 
 
@@ -145,7 +145,7 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
 
 
 MOST_LINES = 5
-"""Most simulated forces in one panel."""
+"""Maximum number of simulated forces in one panel."""
 
 
 @figure(
@@ -158,7 +158,7 @@ MOST_LINES = 5
 )
 def sweep_forces(result: SweepAnalysis, panels: Panels) -> str:
     along, (name,) = result.forces, result.box.names
-    assert along is not None  # `applies`
+    assert along is not None  # checked by `applies`
     known, ax = name_of(name), panels["force"]
     unit = "" if known.unit == "1" else f" {known.unit}"
     chosen = np.unique(np.linspace(0, len(along.x) - 1, MOST_LINES).round().astype(int))
@@ -180,7 +180,7 @@ def sweep_forces(result: SweepAnalysis, panels: Panels) -> str:
 
 @figure(COLUMN, 62.0, [["indices"]], applies=lambda result: result.indices is not None)
 def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
-    assert result.indices is not None  # `applies`
+    assert result.indices is not None  # checked by `applies`
     ax = panels["indices"]
     _bars(ax, result.indices)
     ax.set_xlabel("Misfit (–)")
@@ -197,7 +197,7 @@ def _panels(result: GlobalSensitivity) -> list[list[str]]:
 
 @figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None, letters=True)
 def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
-    assert result.scalars is not None  # `applies`
+    assert result.scalars is not None  # checked by `applies`
     _bars(panels["scalars"], result.scalars)
     panels["scalars"].yaxis.set_major_locator(MultipleLocator(0.2))
     if result.force is not None:
@@ -257,7 +257,7 @@ def _history(
 
 
 MOST_SOURCES = 24
-"""Most sources in the figure."""
+"""Maximum number of sources in the figure."""
 SOURCE_HEIGHT = 5.2
 """Height of a source [mm]."""
 

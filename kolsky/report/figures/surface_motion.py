@@ -57,7 +57,7 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
         y, Z = MM * line.y[of], MM * line.Z[of]
         if y.size < 2:
             continue
-        # Each point stands for the height half-way to its neighbours.
+        # Each point represents the height half-way to its neighbours.
         between = 0.5 * (y[1:] + y[:-1])
         edges = np.concatenate([[2.0 * y[0] - between[0]], between, [2.0 * y[-1] - between[-1]]])
         left, right = (np.full(y.size, time[frame] + side) for side in (-half, half))
@@ -91,7 +91,7 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
 )
 def flyer(view: SurfaceView, panels: Panels) -> str:
     result, travel = view.result, view.result.axial_displacement
-    assert travel is not None  # `applies`
+    assert travel is not None  # checked by `applies`
     time = MS * travel.t
     end = MS * result.t[result.static].max(initial=result.t[0])
     for ax in panels.values():
@@ -128,7 +128,7 @@ COVERAGE = 2.0
 )
 def flight(view: SurfaceView, panels: Panels) -> str:
     result = view.flight
-    assert isinstance(result, FlightOfSpecimen)  # `applies`
+    assert isinstance(result, FlightOfSpecimen)  # checked by `applies`
     t, path = result.time, result.flight.toward
     ms = MS * t
     ax = panels["motion"]

@@ -31,12 +31,12 @@ US, MICRO = 1e6, 1e6
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
 """Colour and line of each way of analysis."""
 LETTERED = ("signals", "forces", "strain", "curve")
-"""Panels with letters; the others lie below one of them."""
+"""Panels with letters; the others are below one of them."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
 
 
 def scale(values: np.ndarray, steps: tuple[tuple[float, str], ...]) -> tuple[float, str]:
-    """Factor and unit in which the largest value is at least 1, from the largest unit down."""
+    """Factor and unit of display: the largest unit in which the largest value is at least 1."""
     top = largest(values)
     for factor, unit in steps:
         if top * factor >= 1.0:

@@ -142,7 +142,7 @@ def _degrees(value: float) -> str:
 
 
 def tables(view: ActuatorView) -> list[dict[str, Any]]:
-    """Tables of the page: of each the caption, the heads and the rows."""
+    """Tables of the page, each with caption, headings and rows."""
     return [
         bends(view),
         contacts(view),
@@ -194,7 +194,7 @@ def contacts(view: ActuatorView) -> dict[str, Any]:
 
 
 def forces(view: ActuatorView) -> dict[str, Any]:
-    """Forces on planes and on what holds a blocked set."""
+    """Forces on planes and on the support of a blocked set."""
     rows = []
     for one in view.directions:
         for name, each in one.forces.items():
@@ -227,7 +227,7 @@ def _marker_rows(view: ActuatorView) -> dict[str, Any]:
 
 
 def stiffness(view: ActuatorView) -> dict[str, Any]:
-    """The factor of all moduli that the markers ask for."""
+    """The factor of all moduli, fitted to the markers."""
     fit, rows = view.stiffness, []
     if fit is not None:
         cells = {
@@ -242,7 +242,7 @@ def stiffness(view: ActuatorView) -> dict[str, Any]:
 
 
 def inversions(view: ActuatorView) -> dict[str, Any]:
-    """Pressures for wanted bends."""
+    """Pressures for target bends."""
     rows = []
     for name, each in view.inversions.items():
         for one in each:

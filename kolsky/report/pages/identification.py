@@ -256,11 +256,11 @@ def _run_rows(result: Identification) -> list[dict[str, Any]]:
 
 
 _MOST_CAUSES = 5
-"""Inputs that are listed though they are no likely cause."""
+"""Number of listed inputs that are not likely causes."""
 
 
 def cause_table(result: Identification) -> dict[str, Any]:
-    """Rows of the likely causes and of the next ones, and what no table can show."""
+    """Rows of the likely causes and of the next ones, and further notes."""
     named = [c for c in result.causes if c.named]
     others = [c for c in result.causes if not c.named and c.value == c.value]
     return {
@@ -312,7 +312,7 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 
 
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
-    """The numbers as JSON that may stand inside a page.
+    """The numbers as JSON for embedding in a page.
 
     ``result``: the identification, in SI. ``recordings``: recordings of the shot; their pictures are shown if
     there are any.
@@ -365,7 +365,7 @@ def _outlines(result: Identification) -> list[dict[str, Any]]:
 
 
 def _rounded_list(values: FloatArray, kind: str) -> list[float | None]:
-    """Numbers with the digits of their kind; None for what is none."""
+    """Numbers with the digits of their kind; None for values that are not finite."""
     return [round(float(x), _DIGITS[kind]) if np.isfinite(x) else None for x in values]
 
 
@@ -569,7 +569,7 @@ def _shot(result: JointResult, k: int) -> dict[str, str]:
 
 
 def _fits(result: JointResult) -> list[dict[str, str]]:
-    """A row a channel of a shot, and a slow test."""
+    """One row per channel of a shot and per slow test."""
     rows = [(shot.name, fit) for shot in result.shots for fit in shot.fit]
     rows += [("slow test", fit) for fit in result.slow_fit]
     return [

@@ -57,7 +57,7 @@ def _answer_lines(group: GroupRates) -> dict[str, str] | None:
 
 
 def _ends(value: float, interval: tuple[float, float]) -> tuple[str, str, str]:
-    """A value and the ends of its interval, with the digits that half its width asks for."""
+    """A value and the ends of its interval, rounded according to half the width."""
     half = 0.5 * (interval[1] - interval[0])
     return measured(value, half)[0], numbers.like(interval[0], half), numbers.like(interval[1], half)
 
@@ -191,7 +191,7 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
     for (part, through), changes in group.common.items():
         moved = np.abs(changes[changes != 0.0])
         low, high = plain(float(moved.min()), 2), plain(float(moved.max()), 2)
-        # A file is known by its hash; eight digits tell it from others on a page.
+        # A file is identified by its hash; eight digits are unique on a page.
         short = through[:8] if re.fullmatch("[0-9a-f]{64}", through) else through
         rows.append(
             {

@@ -90,12 +90,12 @@ def draw_groups(
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them numbered, as the templates take them.
 
-    The last is begun first: pages end with pictures of the mesh, which take longest, and processes that draw
-    side by side end together if what they do last is short.
+    The last figure is started first: pages end with pictures of the mesh, which take longest. Parallel
+    processes finish at about the same time if their last figures are short.
 
     ``groups``: groups of figures in the order of the page. ``first``: number of the first figure.
     ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: added to the names of the
-    figures in their ids, where a page has a figure of one name several times.
+    figures in their ids, if a page has several figures of one name.
     """
     figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
@@ -149,12 +149,12 @@ def render_page(
 
 
 def script(name: str) -> Markup:
-    """A script of this folder, to stand inside a page."""
+    """A script of this folder, for embedding in a page."""
     return Markup((_HERE / name).read_text(encoding="utf-8"))
 
 
 def digest(text: str) -> Markup:
-    """The source of a Content-Security-Policy that allows this very text and no other."""
+    """The source of a Content-Security-Policy that allows exactly this text."""
     value = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
     return Markup(f"'sha256-{value}'")
 
@@ -170,13 +170,13 @@ def sentences(texts: Iterable[str]) -> list[str]:
 def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
     """Return the function that writes a page to a file, given the function that returns it as text.
 
-    ``render``: its arguments follow the file's path, whose folder must exist. The file needs no network, has
-    no scripts of others, and replaces an older one when it is complete; an OSError leaves that unchanged.
+    ``render``: its arguments follow the file's path, whose folder must exist. The file needs no network and
+    has no external scripts. It replaces an older file when it is complete; an OSError leaves that unchanged.
     """
 
     def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
         with replacing(Path(path)) as partial:
-            # Names of files can contain bytes that are no text; they are written as escapes.
+            # File names can contain bytes that are not text; they are written as escapes.
             partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
 
     return write_page

@@ -62,7 +62,7 @@ WORDS = {
     "shaper_strain": ("compression of the shaper (mm)", 1e3),
     "pulse_force": ("largest force on the shaper (kN)", 1e-3),
 }
-"""The numbers of a test in words, and shown number over SI."""
+"""The numbers of a test in words, and displayed number over SI."""
 
 
 def render_prediction(result: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
@@ -297,7 +297,7 @@ def _share(value: float, interval: tuple[float, float]) -> str:
 
 
 def _part(value: float, u: float) -> str:
-    """Return a contribution, rounded as the expanded uncertainty asks; a dash where it is not known."""
+    """Return a contribution, rounded according to the expanded uncertainty; a dash if unknown."""
     return numbers.part(value, 2.0 * u) if np.isfinite(value) else numbers.NOTHING
 
 

@@ -19,7 +19,7 @@ from kolsky.results import numbers
 
 
 def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) -> list[dict[str, Any]]:
-    """Return a row an outcome: its words, count, share of `total`, cause and cure, and `more` entries."""
+    """Return one row per outcome: its words, count, share of `total`, cause and cure, and `more` entries."""
     return [
         {
             **more,

@@ -1,4 +1,4 @@
-"""Tables of the report about uncertainty: likelihood, declared uncertainties, what would narrow it."""
+"""Tables of the report about uncertainty: likelihood, declared uncertainties, possible improvements."""
 
 from collections.abc import Callable
 from math import isclose, isfinite, sqrt
@@ -23,7 +23,7 @@ OPEN = "open"
 
 
 def _words(key: str) -> str:
-    """What an input is, a parameter with its symbol."""
+    """Description of an input; a parameter with its symbol."""
     if key in PARAMETERS:
         return short(key)
     return INPUTS[key].words if key in INPUTS else key
@@ -182,7 +182,7 @@ def _others_known(result: Identification) -> list[str]:
 
 
 def _curve(result: Identification) -> list[str]:
-    """Return the strain to which a quasi-static test would have to go."""
+    """Return the strain that a quasi-static test would have to reach."""
     share = float(result.response.extrapolated_share[0])
     last = result.provenance.get("checks", {}).get("curve_last_strain")
     reached = float(result.response.largest_strain_measure[0])
@@ -197,7 +197,7 @@ def _curve(result: Identification) -> list[str]:
 
 
 def _undeclared(result: Identification) -> list[str]:
-    """Return the inputs that count as exact."""
+    """Return the inputs that are taken as exact."""
     open_ = [_words(part.key) for part in result.systematic if part.status == UNDECLARED]
     if not open_:
         return []

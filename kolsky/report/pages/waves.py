@@ -1,4 +1,4 @@
-"""Pages of recordings: a test between bars, and a shot before anything is run."""
+"""Pages of recordings: a test between bars, and a shot before any computation."""
 
 from itertools import groupby
 from typing import Any
@@ -74,7 +74,7 @@ write_page = page_writer(render)
 def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
     """Return the change of each quoted value for one standard uncertainty of each input, with its sign.
 
-    The sensitivity coefficient itself stands below it: value's unit per input's unit, in SI.
+    The sensitivity coefficient is shown below it: value's unit per input's unit, in SI.
     """
     rows = []
     for row in result.budget.contributions:
@@ -104,7 +104,7 @@ def per(slope: float, unit: str, of: str) -> str:
 
 
 def means_over(result: ReducedTest) -> str:
-    """Return over which span the means are taken, and how long the forces are balanced; empty if unknown."""
+    """Return the span of the means, and how long the forces are balanced, in words; empty if unknown."""
     named = (
         "plateau from",
         "plateau to",
@@ -169,5 +169,5 @@ write_check = page_writer(render_check)
 
 
 def _shown(entry: Entry) -> str:
-    """Return a value as a page writes it; a word of a file stays as it is."""
+    """Return a value as text for a page; words from a file are unchanged."""
     return entry.written() if isinstance(entry.value, str) else typeset(entry.written())

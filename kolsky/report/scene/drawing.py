@@ -39,9 +39,9 @@ MARGIN = 0.18
 PAPER, STEEL, MEASURED = "#FFFFFF", "#9AA0A6", "#D9D9D9"
 POINT = "#D55E00"
 POINT_SIZE = 12.0
-"""Of a measured point [px] of the picture before it is halved against jagged edges."""
+"""Size of a measured point [px], before the picture is halved for smooth edges."""
 LONGEST_TRIAL = 120.0
-"""Time that VTK has to show that it can render [s]."""
+"""Time limit for the rendering test of VTK [s]."""
 
 
 def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
@@ -56,7 +56,7 @@ def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = T
 def render(
     pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
 ) -> NDArray[np.uint8]:
-    """Render with the given PyVista, see `silent_pyvista`; where VTK cannot draw, the process may crash."""
+    """Render with the given PyVista, see `_silent_pyvista`; the process may crash if VTK cannot render."""
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
@@ -86,7 +86,7 @@ def offscreen_pyvista() -> Any:
 
 
 def require_pyvista() -> None:
-    """Refuse if PyVista is not installed."""
+    """Raise CannotRender if PyVista is not installed."""
     try:
         import pyvista  # noqa: F401
     except ImportError:
@@ -159,7 +159,7 @@ def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> Non
 
 
 def _mesh(pyvista: Any, surface: Surface) -> Any:
-    """A surface as PyVista's."""
+    """A surface as a PyVista mesh."""
     faces = np.column_stack([np.full(len(surface.faces), 4), surface.faces]).ravel()
     mesh = pyvista.PolyData(surface.points, faces=faces)
     if surface.values is not None:
@@ -175,7 +175,7 @@ FILMS = ("mp4", "gif")
 def write_film(
     path: Path, scene: Scene, *, every: int = 1, rate: float = 25.0, progress: Progress = lambda n: None
 ) -> Path:
-    """Write the deformation as a film; arguments and errors as of `write_frames`, ``scene`` to show."""
+    """Write the deformation of ``scene`` as a film; other arguments and errors as for `write_frames`."""
     frames = range(len(scene.times))
     return write_frames(path, lambda k: picture(scene, k), frames, every=every, rate=rate, progress=progress)
 
@@ -254,7 +254,7 @@ def writer_for(kind: str) -> Callable[[Path, float], Any]:
 
 
 WIDTH, HEIGHT = 480, 300
-"""Of the drawing [px]."""
+"""Size of the drawing [px]."""
 INK = "#1a1a1a"
 
 

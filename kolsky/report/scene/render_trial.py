@@ -1,4 +1,4 @@
-"""Render a sphere: run as a program of its own, because VTK may crash where there is no display."""
+"""Render a sphere; run as a separate program, because VTK may crash without a display."""
 
 if __name__ == "__main__":
     import pyvista

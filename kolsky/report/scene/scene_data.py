@@ -82,20 +82,20 @@ def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
 
 def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Minus the mean Cauchy stress [MPa]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     return np.asarray(-1e-6 * solid.stiffness_factor * solid.volume.pressure(np.linalg.det(F)))
 
 
 def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Stored energy per undeformed volume [MJ/m^3]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     J, b_bar = _isochoric(F)
     return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
 
 
 def mises_stress(F: FloatArray, solid: Solid | None) -> FloatArray:
     """Equivalent stress of von Mises, sqrt(3/2 s : s) of the elastic Cauchy stress [MPa]."""
-    assert solid is not None  # `needs_solid`
+    assert solid is not None  # checked by `needs_solid`
     J, b_bar = _isochoric(F)
     rr, yy, ry, tt = np.moveaxis(solid.law.stress(b_bar), -1, 0)
     return np.asarray(
@@ -121,11 +121,11 @@ FIELDS: dict[str, FieldKind] = {
 
 
 _FIELD_RANGE = (1.0, 99.0)
-"""Percentiles of a field over all times at the ends of the colour scale, so that no corner sets it."""
+"""Percentiles of a field over all times at the limits of the colour scale, so that corners have no effect."""
 
 
 class SceneDataMissing(ValueError):
-    """A result lacks data that the pictures need."""
+    """A result lacks data for the pictures."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class Scene:
     def points_at(self, k: int) -> FloatArray:
         """Measured points (x, y, Z) [m] nearest in time to picture k, shape [n, 3].
 
-        Those of the whole surface if it is known, else of the outline at x = 0.
+        Points of the whole surface if known, else of the outline at x = 0.
         """
         if self.surface is None:
             y, Z = self.outline_at(k)
@@ -204,7 +204,7 @@ def scene_of(
 
     ``result``: its response must hold the nodes, its provenance the specimen's size; else SceneDataMissing is
     raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are stresses or energies.
-    ``surface``: measured points of the whole surface, beside the outline. ``chosen``: gives the indices of
+    ``surface``: measured points of the whole surface, with the outline. ``chosen``: gives the indices of
     the pictures among this many times; default all. The colour scale is that of all. Raises ValueError if the
     field is unknown or lacks the solid.
     """
@@ -218,7 +218,7 @@ def scene_of(
     mesh, whole = _simulated_frames(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    # Picture by picture: the gradients of all of them would outgrow the caches.
+    # One picture at a time: the gradients of all pictures would not fit in the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
@@ -235,7 +235,7 @@ def scene_of(
 
 
 def _simulated_frames(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
-    """The mesh of the check run, and which of its times it reached."""
+    """The mesh of the check run, and a mask of the times that it reached."""
     if result.response.nodes is None:
         raise SceneDataMissing("the result kept no nodes of its check run")
     mesh = mesh_of(result)
@@ -280,7 +280,7 @@ PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
 SIDE_DISTANCE = 2.9
 """Distance of the measured body from the simulated one over the largest radius."""
 _AZIMUTH, _ELEVATION = np.radians(40.0), np.radians(18.0)
-"""Direction from the specimen to the eye: turned from Z toward x, and above the plane of both."""
+"""Direction from the specimen to the eye: rotation from Z toward x, and elevation above the plane of both."""
 EYE = np.array(
     [np.sin(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_ELEVATION), np.cos(_AZIMUTH) * np.cos(_ELEVATION)]
 )
@@ -324,7 +324,7 @@ def simulated(scene: Scene, k: int) -> Surface:
 
 
 def measured_body(scene: Scene, k: int) -> Surface | None:
-    """The outline measured nearest to time k, revolved and set aside; None if none was measured."""
+    """The measured outline nearest to time k, revolved and moved aside; None if none was measured."""
     y, Z = scene.outline_at(k)
     if y.size < 2:
         return None
@@ -357,7 +357,7 @@ def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = 
 
 
 def lifted(points: FloatArray, by: float) -> FloatArray:
-    """Points moved outward by `by` [m], so that the surface does not hide them."""
+    """Points moved outward by ``by`` [m], so that the surface does not hide them."""
     across = np.hypot(points[:, 0], points[:, 2])
     factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
     return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])
