@@ -334,7 +334,7 @@ def first_point_not_finite(s):
         (lambda s: {"u": s.u[:2]}, r"u has shape \(2, 117, 3\)"),
         (lambda s: {"t": s.t[[0, 2, 1]]}, r"t must increase.*frame 2"),
         (lambda s: {"X": np.full_like(s.X, np.nan)}, "X must be finite"),
-        (lambda s: {"outcome": s.outcome + 99}, "outcome 99 is none of"),
+        (lambda s: {"outcome": s.outcome + 99}, "outcome 99 is not one of"),
         (lambda s: {"sigma": s.sigma * 0.0}, "frame 0, point 0 is VALID"),
         (first_point_not_finite, "frame 1, point 5 is VALID"),
     ],
