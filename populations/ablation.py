@@ -28,7 +28,7 @@ from populations.driver import add_meshes, answers, command, write
 from populations.wrong_input_rows import CURVE, RIGHT, ROWS
 from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
-NAMES = {"stiffness_factor": "m", "poisson": "poisson", "damping": "damping"}
+NAMES = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
 """Free parameters and what truth.json calls them."""
 Mesh = tuple[int, int]
 
