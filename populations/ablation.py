@@ -60,11 +60,6 @@ def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) ->
     return last, slope, runner.front
 
 
-def _start_of_finest(optima: Any, mesh: Any, refined: Any) -> Any:
-    """`extrapolated_start` without extrapolation."""
-    return optima[mesh].x
-
-
 def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any:
     """`deviance_with_path_noise` of the runs with the fitted path only."""
     found = np.full(len(points), np.inf)
@@ -111,12 +106,6 @@ SWITCHES: dict[str, Switch] = {
     "discrepancy": Switch(
         "the discrepancies in the weights",
         ((f"{INVERSE}.objective.Objective.with_discrepancy", lambda self, vector: self),),
-    ),
-    "extrapolated_start": Switch(
-        "the start extrapolated from two meshes", ((f"{STEPS}.extrapolated_start", _start_of_finest),)
-    ),
-    "lengthening": Switch(
-        "the lengthening of steps", ((f"{STEPS}.lengthening", lambda before, now, taken: 1.0),)
     ),
     "halfway": Switch(
         "the coarser graded mesh: all steps on the refined one",
