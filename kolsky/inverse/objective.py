@@ -241,6 +241,7 @@ WITHOUT_DISCREPANCIES = frozenset(
     {
         "_of_force",
         "data",
+        "frame_scale",
         "front_noise",
         "kept",
         "known_common",
@@ -348,6 +349,14 @@ class Objective:
         """Mean number of counted outline points of a frame [-]; 1 if there are none."""
         frames = self.observations.centre_line.frame[self.counted]
         return len(frames) / len(np.unique(frames)) if len(frames) else 1.0
+
+    @cached_property
+    def frame_scale(self) -> FloatArray:
+        """Factor on the errors of each entry with which a frame's points count as one value [-], shape [k].
+
+        For weights on a mesh that is too coarse for the outline's noise, see `balanced_deviance`.
+        """
+        return np.where(self._of_force, 1.0, np.sqrt(self.points_per_frame))
 
     @cached_property
     def own_sigma(self) -> FloatArray:

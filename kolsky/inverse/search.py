@@ -164,7 +164,7 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
         start[box.names.index(MOVED)] = held.coarse.x[0]
     meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
     coarse = meshes.optima[problem.numerics.mesh]
-    lost = not_identifiable(box, coarse.x, coarse.sigma)
+    lost = not_identifiable(box, coarse.x, coarse.least_sigma)
     if by_default and is_at_limit(runner, coarse.x):
         lost[VALLEY] = AT_LIMIT
     if by_default and lost:

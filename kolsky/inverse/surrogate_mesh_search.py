@@ -72,7 +72,9 @@ class MeshOptimum:
     x: FloatArray
     """In parameter units, shape [d]."""
     sigma: FloatArray
-    """Standard deviation from independent residuals, shape [d]; infinite where no entry varies."""
+    """Standard deviation with a frame's points as one value, shape [d]; infinite where no entry varies."""
+    least_sigma: FloatArray
+    """The same if every value were as many independent values as a frame has points, shape [d]."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
     sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
-    best = MeshOptimum(coarse.x, sigma)
+    best = MeshOptimum(coarse.x, sigma, sigma)
     return follow_meshes(runner, runner.objective(coarse.objective.counted), best, np.zeros(1))
 
 
@@ -218,7 +220,11 @@ def _least_squares_on(
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data."""
+    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data.
+
+    The points of a frame count as one value: the outline's error on a coarse mesh is a smooth field, which
+    would lead the search from the valley in which force and model are in phase.
+    """
     box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))
@@ -230,8 +236,10 @@ def _least_squares_on(
 
     def weighting(residual: FloatArray) -> Whitening:
         weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns = np.pad(weighed.common, ((0, 0), (0, len(known))))
-        return Whitening(np.concatenate([weighed.own_sigma, np.ones(len(known))]), patterns)
+        patterns = np.pad(weighed.common * weighed.frame_scale, ((0, 0), (0, len(known))))
+        return Whitening(
+            np.concatenate([weighed.own_sigma * weighed.frame_scale, np.ones(len(known))]), patterns
+        )
 
     found = least_squares(
         run,
@@ -244,4 +252,7 @@ def _least_squares_on(
         at_rest=AT_REST,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
-    return [MeshOptimum(from_search(box, end.x), end.sigma * edges) for end in found]
+    many = np.sqrt(objective.points_per_frame)
+    return [
+        MeshOptimum(from_search(box, end.x), end.sigma * edges, end.sigma * edges / many) for end in found
+    ]

@@ -40,9 +40,9 @@ MOST_LEVELS = 240
 """Maximum number of values of Poisson's ratio in a scan."""
 SMALL_STRAIN = 0.05
 """Strain up to which a curve's slope is its small-strain modulus [-]."""
-LIKELY = {"balanced": 3, "force": 1, "joint": 2}
+LIKELY = {"balanced": 3, "force": 1}
 """Number of local minima to search for each misfit of the scan, deepest first: with a frame's points as one
-entry, by the force only, by all entries. The one nearest to the declared value is searched too."""
+entry, by the force only. The one nearest to the declared value is searched too."""
 
 
 def small_strain_modulus(curve: MaterialCurve) -> float:
@@ -122,10 +122,9 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
     misfits = {
         "balanced": objective.balanced_deviance(vectors),
         "force": objective.deviance(vectors, "force"),
-        "joint": objective.deviance(vectors),
     }
     found = [row for name, most in LIKELY.items() for row in local_minima(misfits[name])[:most]]
-    floors = local_minima(misfits["joint"]) + local_minima(misfits["balanced"])
+    floors = local_minima(misfits["balanced"])
     if floors:
         found.append(min(floors, key=lambda row: float(distance[row])))
     return list(dict.fromkeys(found))
