@@ -88,7 +88,7 @@ SWITCHES: dict[str, Switch] = {
     "all": Switch("nothing"),
     "one_floor": Switch(
         "all valley floors but the likeliest",
-        ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0, "joint": 0}),),
+        ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),),
     ),
     "summit": Switch("the steps from a floor to its summit", ((f"{INVERSE}.valleys.FARTHEST", 0),)),
     "path_noise_of_valleys": Switch(

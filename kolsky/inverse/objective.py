@@ -241,7 +241,6 @@ WITHOUT_DISCREPANCIES = frozenset(
     {
         "_of_force",
         "data",
-        "frame_scale",
         "front_noise",
         "kept",
         "known_common",
@@ -292,6 +291,8 @@ class Objective:
     """True if outline points have a slowly varying common error."""
     slow_discrepancy: float = 0.0
     """Root mean square of that error [m]."""
+    balanced: bool = False
+    """True if the points of a frame count as one value, see `balanced_deviance`."""
 
     @property
     def n_force(self) -> int:
@@ -351,19 +352,12 @@ class Objective:
         return len(frames) / len(np.unique(frames)) if len(frames) else 1.0
 
     @cached_property
-    def frame_scale(self) -> FloatArray:
-        """Factor on the errors of each entry with which a frame's points count as one value [-], shape [k].
-
-        For weights on a mesh that is too coarse for the outline's noise, see `balanced_deviance`.
-        """
-        return np.where(self._of_force, 1.0, np.sqrt(self.points_per_frame))
-
-    @cached_property
     def own_sigma(self) -> FloatArray:
         """Independent errors: noise, discrepancy and pattern error in quadrature, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
-        return np.sqrt(self.noise**2 + tau**2 + self.pattern_variance)
+        many = np.where(self._of_force | (not self.balanced), 1.0, np.sqrt(self.points_per_frame))
+        return np.asarray(many * np.sqrt(self.noise**2 + tau**2 + self.pattern_variance))
 
     @cached_property
     def pattern_variance(self) -> FloatArray:

@@ -3,8 +3,10 @@
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
 (`kolsky.inverse.valleys`). From the floors of the likeliest valleys, least-squares searches run in parallel
 directly on the solver, without a surrogate (`doe.least_squares`). From the likeliest result, the summit of
-the likelihood is searched (`kolsky.inverse.valleys`); the search on the surrogate's mesh starts there. The
-search coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
+the likelihood is searched (`kolsky.inverse.valleys`); the search on the surrogate's mesh starts there. In all
+of them the points of a frame count as one value, because the outline's error on a coarse mesh is a smooth
+field, which would lead least squares out of the valley in which model and force are in phase. The search
+coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
 for any nu. A single parameter is found with a surrogate; its path is corrected as for several.
 """
 
@@ -125,7 +127,8 @@ def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
     sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
     best = MeshOptimum(coarse.x, sigma, sigma)
-    return follow_meshes(runner, runner.objective(coarse.objective.counted), best, np.zeros(1))
+    objective = replace(runner.objective(coarse.objective.counted), balanced=True)
+    return follow_meshes(runner, objective, best, np.zeros(1))
 
 
 def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift: FloatArray) -> MeshOptima:
@@ -210,7 +213,7 @@ def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[Float
     else:
         order = np.argsort(every.deviance(vectors)).tolist()[:BEST]
     inside = done.prediction.inside[order[0]]
-    return done.points[order], runner.objective(inside)
+    return done.points[order], replace(runner.objective(inside), balanced=True)
 
 
 def _least_squares_on(
@@ -220,11 +223,7 @@ def _least_squares_on(
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data.
-
-    The points of a frame count as one value: the outline's error on a coarse mesh is a smooth field, which
-    would lead the search from the valley in which force and model are in phase.
-    """
+    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data."""
     box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))
@@ -236,10 +235,8 @@ def _least_squares_on(
 
     def weighting(residual: FloatArray) -> Whitening:
         weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns = np.pad(weighed.common * weighed.frame_scale, ((0, 0), (0, len(known))))
-        return Whitening(
-            np.concatenate([weighed.own_sigma * weighed.frame_scale, np.ones(len(known))]), patterns
-        )
+        patterns = np.pad(weighed.common, ((0, 0), (0, len(known))))
+        return Whitening(np.concatenate([weighed.own_sigma, np.ones(len(known))]), patterns)
 
     found = least_squares(
         run,

@@ -10,6 +10,7 @@ from test_several_parameters import COARSE, NOISE, TIME, TRUTH, MadeUp, ringing
 
 from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.inverse import surrogate_mesh_search
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, search
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
@@ -167,7 +168,7 @@ class Alone(Onset):
         self.replicated.append((float(x[0]), lesson))
 
 
-def test_one_parameter_follows_the_path_too() -> None:
+def test_one_parameter_follows_the_path_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """The ringing that a moved onset brings would pull the stiffness factor by itself."""
     made: Any = Alone(np.array([4.0, -3.0]))
     one = Objective(made.observations, np.empty(0, dtype=bool))
@@ -187,6 +188,10 @@ def test_one_parameter_follows_the_path_too() -> None:
     np.testing.assert_allclose(front.path.jerk, [4.0, -3.0], rtol=0.1)
     # The replicates that judge the interval are made where it ended, and teach no weights.
     assert made.replicated == [(found.x[0], False)]
+    # On the coarse meshes a frame's points count as one value.
+    monkeypatch.setattr(surrogate_mesh_search, "follow_meshes", lambda runner, weights, *rest: weights)
+    weights: Any = search_meshes_for_one(made, coarse)
+    assert weights.balanced
 
 
 def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:

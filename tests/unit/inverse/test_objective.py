@@ -109,6 +109,15 @@ def test_gain_moves_the_optimum_as_a_new_fit_does(part) -> None:
     np.testing.assert_allclose(one.gain(J, part) @ change, expected, rtol=1e-9)  # round-off of the normal eq.
 
 
+def test_a_frame_of_ten_points_weighs_as_one_where_balanced() -> None:
+    """Four bins at 0 and forty points at 1, in units of their noise: the mean is 40/44, or 4/8."""
+    slope = np.repeat([NOISE_FORCE, NOISE_SHAPE], [4, 40])[:, None]
+    one = objective(np.zeros(4), np.full(40, NOISE_SHAPE), points_per_frame=10)
+    for balanced, mean in ((False, 40.0 / 44.0), (True, 0.5)):
+        weighed = replace(one, balanced=balanced)
+        assert (weighed.gain(slope) @ weighed.data)[0] == pytest.approx(mean, rel=1e-12)
+
+
 def test_covariance_of_an_exact_fit_is_gauss_newton() -> None:
     J, noise = linear(60, 240, np.random.default_rng(0))
     one = objective(np.zeros(60), np.zeros(240))

@@ -129,7 +129,8 @@ def test_coordinates_of_the_search_and_back() -> None:
 def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
     made: Any = MadeUp()
     bad = np.array([1.05, 0.4955])  # 4 oscillations off
-    points, _ = starts(made, bad, made.settings.numerics)
+    points, weights = starts(made, bad, made.settings.numerics)
+    assert weights.balanced
     # Within half an oscillation of ten: 10 % of 1 - 2 nu, and the stiffness is 5 % off.
     assert 1.0 - 2.0 * points[0, 1] == pytest.approx(0.0024, rel=0.1)
     found = search_meshes(made, bad).optima[COARSE]
