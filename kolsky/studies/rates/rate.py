@@ -80,9 +80,7 @@ def group_of(file: TomlFile, key: str) -> str:
     """
     if not key:
         return ALL
-    value: Any = file.content
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
+    value = file.written(key)
     if value is None:
         raise InputError(
             file.path,
