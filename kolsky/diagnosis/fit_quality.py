@@ -313,7 +313,7 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
         return e.outcome
     if not all(channel.explained for channel in result.fit):
         return Verdict.UNEXPLAINED
-    if contradicted(result, e.name):
+    if routes_apart(result, e.name) > CONTRADICTION and not route_at_edge(result, e.name):
         return Verdict.CONTRADICTED
     if reaches_bound(result, e):
         return Verdict.BOUND_REACHED
@@ -365,14 +365,6 @@ def near_right(fit: Sequence[FitQuality]) -> bool:
     limits were set.
     """
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)
-
-
-def contradicted(result: Identification, name: str) -> bool:
-    """True if the values by force and by outline differ by more than `CONTRADICTION` standard uncertainties.
-
-    A channel without an optimum inside the searched range cannot contradict.
-    """
-    return routes_apart(result, name) > CONTRADICTION and not route_at_edge(result, name)
 
 
 def routes_apart(result: Identification, name: str) -> float:
