@@ -10,7 +10,6 @@ import typer
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.errors import InputError
-from kolsky.base.files import columns_of
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
@@ -76,7 +75,7 @@ def _fit_cylinder_with_friction(
     """
     import numpy as np
 
-    from kolsky.base.files import filling, write_json, write_table
+    from kolsky.base.files import columns_of, filling, write_json, write_table
     from kolsky.cli.material_curves import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
@@ -455,7 +454,7 @@ def material_healing(
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import filling, usable_folder, write_json, write_table
+    from kolsky.base.files import columns_of, filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
 

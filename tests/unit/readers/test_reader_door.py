@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import readerfiles as files
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
-from kolsky.cli import app
 from kolsky.readers.recordings import FORMATS, read_recordings
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -114,10 +113,9 @@ def test_commands_and_recordings_know_a_new_reader(
     head = module.HEAD.pack(b"MADE", files.START, files.INTERVAL, files.SAMPLES)
     path.write_bytes(head + files.CH1.astype("<f8").tobytes() + files.CH2.astype("<f8").tobytes())
     np.testing.assert_array_equal(read_recordings(path, ["CH2"])["CH2"].value, files.CH2)
-    run = CliRunner().invoke(app, ["channels", str(path)])
-    assert run.exit_code == 0
+    run = run_kolsky("channels", path)
     assert "format: madeup" in run.stdout
-    refused = CliRunner().invoke(app, ["channels", str(path), "--format", "wav"])
+    refused = run_kolsky("channels", path, "--format", "wav", code=2)
     assert "madeup" in refused.output  # among the formats that may be said
 
 
