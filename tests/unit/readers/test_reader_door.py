@@ -1,6 +1,5 @@
 """The door of a reader: one new file and one entry of FORMATS, and it has all the rest."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 import readerfiles as files
 from kolsky_command import run_kolsky
+from module_files import module_at
 
 from kolsky.readers.recordings import FORMATS, read_recordings
 
@@ -103,11 +103,7 @@ def test_the_battery_of_the_readers_runs_for_a_new_one(folder: Path) -> None:
 def test_commands_and_recordings_know_a_new_reader(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    spec = importlib.util.spec_from_file_location("new_reader", folder / "new_reader.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = module_at(folder / "new_reader.py")
     monkeypatch.setitem(FORMATS, "madeup", module)
     path = tmp_path / "a.made"
     head = module.HEAD.pack(b"MADE", files.START, files.INTERVAL, files.SAMPLES)
