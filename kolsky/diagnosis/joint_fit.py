@@ -43,6 +43,7 @@ from kolsky.diagnosis.fit_quality import (
     information_shares,
     left_over,
     mesh_changes,
+    root_mean_square,
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
@@ -203,16 +204,16 @@ def slow_fit(
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
     block = np.unique(block, return_inverse=True)[1]
-    slow = [_size(block_means(change, block)) for change in left.values()]
+    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
     correlation, whiteness = correlated(residual, np.arange(n - 1), np.arange(1, n))
     return FitQuality(
         channel=label,
         unit="1",
         values=n,
-        residual=_size(residual),
-        predicted={NOISE: 1.0, **{source: _size(change) for source, change in left.items()}},
+        residual=root_mean_square(residual),
+        predicted={NOISE: 1.0, **{source: root_mean_square(change) for source, change in left.items()}},
         peak=peak,
-        slow_residual=_size(block_means(residual, block)),
+        slow_residual=root_mean_square(block_means(residual, block)),
         slow_expected=float(np.hypot.reduce([block_noise(np.ones(n), block), *slow])),
         chi2=float(np.mean(residual**2)),
         discrepancy_share=0.0,
@@ -221,10 +222,6 @@ def slow_fit(
         limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
         slow_limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
     )
-
-
-def _size(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def own_stiffnesses(
