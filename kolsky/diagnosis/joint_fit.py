@@ -109,8 +109,7 @@ def residual_changes(
 def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
     """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
     placed = np.zeros((len(rows), len(stack.data)))
-    start = stack.ends[k - 1] if k else 0
-    placed[:, start : stack.ends[k]] = rows[:, stack.shots[k].kept]
+    placed[:, stack.place(k)] = rows[:, stack.shots[k].kept]
     return placed
 
 
@@ -142,11 +141,11 @@ def joint_fits(
     for k, (one, objective, vector) in enumerate(
         zip(stack.shots, objectives, stack.parts(optimum.vector), strict=True)
     ):
-        start = stack.ends[k - 1] if k else 0
-        part = slice(start, stack.ends[k])
+        part = stack.place(k)
+        middle = part.start + objective.n_force
         masks = {
-            FORCE: (everything >= start) & (everything < start + objective.n_force),
-            OUTLINE: (everything >= start + objective.n_force) & (everything < stack.ends[k]),
+            FORCE: (everything >= part.start) & (everything < middle),
+            OUTLINE: (everything >= middle) & (everything < part.stop),
         }
         row = one.own.get(SCATTER)
         followed = vector if row is None else vector + scatters[k] * row[one.kept]
@@ -235,8 +234,7 @@ def own_stiffnesses(
     parts = zip(stack.shots, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
     shots = []
     for k, (one, residual, u) in enumerate(parts):
-        start = stack.ends[k - 1] if k else 0
-        rows = more[:, start : stack.ends[k]]
+        rows = more[:, stack.place(k)]
         without = replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
         whole, force, outline = (
             own_stiffness(without, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
@@ -395,7 +393,7 @@ LARGEST_LAG = 0.2
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
     """All data with the force of one shot delayed by a lag [s], shape [k]."""
-    found, start = vector.copy(), stack.ends[k - 1] if k else 0
+    found, start = vector.copy(), stack.place(k).start
     for bins in stack.shots[k].observations.forces:
         part = slice(start, start + len(bins.mean))
         found[part] = np.interp(bins.centres - lag, bins.centres, vector[part])
@@ -408,7 +406,7 @@ def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
 
     The force rings; lags are therefore scanned in steps of half a bin.
     """
-    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
+    one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
     times = one.observations.bins.edges
     width, reach = float(np.diff(times).mean()), LARGEST_LAG * float(times[-1] - times[0])
@@ -425,8 +423,8 @@ def input_changes(
     ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
     change of all data by a relative change of the stiffness; None if the stiffness is not shared.
     """
-    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
-    end, n = stack.ends[k], one.objective.n_force
+    one, place = stack.shots[k], stack.place(k)
+    start, end, n = place.start, place.stop, one.objective.n_force
     force, clock, lengths = (np.zeros_like(vector) for _ in range(3))
     force[start : start + n] = vector[start : start + n]
     first = start
