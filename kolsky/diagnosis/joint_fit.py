@@ -87,12 +87,8 @@ def residual_changes(
     stack = problem.stack
     size, shots = len(stack.data), range(len(stack.shots))
     front = [_placed(stack, k, stack.shots[k].front) for k in shots]
-    own_rows = [
-        _placed(stack, k, row[None])
-        for k in shots
-        for name, row in stack.shots[k].own.items()
-        if name != SCATTER
-    ]
+    bare = without_scatter(stack).shots
+    own_rows = [_placed(stack, k, row[None]) for k in shots for row in bare[k].own.values()]
     changes = {MESH: mesh_changes(mesh)}
     if any(len(rows) for rows in front):
         changes[FLYER] = as_drawn(np.concatenate(front))
@@ -231,13 +227,13 @@ def own_stiffnesses(
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
     more = np.concatenate([mesh_changes(mesh), *own_errors])
-    parts = zip(stack.shots, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
+    bare = without_scatter(stack).shots
+    parts = zip(bare, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
     shots = []
     for k, (one, residual, u) in enumerate(parts):
         rows = more[:, stack.place(k)]
-        without = replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
         whole, force, outline = (
-            own_stiffness(without, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
+            own_stiffness(one, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
         )
         shots.append(OwnStiffness(*whole, *force, *outline))
     return tuple(shots)
