@@ -1,7 +1,8 @@
 """Errors about invalid input: a single line with file, line, key, value, allowed range and cure."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,23 @@ class InputErrors(InputError):
     def problems(self) -> tuple[InputError, ...]:
         """The single problems, in the order in which they were found."""
         return self._problems
+
+
+@contextmanager
+def refused(
+    place: str | Path,
+    before: str = "",
+    *,
+    key: str | None = None,
+    line: int | None = None,
+    cure: str,
+    errors: tuple[type[Exception], ...] = (ValueError,),
+) -> Iterator[None]:
+    """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its text."""
+    try:
+        yield
+    except errors as error:
+        raise InputError(place, f"{before}{error}", key=key, line=line, cure=cure) from error
 
 
 def refuse(problems: list[InputError]) -> None:

@@ -19,11 +19,13 @@ from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
 __all__ = [
+    "check_size",
     "columns_of",
     "decode",
     "filling",
     "missing",
     "read_bytes",
+    "read_errors",
     "regular",
     "remove_empty",
     "source_hash",
@@ -38,32 +40,44 @@ SIZE_LIMIT = 200_000_000
 """Largest text export that is read [bytes]."""
 
 
-def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
-    """The bytes of a regular file of sensible size.
-
-    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
-    bytes (found without reading it), or may not be read.
-    """
+@contextmanager
+def read_errors(path: Path) -> Iterator[None]:
+    """Make an error of the system inside it an InputError about a file to be read."""
     try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
-        if not stat.S_ISREG(status.st_mode):
-            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
-            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
-        if status.st_size > limit:
-            raise InputError(
-                path,
-                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
-                cure="export the time span of the test only",
-            )
-        data = path.read_bytes()
+        yield
     except FileNotFoundError:
         raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
     except OSError as error:
         raise InputError(
             path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
         ) from None
+
+
+def check_size(path: Path, size: int, limit: int) -> None:
+    """Raise InputError if a file has more than `limit` bytes."""
+    if size > limit:
+        raise InputError(
+            path,
+            f"has {size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
+            cure="export the time span of the test only",
+        )
+
+
+def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
+    """The bytes of a regular file of sensible size.
+
+    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
+    bytes (found without reading it), or may not be read.
+    """
+    with read_errors(path):
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
+        if not stat.S_ISREG(status.st_mode):
+            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
+            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
+        check_size(path, status.st_size, limit)
+        data = path.read_bytes()
     if not data.strip():
         raise InputError(path, "is empty", cure="export it again")
     return data

@@ -238,13 +238,18 @@ class TomlFile:
     lines: dict[str, int]
     """Dotted key -> line, counted from 1."""
 
+    def written(self, key: str) -> Any:
+        """The value at a dotted key, as written; None if absent."""
+        value: Any = self.content
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        return value
+
     def error(
         self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
     ) -> InputError:
         """An error about a declared value, with its line and the value as written."""
-        value: Any = self.content
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
+        value = self.written(key)
         return InputError(
             self.path,
             message,

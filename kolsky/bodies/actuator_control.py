@@ -457,13 +457,6 @@ def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
     )  # fmt: skip
 
 
-def _write_basis(path: Path, basis: StoredBasis) -> None:
-    """Write the file; create its folder if absent."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with writing(path, FORMAT) as place:
-        _BASIS.write(place, basis)
-
-
 def _read_basis(path: Path, key: str) -> StoredBasis | None:
     """Read a stored file; None if it is absent or has another key."""
     if not Path(path).exists():
@@ -541,7 +534,9 @@ def _prepared(
     )
     plant = _plant_of(actuator, gravity, section)
     if file is not None:
-        _write_basis(file, stored(key, made, plant))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with writing(file, FORMAT) as place:
+            _BASIS.write(place, stored(key, made, plant))
     return made, plant
 
 

@@ -16,7 +16,7 @@ Their D1 is K/2. There are three kinds of law:
   it is the law of Sutula and others (2020, Eq. 37).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -171,48 +171,38 @@ class Constants:
         the energy's constants times this matrix. It uses central differences of the closed form, one-sided
         ones if a point on the other side is invalid.
         """
+        return self._differences(
+            free, DIFFERENCE, lambda at: np.concatenate([solid.parameters() for solid in self.solids(at)])
+        )
+
+    def _differences(
+        self, free: Sequence[float] | FloatArray, share: float, value: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Central differences of a value by the free constants with these shares of their sizes as steps,
+        one-sided if a point on the other side is invalid."""
         at = np.asarray(free, dtype=np.float64)
-        sizes = self.scales
-        columns = []
-        for j in range(len(at)):
-            step = DIFFERENCE * max(abs(at[j]), 1e-2 * sizes[j])
+        changes = []
+        for j, size in enumerate(self.scales):
+            step = share * max(abs(at[j]), 1e-2 * size)
             ends = []
             for sign in (1.0, -1.0):
                 moved = at.copy()
                 moved[j] += sign * step
                 try:
-                    ends.append((moved[j], self._parameters(moved)))
+                    self.solids(moved)
                 except ValueError:
-                    ends.append((at[j], self._parameters(at)))
+                    moved = at
+                ends.append((moved[j], value(moved)))
             (up, above), (down, below) = ends
-            columns.append((above - below) / (up - down))
-        return np.stack(columns, axis=-1)
-
-    def _parameters(self, free: FloatArray) -> FloatArray:
-        """The parameters of the materials, region by region."""
-        return np.concatenate([solid.parameters() for solid in self.solids(free)])
+            changes.append((above - below) / (up - down))
+        return np.stack(changes, axis=-1)
 
     def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
         """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
 
         Differences of `chain`, one-sided if a point on the other side is invalid.
         """
-        at = np.asarray(free, dtype=np.float64)
-        changes = []
-        for j, size in enumerate(self.scales):
-            step = _SECOND_DIFFERENCE * max(abs(at[j]), 1e-2 * size)
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = at.copy()
-                moved[j] += sign * step
-                try:
-                    self.solid(moved)
-                except ValueError:
-                    moved = at
-                ends.append((moved[j], self.chain(moved)))
-            (up, above), (down, below) = ends
-            changes.append((above - below) / (up - down))
-        whole = np.stack(changes, axis=-1)
+        whole = self._differences(free, _SECOND_DIFFERENCE, self.chain)
         return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
 
 

@@ -211,15 +211,14 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
         made_of = refusing_bad_input()(with_settings(command))
-        place.command(name, help=_paragraphs(command), hidden=words in former)(made_of)
+        place.command(
+            name,
+            help=re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or ""),
+            hidden=words in former,
+        )(made_of)
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made
-
-
-def _paragraphs(command: Command) -> str:
-    """The docstring with each paragraph on one line, which the terminal breaks at its own width."""
-    return re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
 
 
 @contextmanager

@@ -1,9 +1,8 @@
 """`kolsky material fit` and `healing`: laws fitted to homogeneous tests, healing efficiencies."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -76,7 +75,7 @@ def _fit_cylinder_with_friction(
     """
     import numpy as np
 
-    from kolsky.base.files import filling, write_json, write_table
+    from kolsky.base.files import columns_of, filling, write_json, write_table
     from kolsky.cli.material_curves import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
@@ -115,7 +114,7 @@ def _fit_cylinder_with_friction(
     fitted = [one for one in fits if not one.reason]
     with filling(folder) as partial:
         write_json(partial / "specimen.json", content)
-        write_table(partial / "specimen_constants.csv", _constant_words(fitted))
+        write_table(partial / "specimen_constants.csv", columns_of(_constant_rows(fitted)))
         curves: dict[str, list[Any]] = {
             "nominal strain (1)": mean.band.strain.tolist(),
             "apparent nominal stress (Pa)": mean.band.stress.tolist(),
@@ -140,17 +139,18 @@ def _fit_cylinder_with_friction(
     )
 
 
-def _constant_words(fitted: Sequence["ModelFit"]) -> dict[str, list[Any]]:
-    rows = [(one, name) for one in fitted for name in one.constants]
-    return {
-        "law": [one.name for one, _ in rows],
-        "constant": [name for _, name in rows],
-        "value (SI)": [one.constants[name] for one, name in rows],
-        "u (SI)": [one.sigma[name] if isfinite(one.sigma[name]) else "" for one, name in rows],
-        "determined": ["no" if name in one.not_determined else "yes" for one, name in rows],
-        "weight of the law": [one.weight for one, _ in rows],
-        "misfit (rms)": [one.misfit for one, _ in rows],
-    }
+def _constant_rows(fitted: Sequence["ModelFit"]) -> Iterator[dict[str, Any]]:
+    for one in fitted:
+        for name, value in one.constants.items():
+            yield {
+                "law": one.name,
+                "constant": name,
+                "value (SI)": value,
+                "u (SI)": one.sigma[name] if math.isfinite(one.sigma[name]) else "",
+                "determined": "no" if name in one.not_determined else "yes",
+                "weight of the law": one.weight,
+                "misfit (rms)": one.misfit,
+            }
 
 
 def _cylinder_lines(fitted: Sequence["ModelFit"]) -> list[str]:
@@ -454,7 +454,7 @@ def material_healing(
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import filling, usable_folder, write_json, write_table
+    from kolsky.base.files import columns_of, filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
 
@@ -482,7 +482,7 @@ def material_healing(
     with filling(folder) as partial:
         write_json(partial / "healing.json", content)
         write_table(partial / "healing.csv", _table(result))
-        write_table(partial / "healing_specimens.csv", _specimens(result))
+        write_table(partial / "healing_specimens.csv", columns_of(_specimen_rows(result)))
     print_result(
         {},
         content,
@@ -513,19 +513,11 @@ def _table(result: "Healing") -> dict[str, list[Any]]:
     }
 
 
-def _specimens(result: "Healing") -> dict[str, list[Any]]:
-    rows = [
-        (group, one.name, name, one.values[name])
-        for group, ones in (("undamaged", result.undamaged), ("healed", result.healed))
-        for one in ones
-        for name in one.values
-    ]
-    return {
-        "group": [row[0] for row in rows],
-        "specimen": [row[1] for row in rows],
-        "property": [row[2] for row in rows],
-        "value (SI)": [row[3] for row in rows],
-    }
+def _specimen_rows(result: "Healing") -> Iterator[dict[str, Any]]:
+    for group, ones in (("undamaged", result.undamaged), ("healed", result.healed)):
+        for one in ones:
+            for name, value in one.values.items():
+                yield {"group": group, "specimen": one.name, "property": name, "value (SI)": value}
 
 
 def _material_healing_lines(result: "Healing") -> list[str]:

@@ -144,7 +144,9 @@ def _arguments(name: str, hint: Any, default: Any) -> dict[str, _Argument]:
     arguments: dict[str, _Argument] = {}
     for field, annotation in _option_fields(kind, chosen):
         field_default = (
-            _default_of(field) if default is inspect.Parameter.empty else getattr(default, field.name)
+            (field.default if field.default_factory is MISSING else field.default_factory())
+            if default is inspect.Parameter.empty
+            else getattr(default, field.name)
         )
         arguments |= _arguments(field.name, annotation, field_default)
     return arguments
@@ -193,10 +195,6 @@ def _word(name: str, option: Option, default: Any) -> str:
     """Name of an option without its dashes; a switch that is on by default is turned off by "no-"."""
     word = option.name or name.replace("_", "-")
     return f"no-{word}" if default is True else word
-
-
-def _default_of(field: "Field[Any]") -> Any:
-    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:

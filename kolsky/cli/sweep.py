@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from doe.box import Constraint
     from doe.designs import DesignKind
     from kolsky.base.apparatus import Interface
-    from kolsky.studies.sweep_analysis import ForcesAlong
 
 
 _NUMERICS = Numerics(mesh=(16, 22))
@@ -92,18 +91,17 @@ def sweep(
         **({"left_out_by_constraints": chosen.settings["refused"]} if choice.where else {}),
         **sweeping.least_misfit(result),
         **surface_optimum(analysis),
-        **({} if forces is None else _cost(forces)),
+        **(
+            {}
+            if forces is None
+            else {"fewest_time_steps": int(forces.steps.min()), "most_time_steps": int(forces.steps.max())}
+        ),
         "file": str(folder / f"{records.stem}.csv"),
         "page": str(folder / f"{records.stem}.html"),
         **({} if place is None else {"ledger": str(place)}),
     }
     failed = {"failed_runs": failed_runs(result.table)}
     print_result(summary, jsonable({**summary, **failed, "warnings": warnings}, "sweep"), warnings=warnings)
-
-
-def _cost(along: "ForcesAlong") -> dict[str, int]:
-    """Least and largest number of time steps of a run."""
-    return {"fewest_time_steps": int(along.steps.min()), "most_time_steps": int(along.steps.max())}
 
 
 _DEFAULT_BOUNDS = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}

@@ -1,10 +1,11 @@
 """Texts of the command line turned into typed settings; every refusal says what was expected."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from math import prod
 from pathlib import Path
 
+from kolsky.base import errors as base_errors
 from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, RelaxationKind
 from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
@@ -26,19 +27,15 @@ def _refuse(option: str, text: str, expected: str) -> InputError:
     return refusal(f"{option} {text!r} cannot be read", cure=f"write {expected}")
 
 
-@contextmanager
 def refused(
     before: str = "",
     *,
     cure: str,
     place: str | Path = COMMAND_LINE,
     errors: tuple[type[Exception], ...] = (ValueError,),
-) -> Iterator[None]:
+) -> AbstractContextManager[None]:
     """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its line."""
-    try:
-        yield
-    except errors as error:
-        raise InputError(place, f"{before}{error}", cure=cure) from error
+    return base_errors.refused(place, before, cure=cure, errors=errors)
 
 
 def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
@@ -174,17 +171,11 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
     """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
     from kolsky.studies.sweep import MOST_RUNS
 
-    bounds: dict[str, tuple[float, float]] = {}
-    counts: list[int] = []
-    for text in texts:
-        bounds_text, _, count = text.rpartition(":")
+    parts = [text.rpartition(":") for text in texts]
+    for text, (bounds_text, _, count) in zip(texts, parts, strict=True):
         if bounds_text.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
             raise _refuse(option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10")
-        counts.append(int(count))
-        for name, pair in spans(option, [bounds_text]).items():
-            if name in bounds:
-                raise _refuse(option, text, f"{name} once")
-            bounds[name] = pair
+    bounds, counts = spans(option, [part[0] for part in parts]), [int(part[2]) for part in parts]
     if prod(counts) > MOST_RUNS:
         raise refusal(
             f"{option}: {' x '.join(map(str, counts))} levels are {prod(counts)} runs",
@@ -197,13 +188,10 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
 def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """["friction=0:2"] as bounds by name."""
     by_name: dict[str, tuple[float, float]] = {}
-    for text in texts:
-        for name, pair in ranges(option, [text]).items():
-            if pair is None:
-                raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
-            if name in by_name:
-                raise _refuse(option, text, f"{name} once")
-            by_name[name] = pair
+    for text, (name, pair) in zip(texts, ranges(option, texts).items(), strict=True):
+        if pair is None:
+            raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
+        by_name[name] = pair
     return by_name
 
 

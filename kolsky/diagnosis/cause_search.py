@@ -239,7 +239,8 @@ class CauseSearch:
             least = min((self.loss(t.misfits) for t in trials), default=0.0)
             points, counts = [], []
             for t in trials:
-                step = self._own_step(t)
+                c = t.candidate
+                step = c.step if t.u + c.step <= c.highest else -c.step
                 points += [
                     Point(t.x, t.candidate.changed(t.u)),
                     *self.model.slopes(t.x, t.candidate.changed(t.u)),
@@ -265,11 +266,6 @@ class CauseSearch:
             if not trials:
                 break
         return [*done, *trials]
-
-    def _own_step(self, t: Trial) -> float:
-        """Step of the input's coordinate for differences, inward at the end of its range."""
-        c = t.candidate
-        return c.step if t.u + c.step <= c.highest else -c.step
 
     def measured(self, trials: list[Trial]) -> list[Trial]:
         """Trials evaluated by runs at their points; those with failed runs are left out."""

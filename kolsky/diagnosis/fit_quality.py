@@ -146,20 +146,20 @@ def channel_fits(
         noise, tau = objective.noise[use], _discrepancy(objective, channel)
         first, second = neighbours(objective, channel)
         block = blocks(objective, channel)
-        slow = [_root_mean_square(block_means(change[..., use], block)) for change in left.values()]
+        slow = [root_mean_square(block_means(change[..., use], block)) for change in left.values()]
         correlation, whiteness = correlated(residual / objective.noise, first, second)
         found.append(
             FitQuality(
                 channel=channel,
                 unit=unit,
                 values=int(use.sum()),
-                residual=_root_mean_square(residual[use]),
+                residual=root_mean_square(residual[use]),
                 predicted={
-                    NOISE: _root_mean_square(noise),
-                    **{s: _root_mean_square(c[..., use]) for s, c in left.items()},
+                    NOISE: root_mean_square(noise),
+                    **{s: root_mean_square(c[..., use]) for s, c in left.items()},
                 },
                 peak=peak(objective.data[use], channel),
-                slow_residual=_root_mean_square(block_means(residual[use], block)),
+                slow_residual=root_mean_square(block_means(residual[use], block)),
                 slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
                 chi2=float(((residual[use] / noise) ** 2).mean()),
                 discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
@@ -266,7 +266,7 @@ def peak(data: FloatArray, channel: str) -> float:
     return float(np.abs(data).max()) if channel == FORCE else float(np.ptp(data))
 
 
-def _root_mean_square(values: FloatArray) -> float:
+def root_mean_square(values: FloatArray) -> float:
     """Root mean square over all entries."""
     return float(np.sqrt(np.mean(np.square(values))))
 
@@ -313,7 +313,7 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
         return e.outcome
     if not all(channel.explained for channel in result.fit):
         return Verdict.UNEXPLAINED
-    if contradicted(result, e.name):
+    if routes_apart(result, e.name) > CONTRADICTION and not route_at_edge(result, e.name):
         return Verdict.CONTRADICTED
     if reaches_bound(result, e):
         return Verdict.BOUND_REACHED
@@ -365,14 +365,6 @@ def near_right(fit: Sequence[FitQuality]) -> bool:
     limits were set.
     """
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)
-
-
-def contradicted(result: Identification, name: str) -> bool:
-    """True if the values by force and by outline differ by more than `CONTRADICTION` standard uncertainties.
-
-    A channel without an optimum inside the searched range cannot contradict.
-    """
-    return routes_apart(result, name) > CONTRADICTION and not route_at_edge(result, name)
 
 
 def routes_apart(result: Identification, name: str) -> float:

@@ -43,6 +43,7 @@ from kolsky.diagnosis.fit_quality import (
     information_shares,
     left_over,
     mesh_changes,
+    root_mean_square,
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
@@ -86,12 +87,8 @@ def residual_changes(
     stack = problem.stack
     size, shots = len(stack.data), range(len(stack.shots))
     front = [_placed(stack, k, stack.shots[k].front) for k in shots]
-    own_rows = [
-        _placed(stack, k, row[None])
-        for k in shots
-        for name, row in stack.shots[k].own.items()
-        if name != SCATTER
-    ]
+    bare = without_scatter(stack).shots
+    own_rows = [_placed(stack, k, row[None]) for k in shots for row in bare[k].own.values()]
     changes = {MESH: mesh_changes(mesh)}
     if any(len(rows) for rows in front):
         changes[FLYER] = as_drawn(np.concatenate(front))
@@ -108,8 +105,7 @@ def residual_changes(
 def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
     """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
     placed = np.zeros((len(rows), len(stack.data)))
-    start = stack.ends[k - 1] if k else 0
-    placed[:, start : stack.ends[k]] = rows[:, stack.shots[k].kept]
+    placed[:, stack.place(k)] = rows[:, stack.shots[k].kept]
     return placed
 
 
@@ -141,11 +137,11 @@ def joint_fits(
     for k, (one, objective, vector) in enumerate(
         zip(stack.shots, objectives, stack.parts(optimum.vector), strict=True)
     ):
-        start = stack.ends[k - 1] if k else 0
-        part = slice(start, stack.ends[k])
+        part = stack.place(k)
+        middle = part.start + objective.n_force
         masks = {
-            FORCE: (everything >= start) & (everything < start + objective.n_force),
-            OUTLINE: (everything >= start + objective.n_force) & (everything < stack.ends[k]),
+            FORCE: (everything >= part.start) & (everything < middle),
+            OUTLINE: (everything >= middle) & (everything < part.stop),
         }
         row = one.own.get(SCATTER)
         followed = vector if row is None else vector + scatters[k] * row[one.kept]
@@ -203,16 +199,16 @@ def slow_fit(
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
     block = np.unique(block, return_inverse=True)[1]
-    slow = [_size(block_means(change, block)) for change in left.values()]
+    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
     correlation, whiteness = correlated(residual, np.arange(n - 1), np.arange(1, n))
     return FitQuality(
         channel=label,
         unit="1",
         values=n,
-        residual=_size(residual),
-        predicted={NOISE: 1.0, **{source: _size(change) for source, change in left.items()}},
+        residual=root_mean_square(residual),
+        predicted={NOISE: 1.0, **{source: root_mean_square(change) for source, change in left.items()}},
         peak=peak,
-        slow_residual=_size(block_means(residual, block)),
+        slow_residual=root_mean_square(block_means(residual, block)),
         slow_expected=float(np.hypot.reduce([block_noise(np.ones(n), block), *slow])),
         chi2=float(np.mean(residual**2)),
         discrepancy_share=0.0,
@@ -223,10 +219,6 @@ def slow_fit(
     )
 
 
-def _size(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def own_stiffnesses(
     problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
@@ -235,14 +227,13 @@ def own_stiffnesses(
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
     more = np.concatenate([mesh_changes(mesh), *own_errors])
-    parts = zip(stack.shots, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
+    bare = without_scatter(stack).shots
+    parts = zip(bare, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
     shots = []
     for k, (one, residual, u) in enumerate(parts):
-        start = stack.ends[k - 1] if k else 0
-        rows = more[:, start : stack.ends[k]]
-        without = replace(one, own={name: row for name, row in one.own.items() if name != SCATTER})
+        rows = more[:, stack.place(k)]
         whole, force, outline = (
-            own_stiffness(without, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
+            own_stiffness(one, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
         )
         shots.append(OwnStiffness(*whole, *force, *outline))
     return tuple(shots)
@@ -398,7 +389,7 @@ LARGEST_LAG = 0.2
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
     """All data with the force of one shot delayed by a lag [s], shape [k]."""
-    found, start = vector.copy(), stack.ends[k - 1] if k else 0
+    found, start = vector.copy(), stack.place(k).start
     for bins in stack.shots[k].observations.forces:
         part = slice(start, start + len(bins.mean))
         found[part] = np.interp(bins.centres - lag, bins.centres, vector[part])
@@ -411,7 +402,7 @@ def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
 
     The force rings; lags are therefore scanned in steps of half a bin.
     """
-    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
+    one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
     times = one.observations.bins.edges
     width, reach = float(np.diff(times).mean()), LARGEST_LAG * float(times[-1] - times[0])
@@ -428,8 +419,8 @@ def input_changes(
     ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
     change of all data by a relative change of the stiffness; None if the stiffness is not shared.
     """
-    one, start = stack.shots[k], stack.ends[k - 1] if k else 0
-    end, n = stack.ends[k], one.objective.n_force
+    one, place = stack.shots[k], stack.place(k)
+    start, end, n = place.start, place.stop, one.objective.n_force
     force, clock, lengths = (np.zeros_like(vector) for _ in range(3))
     force[start : start + n] = vector[start : start + n]
     first = start

@@ -87,6 +87,10 @@ class Stack:
         """Where each shot ends in the vector."""
         return tuple(np.cumsum([len(one.objective.data) for one in self.shots]).tolist())
 
+    def place(self, k: int) -> slice:
+        """Where one shot lies in the vector."""
+        return slice(self.ends[k - 1] if k else 0, self.ends[k])
+
     @cached_property
     def data(self) -> FloatArray:
         """The vector of all data, shape [k]."""
@@ -115,11 +119,9 @@ class Stack:
         """
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [np.zeros((0, len(sigma)))]
-        start = 0
-        for objective, end in zip(objectives, self.ends, strict=True):
+        for k, objective in enumerate(objectives):
             rows.append(np.zeros((len(objective.common), len(sigma))))
-            rows[-1][:, start:end] = objective.common
-            start = end
+            rows[-1][:, self.place(k)] = objective.common
         for shared in (self.common, self.curve, self.slow_scatter):
             if shared is not None:
                 rows.append(np.pad(shared, ((0, 0), (0, len(sigma) - shared.shape[1]))))
@@ -143,8 +145,7 @@ class Stack:
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
         """A row of all data, set to zero outside one shot, shape [k]."""
         found = np.zeros_like(row)
-        start = self.ends[k - 1] if k else 0
-        found[start : self.ends[k]] = row[start : self.ends[k]]
+        found[self.place(k)] = row[self.place(k)]
         return found
 
     @cached_property
@@ -394,14 +395,12 @@ class JointProblem:
         change = np.nan_to_num(whole[1:] - whole[0])
         noise = np.concatenate([*(one.objective.noise for one in self.stack.shots), self.stack.slow_sigma])
         groups: dict[bytes, NDArray[np.bool_]] = {}
-        start = 0
-        for k, (prepared, end) in enumerate(zip(self.runs.prepared, self.stack.ends, strict=True)):
+        for k, prepared in enumerate(self.runs.prepared):
             key = curve_bytes(prepared.forward.shot.curve)
             entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
-            entries[start:end] = True
+            entries[self.stack.place(k)] = True
             if k == 0:
                 entries[self.stack.ends[-1] :] = True
-            start = end
         return np.concatenate([drawn_modes(change * entries, noise) for entries in groups.values()])
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
@@ -424,9 +423,8 @@ class JointProblem:
     def _calibrations(self) -> FloatArray:
         """One pattern per transducer: shots with the same sensitivity share its calibration error, [n, K]."""
         groups: dict[tuple[float, float], FloatArray] = {}
-        start = 0
-        for prepared, one, end in zip(self.runs.prepared, self.stack.shots, self.stack.ends, strict=True):
-            shot = prepared.forward.shot
+        for k, (prepared, one) in enumerate(zip(self.runs.prepared, self.stack.shots, strict=True)):
+            shot, start = prepared.forward.shot, self.stack.place(k).start
             sigma = max(shot.uncertainty.get("sensitivity", 0.0), one.observations.force_sigma_gain)
             transducer = getattr(shot.force, "transducer", None)
             if sigma > 0.0:
@@ -434,7 +432,6 @@ class JointProblem:
                 row = groups.setdefault(key, np.zeros(self.stack.ends[-1]))
                 n = len(one.observations.bins.mean)
                 row[start : start + n] = sigma * one.objective.data[:n]
-            start = end
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
 
     def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:

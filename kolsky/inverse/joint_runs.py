@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -88,18 +88,16 @@ class Unknowns:
 
     def to_search(self, x: FloatArray) -> FloatArray:
         """Points in the coordinates of the search, shape [..., d]."""
-        found = np.array(x, dtype=np.float64)
-        if self.parameters is not None:
-            n = self.n_parameters
-            found[..., :n] = to_search(self.parameters, found[..., :n])
-        return found
+        return self._turned(to_search, x)
 
     def from_search(self, x: FloatArray) -> FloatArray:
         """The inverse of `to_search`."""
+        return self._turned(from_search, x)
+
+    def _turned(self, way: Callable[[Box, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
         found = np.array(x, dtype=np.float64)
         if self.parameters is not None:
-            n = self.n_parameters
-            found[..., :n] = from_search(self.parameters, found[..., :n])
+            found[..., : self.n_parameters] = way(self.parameters, found[..., : self.n_parameters])
         return found
 
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:

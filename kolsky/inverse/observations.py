@@ -306,7 +306,7 @@ def predict(response: Response, observations: Observations) -> Prediction:
             f"the simulated force spans {t[0]:.9g} to {t[-1]:.9g} s, the recorded samples"
             f" {recorded[0]:.9g} to {recorded[-1]:.9g} s; request force_times over the whole window"
         )
-    outline = _no_outline(response)
+    outline = [(np.empty(0), np.empty(0, dtype=bool))] * response.n_samples
     if observations.has_shape:
         frame = _rows(response.surface_times, line.time, "frame", "surface_times")
         outline = [
@@ -329,10 +329,6 @@ def _bin_means(response: Response, bins: ForceBins, force: str) -> FloatArray:
 
 
 _NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
-
-
-def _no_outline(response: Response) -> list[tuple[FloatArray, BoolArray]]:
-    return [(np.empty(0), np.empty(0, dtype=bool))] * response.n_samples
 
 
 def _positive(name: str, value: FloatArray) -> None:

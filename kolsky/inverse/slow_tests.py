@@ -12,7 +12,7 @@ from explicit.materials import AnyLaw, MaterialLaw
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.parameters import MOVED
@@ -166,10 +166,8 @@ def read_slow_tests(path: Path) -> Slow:
     made = read_slow_list(toml)
     for name, sweep in made.sweeps.items():
         if not sweep.determined:
-            try:
+            with refused(path, key=f"test.{name}", cure="leave it out"):
                 sweep.reduced()
-            except ValueError as error:
-                raise InputError(path, str(error), key=f"test.{name}", cure="leave it out") from None
     return made.tests
 
 
@@ -187,7 +185,8 @@ def read_slow_list(source: Path | TomlFile) -> SlowList:
         layout = None if test.layout is None else test.layout.as_layout()
         table = read_table(toml.path.parent / test.file, layout=layout)
         files[str(table.path)] = table.sha256
-        try:
+        cure = "correct the table or its columns in the list"
+        with refused(table.path, f"cannot be used as the slow test {name}: ", cure=cure):
             if test.kind == "sweep":
                 sweeps[name] = _sweep(name, test, table)
                 if sweeps[name].determined:
@@ -196,14 +195,6 @@ def read_slow_list(source: Path | TomlFile) -> SlowList:
                 tests.append(_oscillation(name, test, table))
             else:
                 tests.append(_history(name, test, table))
-        except InputError:
-            raise
-        except ValueError as error:
-            raise InputError(
-                table.path,
-                f"cannot be used as the slow test {name}: {error}",
-                cure="correct the table or its columns in the list",
-            ) from error
     return SlowList(tuple(tests), sweeps, files, None if declared.law is None else declared.law.law)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from dic.views import ResultViews
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import refused
 from kolsky.base.files import write_table
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection, ModelFit
@@ -319,7 +319,7 @@ def read_uniaxial_test(
     if specimen is not None and "force" in columns:
         values["strain"] = values["displacement"] / specimen.length
         values["stress"] = values["force"] / specimen.area
-    try:
+    with refused(path, cure="are column, unit, branch and convention right?"):
         test = UniaxialTest(
             name=path.name,
             strain=sign * values["strain"],
@@ -328,8 +328,6 @@ def read_uniaxial_test(
             time=values.get("time"),
             bulge=values.get("bulge"),
         )
-    except ValueError as error:
-        raise InputError(path, str(error), cure="are column, unit, branch and convention right?") from None
     return test, digest
 
 

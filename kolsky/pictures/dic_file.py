@@ -34,17 +34,37 @@ from kolsky.base.hdf5_records import (
 
 STEREO_FORMAT = Format("dic stereo result", version=3, readable=(2, 3), largest=4 * 2**30)
 
-STEREO_SURFACE = Record(
-    SurfaceHistory,
-    None,
-    {
-        "t": Floats("s", "frames"),
-        "X": Floats("m", "points 3"),
-        "u": Floats("m", "frames points 3"),
-        "sigma": Floats("m", "frames points 3"),
-        "outcome": Integers("1", "frames points"),
-    },
-)
+
+def _surface(unit: str, group: Group | None = None) -> Record[SurfaceHistory]:
+    """A surface whose lengths have a unit."""
+    return Record(
+        SurfaceHistory,
+        group,
+        {
+            "t": Floats("s", "frames"),
+            "X": Floats(unit, "points 3"),
+            "u": Floats(unit, "frames points 3"),
+            "sigma": Floats(unit, "frames points 3"),
+            "outcome": Integers("1", "frames points"),
+        },
+    )
+
+
+def _strain(time: str) -> Record[SurfaceStrain]:
+    """Strains of a surface, with the place of their times."""
+    return Record(
+        SurfaceStrain,
+        nxdata("value", time, "points", "."),
+        {
+            "value": Floats("1", "frames points 3"),
+            "sigma": Floats("1", "frames points 3"),
+            "outcome": Integers("1", "frames points"),
+            "gauge": Floats("px"),
+        },
+    )
+
+
+STEREO_SURFACE = _surface("m")
 BODY = Record(
     Body,
     nxdata("u", "t", "points", "."),
@@ -58,16 +78,7 @@ BODY = Record(
         "cell": Integers("1", "points 2"),
     },
 )
-STEREO_STRAIN = Record(
-    SurfaceStrain,
-    nxdata("value", "../t", "points", "."),
-    {
-        "value": Floats("1", "frames points 3"),
-        "sigma": Floats("1", "frames points 3"),
-        "outcome": Integers("1", "frames points"),
-        "gauge": Floats("px"),
-    },
-)
+STEREO_STRAIN = _strain("../t")
 AXIAL_DISPLACEMENT = Record(
     AxialDisplacement,
     nxdata("displacement", "t"),
@@ -231,27 +242,8 @@ def read_stereo_result(path: Path) -> StereoResult:
 
 FULL_FIELD_FORMAT = Format("dic full field", largest=4 * 2**30)
 
-FULL_FIELD_SURFACE = Record(
-    SurfaceHistory,
-    nxdata("u", "t", "points", "."),
-    {
-        "t": Floats("s", "frames"),
-        "X": Floats(RECORD_UNIT, "points 3"),
-        "u": Floats(RECORD_UNIT, "frames points 3"),
-        "sigma": Floats(RECORD_UNIT, "frames points 3"),
-        "outcome": Integers("1", "frames points"),
-    },
-)
-FULL_FIELD_STRAIN = Record(
-    SurfaceStrain,
-    nxdata("value", ".", "points", "."),
-    {
-        "value": Floats("1", "frames points 3"),
-        "sigma": Floats("1", "frames points 3"),
-        "outcome": Integers("1", "frames points"),
-        "gauge": Floats("px"),
-    },
-)
+FULL_FIELD_SURFACE = _surface(RECORD_UNIT, nxdata("u", "t", "points", "."))
+FULL_FIELD_STRAIN = _strain(".")
 EXTENSION = Record(
     Extension,
     nxdata("elongation", "."),

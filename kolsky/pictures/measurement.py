@@ -198,13 +198,11 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)
-    try:
+    with toml.refusing("dic.region", "does not fit the pictures"):
         if section.region is not None:
             mask &= polygon_mask(section.region.corners, shape)
         for gone in section.exclude:
             mask &= ~polygon_mask(gone.corners, shape)
-    except ValueError as error:
-        raise toml.error("dic.region", f"does not fit the pictures: {error}") from None
     if section.mask is not None:
         from dic.basics import cv2
 

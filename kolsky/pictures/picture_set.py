@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dic.outcome import FrameOutcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.files import regular
+from kolsky.base.files import read_errors, regular
 from kolsky.pictures.frames import read_frames
 from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.pictures import PicturesSection, SeriesSection
@@ -218,13 +218,8 @@ def digest(files: list[Path]) -> str:
     """
     digests = []
     for path in files:
-        try:
-            with regular(path).open("rb") as file:
-                digests.append(hashlib.file_digest(file, "sha256").hexdigest())
-        except OSError as error:
-            raise InputError(
-                path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
-            ) from None
+        with read_errors(path), regular(path).open("rb") as file:
+            digests.append(hashlib.file_digest(file, "sha256").hexdigest())
     if len(files) == 1:
         return digests[0]
     listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, digests, strict=True))

@@ -85,7 +85,12 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
     ``result``: what its pictures gave.
     """
     body = result.specimen
-    shared = shared_error(body.epipolar, body.surface.valid, body.points, subset=_subset(result))
+    shared = shared_error(
+        body.epipolar,
+        body.surface.valid,
+        body.points,
+        subset=float(result.facts.get("settings", {}).get("subset", result.strain.gauge)),
+    )
     if shared.sigma == 0.0:
         return None
     frame = int(np.argmax(body.n_valid))
@@ -104,11 +109,6 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
         pixel=1.0 / float(np.linalg.norm(scale)),
         interval=float(np.median(np.diff(result.t))),
     )
-
-
-def _subset(result: StereoResult) -> float:
-    """Side of the subsets [px]; if the result does not state it, the side of the strain gauge."""
-    return float(result.facts.get("settings", {}).get("subset", result.strain.gauge))
 
 
 def variance_of_mean(places: FloatArray, length: float) -> float:

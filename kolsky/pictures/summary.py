@@ -8,7 +8,7 @@ import numpy as np
 
 from dic.bodies.rest_from_rim import LARGEST_SHARE
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import Body, StereoResult
+from dic.result import StereoResult
 from kolsky.pictures.rig import refinement_words
 
 SHOWN_FRAMES = 12
@@ -26,7 +26,9 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "points_alive_at_the_end": int(body.n_valid[result.outcome == FrameOutcome.VALID][-1])
         if body.n_valid.any()
         else 0,
-        "points_lost": _lost_words(body),
+        "points_lost": {
+            words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok
+        },
         "sigma_match_px": _median(np.fmax(*body.match_sigma)[body.surface.valid]),
         "sigma_x_y_Z_m": [_median(body.surface.sigma[..., k][body.surface.valid]) for k in range(3)],
         "epipolar_rms_px": body.epipolar_rms,
@@ -160,11 +162,6 @@ def bad_frames(result: StereoResult) -> dict[str, str]:
     return {
         str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)
     }
-
-
-def _lost_words(body: Body) -> dict[str, int]:
-    """Number of points that are not VALID, over all frames, by outcome."""
-    return {words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok}
 
 
 def words(outcome: PointOutcome | FrameOutcome) -> str:

@@ -24,7 +24,7 @@ from explicit.bars import Apparatus, Joint, PulseShaper, Section, find_events, i
 from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import refused
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.prediction.schema import PartTable, ShaperTable, TestFile
 from kolsky.readers.table import Column, read_table
@@ -143,7 +143,7 @@ def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: S
         return _made(contents.values(Column("compression (mm)", 1e-3)), force, table, path)
     time = contents.values(Column("time (us)", 1e-6))
     assert table.speed is not None
-    try:
+    with refused(path, key="shaper.file", cure="are its columns and units right?"):
         return from_pulse(
             *_from_touch(time, force),
             striker=striker,
@@ -151,19 +151,12 @@ def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: S
             speed=table.speed,
             unloading=table.unloading,
         )
-    except ValueError as error:
-        raise InputError(
-            path, str(error), key="shaper.file", cure="are its columns and units right?"
-        ) from None
 
 
 def _made(compression: FloatArray, force: FloatArray, table: ShaperTable, path: Path) -> PulseShaper:
-    try:
+    cure = "give a pulse that was recorded with this shaper"
+    with refused(path, key="shaper", cure=cure, errors=(ValueError, IndexError)):
         return loading(compression, force, table.unloading)
-    except (ValueError, IndexError) as error:
-        raise InputError(
-            path, str(error), key="shaper", cure="give a pulse that was recorded with this shaper"
-        ) from None
 
 
 FLATTEST = 0.04
@@ -324,7 +317,8 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     True
     """
     run = test.declared.run
-    try:
+    cure = "correct the part that it names, or shorten run.step"
+    with refused(test.file.path, key="run", cure=cure, errors=(ValueError, RuntimeError)):
         apparatus, curve = test.apparatus(), test.static_curve()
         if quick:
             n = round(run.duration / run.step) + 1
@@ -342,10 +336,6 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
                 max_passes=run.passes,
             )
             bars, response, changes = done.bars, done.response, done.change
-    except (ValueError, RuntimeError) as error:
-        raise InputError(
-            test.file.path, str(error), key="run", cure="correct the part that it names, or shorten run.step"
-        ) from error
     events = find_events(bars)
     return Prediction(test, bars, events, numbers_of(test, bars, events), response, changes)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
+from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
 
@@ -182,26 +182,15 @@ def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
     Raises InputError if there is no such file, it is not a regular file, is empty, larger than `limit` bytes,
     or may not be read.
     """
-    try:
+    with read_errors(path):
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
             raise InputError(path, "is not a file", cure="name the recorder's file")
         if status.st_size == 0:
             raise InputError(path, "is empty", cure="export it again")
-        if status.st_size > limit:
-            raise InputError(
-                path,
-                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
-                cure="export the time span of the test only",
-            )
+        check_size(path, status.st_size, limit)
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
-    except FileNotFoundError:
-        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
-        ) from None
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:

@@ -37,7 +37,8 @@ def read(path: Path, layout: Layout) -> Contents:
     declares XML entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
-    companion = _companion(path)
+    names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
+    companion = next((name for name in names if name != path and name.is_file()), None)
     if companion is not None:
         sha256 = hashlib.sha256((sha256 + file_hash(companion, limit=SCOPE_LIMIT)).encode()).hexdigest()
     _refuse_entities(path)
@@ -61,12 +62,6 @@ def read(path: Path, layout: Layout) -> Contents:
     }
     channels = tuple(_channel(path, channel, layout) for channel in waveform.channels)
     return Contents(path, sha256, channels, facts)
-
-
-def _companion(path: Path) -> Path | None:
-    """The file with the samples that belongs to a header file (Rohde & Schwarz, Yokogawa .hdr)."""
-    names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
-    return next((name for name in names if name != path and name.is_file()), None)
 
 
 def _parsed(path: Path) -> tuple[Any, str]:

@@ -47,14 +47,7 @@ def _two_panels(heights: tuple[int, int]) -> Iterator[tuple[Axes, Axes, Callable
         yield side, trace, pixels
 
 
-def write_prediction_film(
-    path: Path,
-    found: Prediction,
-    *,
-    every: int = 1,
-    rate: float = 25.0,
-    progress: Callable[[int], None] = lambda n: None,
-) -> Path:
+def write_prediction_film(path: Path, found: Prediction) -> Path:
     """Write the test as a film, with one picture per 25 µs.
 
     ``rate``: frame rate of the film [1/s].
@@ -64,7 +57,7 @@ def write_prediction_film(
         raise ValueError("a film shows the specimen's finite elements: predict without the quick way")
     frames = range(len(response.surface_times))
     picture = partial(_prediction_picture, found)
-    return write_frames(path, picture, frames, every=every, rate=rate, progress=progress)
+    return write_frames(path, picture, frames, rate=25.0)
 
 
 def _prediction_picture(found: Prediction, k: int) -> NDArray[np.uint8]:
@@ -94,16 +87,11 @@ def _prediction_picture(found: Prediction, k: int) -> NDArray[np.uint8]:
         side.set(xlim=(-12.0, end + 8.0), ylim=(-11.0, 11.0), aspect="equal", xlabel="mm")
         side.invert_xaxis()
         side.set_title(f"{MS * time:.3f} ms after the striker's touch", fontsize="medium")
-        trace.plot(MS * response.force_times, _bars_force(found), color=SHAPE, lw=0.8)
+        force = np.interp(response.force_times, bars.times, bars.force_transmission)
+        trace.plot(MS * response.force_times, force, color=SHAPE, lw=0.8)
         trace.axvline(MS * time, color=GREY, lw=0.8)
         trace.set(xlabel="Time (ms)", ylabel="Transmitted force (N)", xlim=(0.0, MS * bars.times[-1]))
         return pixels()
-
-
-def _bars_force(found: Prediction) -> np.ndarray:
-    """Force on the transmission platen at the specimen's force times [N], shape [n]."""
-    assert found.response is not None
-    return np.interp(found.response.force_times, found.bars.times, found.bars.force_transmission)
 
 
 def _box_patch(ax: Axes, start: float, length: float, diameter: float) -> None:
@@ -111,9 +99,9 @@ def _box_patch(ax: Axes, start: float, length: float, diameter: float) -> None:
     ax.add_patch(Rectangle(corner, length, diameter, facecolor=_STEEL, edgecolor="k", lw=0.6))
 
 
-def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
-    """Write a film, mp4 or gif, with one picture per step and `rate` pictures per second."""
-    write_frames(path, partial(_actuator_picture, shown), range(len(shown.pristine.angle)), rate=rate)
+def write_actuator_film(path: Path, shown: Direction) -> None:
+    """Write a film, mp4 or gif, with one picture per step and four pictures per second."""
+    write_frames(path, partial(_actuator_picture, shown), range(len(shown.pristine.angle)), rate=4.0)
 
 
 def _actuator_picture(shown: Direction, step: int) -> NDArray[np.uint8]:

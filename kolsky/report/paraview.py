@@ -14,7 +14,7 @@ from dic.result import Body, FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from explicit import Response
 from explicit.mesh import Mesh, deformation_gradient
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.report.scene.scene_data import FIELDS, Solid, at_nodes
 
 QUAD, TRIANGLE = 9, 5
@@ -164,19 +164,16 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """
     surface, triangles = body.surface, grid_triangles(body.cell)
 
-    def write(frame: int, path: Path, faces: NDArray[np.int64]) -> None:
-        valid = surface.valid[frame]
-        fields = {
+    def fields(frame: int, valid: BoolArray) -> dict[str, np.ndarray]:
+        return {
             "displacement [m]": surface.u[frame, valid],
             "sigma [m]": surface.sigma[frame, valid],
             "epipolar distance [px]": body.epipolar[frame, valid],
             "sigma of the match [px]": np.fmax(*(s[frame, valid] for s in body.match_sigma)),
             "correlation": np.fmin(*(z[frame, valid] for z in body.zncc)),
-            "point": np.flatnonzero(valid),
         }
-        write_surface(path, surface.position[frame, valid], faces, fields)
 
-    return _write_frames(Path(folder), name, ".vtp", surface, triangles, write)
+    return _write_frames(Path(folder), name, ".vtp", surface, triangles, fields)
 
 
 def _write_frames(
@@ -185,15 +182,19 @@ def _write_frames(
     suffix: str,
     surface: SurfaceHistory,
     triangles: NDArray[np.int64],
-    write: Callable[[int, Path, NDArray[np.int64]], None],
+    fields: Callable[[int, BoolArray], dict[str, np.ndarray]],
 ) -> list[Path]:
     """Write one file per frame, with the triangles whose corners are all valid, and the listing."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):
         valid = surface.valid[frame]
-        number = np.cumsum(valid) - 1
-        write(frame, path, number[triangles[valid[triangles].all(axis=1)]])
+        points, data = surface.position[frame, valid], fields(frame, valid) | {"point": np.flatnonzero(valid)}
+        faces = (np.cumsum(valid) - 1)[triangles[valid[triangles].all(axis=1)]]
+        if suffix == ".vtp":
+            write_surface(path, points, faces, data)
+        else:
+            write_grid(path, points, faces, TRIANGLE, data)
     listing = folder / f"{name}.pvd"
     write_series(listing, list(surface.t), files)
     return [*files, listing]
@@ -211,18 +212,15 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
         triangles = triangles[:, ::-1]
 
-    def write(frame: int, path: Path, faces: NDArray[np.int64]) -> None:
-        valid = surface.valid[frame]
-        fields = {
+    def fields(frame: int, valid: BoolArray) -> dict[str, np.ndarray]:
+        return {
             f"displacement [{result.unit}]": surface.u[frame, valid],
             f"sigma [{result.unit}]": surface.sigma[frame, valid],
             "strain xx, yy, xy": result.strain.value[frame, valid],
             "correlation": result.zncc[:, frame, valid].min(axis=0),
-            "point": np.flatnonzero(valid),
         }
-        write_grid(path, surface.position[frame, valid], faces, TRIANGLE, fields)
 
-    return _write_frames(Path(folder), "field", ".vtu", surface, triangles, write)
+    return _write_frames(Path(folder), "field", ".vtu", surface, triangles, fields)
 
 
 def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:

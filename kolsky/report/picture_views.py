@@ -40,7 +40,9 @@ def read_surface_view(
 ) -> SurfaceView:
     """Read the pictures of camera 0 for the figures and evaluate the speckles of both cameras."""
     chosen, first = set(_shown_frames(result)), pictures[0]
-    column = _picture_column(result, first.shape[1])
+    body = result.specimen
+    nearest = np.argsort(np.abs(body.surface.X[:, 0]))[: max(3, body.surface.n_points // 20)]
+    column = int(np.clip(np.round(np.median(body.points[nearest, 0])), 0, first.shape[1] - 1))
     kymograph = np.full((first.shape[0], first.n_frames), np.nan)
     kept = {}
     for frame in range(first.n_frames):
@@ -69,13 +71,6 @@ def _shown_frames(result: StereoResult) -> list[int]:
     return sorted(
         {int(usable[k]) for k in np.round(np.linspace(0, usable.size - 1, SHOWN_PICTURES)).astype(int)}
     )
-
-
-def _picture_column(result: StereoResult, columns: int) -> int:
-    """Return the column of camera 0 of the outline, from the points nearest to x = 0."""
-    body = result.specimen
-    nearest = np.argsort(np.abs(body.surface.X[:, 0]))[: max(3, body.surface.n_points // 20)]
-    return int(np.clip(np.round(np.median(body.points[nearest, 0])), 0, columns - 1))
 
 
 ALIVE = 0.5

@@ -28,7 +28,7 @@ from kolsky.bars.reduction.windows import (
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.errors import InputError, refuse
+from kolsky.base.errors import InputError, refuse, refused
 from kolsky.base.records import Recording
 from kolsky.base.toml import TomlFile
 from kolsky.base.units import in_us
@@ -462,7 +462,7 @@ def check_bars(source: Source) -> CheckedBars:
     file = parsed(source)
     given = load_waves(file)
     tension = given.load == "tension"
-    try:
+    with refused(file.path.parent, cure="correct the distance, gauge or bar that it names in shot.toml"):
         incident, transmission = (station_of(given, side).signal for side in SIDES)
         arrival = incident_arrival(incident, tension=tension)
         if given.windows is None and FAR in given.stations and given.switches["separation"]:
@@ -471,10 +471,6 @@ def check_bars(source: Source) -> CheckedBars:
         else:
             windows = find_windows(incident, transmission, tension=tension, manual=given.windows)
         checks = check_windows(incident, transmission, tension=tension)
-    except ValueError as error:
-        raise InputError(
-            file.path.parent, str(error), cure="correct the distance, gauge or bar that it names in shot.toml"
-        ) from error
     return CheckedBars(
         name=given.name,
         folder=file.path.parent,

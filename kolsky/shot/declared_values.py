@@ -8,7 +8,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError, dimension_of, quantity, unit_factor
 from kolsky.readers.header import heading_unit, si_unit, split_unit
 from kolsky.readers.recordings import list_channels
-from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure, written_value
+from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure
 
 LARGEST_TABLE = 1_000_000
 """Largest file that is read a second time for its units [bytes]; tables of points have tens of thousands."""
@@ -80,7 +80,7 @@ def _size(unit: str, kind: str) -> float | None:
 
 def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
     """The unit in a line of units or a row of a workbook; None if there is none or the file is large."""
-    name = written_value(e.file, f"{key.partition('.')[0]}.file")
+    name = e.file.written(f"{key.partition('.')[0]}.file")
     path = e.file.path.parent / name if isinstance(name, str) else None
     if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
         return None

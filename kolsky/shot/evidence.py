@@ -95,14 +95,6 @@ def fitting_unit(written: str, si: str, factor: float) -> str | None:
     return next((name for name in SCALES[si] if abs(unit_factor(name, si) / wanted - 1.0) < 1e-6), None)
 
 
-def written_value(file: TomlFile, key: str) -> Any:
-    """The value at a dotted key of the file, as written; None if absent."""
-    value: Any = file.content
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
-    return value
-
-
 def unit_cure(
     file: TomlFile, key: str, si: str, factor: float, span: tuple[float, float] = (0.0, math.inf)
 ) -> str:
@@ -110,11 +102,11 @@ def unit_cure(
 
     It is empty if no unit fits, or if the value [SI] would lie outside ``span``.
     """
-    written = written_value(file, f"{key}.unit")
+    written = file.written(f"{key}.unit")
     if isinstance(written, str):
         unit = fitting_unit(written, si, factor)
         return "" if unit is None else f'{key}.unit = "{unit}" in place of "{written}" would fit'
-    text = written_value(file, key)
+    text = file.written(key)
     if not isinstance(text, str):
         return ""
     if not span[0] <= quantity(text, si) * factor <= span[1]:

@@ -15,7 +15,7 @@ from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front
 from kolsky.bars.records import FaceWaves, Reduction
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError, refuse
+from kolsky.base.errors import InputError, refuse, refused
 from kolsky.base.records import CentreLine, FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.pictures.frames import body_moves, flyer_motion, read_frames, sound_at_rest
@@ -455,7 +455,7 @@ def load_bar_driven(source: Source) -> Shot:
             "has no effect where bar waves drive the test: it begins with their arrival",
             cure="remove it",
         )
-    try:
+    with refused(file.path.parent, cure="correct the gauge or bar that it names in shot.toml"):
         result = analyse(given)
         fields = shot_fields(file, declared)
         fields["inputs"] = {**given.inputs, **fields["inputs"]}
@@ -466,8 +466,4 @@ def load_bar_driven(source: Source) -> Shot:
             force=bar_force(result.reduction, result.faces),
         )
         shot = driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
-    except ValueError as error:
-        raise InputError(
-            file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
-        ) from error
     return with_warnings(shot)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dic.outcome import PointOutcome
-from dic.result import Body, FullField, StereoResult, SurfaceStrain
+from dic.result import FullField, StereoResult, SurfaceStrain
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.pictures.dic_file import read_full_field, read_stereo_result
@@ -138,14 +138,17 @@ def points_of(result: StereoResult) -> tuple[MeasuredPoints, ...]:
     """Specimen and, if it was tracked, flyer of a stereo result."""
     bodies = {"specimen": result.specimen, "flyer": result.flyer}
     return tuple(
-        _of_body(name, body, result.strain if name == "specimen" else None)
+        MeasuredPoints(
+            name,
+            body.surface,
+            body.pixels,
+            body.points,
+            body.cell,
+            result.strain if name == "specimen" else None,
+        )
         for name, body in bodies.items()
         if body is not None
     )
-
-
-def _of_body(name: str, body: Body, strain: SurfaceStrain | None) -> MeasuredPoints:
-    return MeasuredPoints(name, body.surface, body.pixels, body.points, body.cell, strain)
 
 
 def _of_field(result: FullField) -> MeasuredPoints:

@@ -33,7 +33,6 @@ from kolsky.shot.evidence import (
     likely_causes,
     power_of_1000,
     unit_cure,
-    written_value,
 )
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
@@ -125,7 +124,7 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
     if of_force:
         key, other, ratio = other, key, 1.0 / ratio
     factor = power_of_1000(ratio)
-    if written_value(e.file, key) is None:  # a layout gives the clock
+    if e.file.written(key) is None:  # a layout gives the clock
         key = key.removesuffix(".time")
     yield e.finding(
         key,
@@ -145,7 +144,7 @@ def _bar_clocks(e: Evidence) -> Iterator[Finding]:
             continue
         # A recorder of such a test takes one sample per microsecond, within a factor of ten.
         factor = power_of_1000(step / 1e-6)
-        written = written_value(e.file, f"{key}.time_unit")
+        written = e.file.written(f"{key}.time_unit")
         unit = None if written is None else fitting_unit(written, "s", factor)
         fits = likely_causes(
             "" if unit is None else f'{key}.time_unit = "{unit}" in place of "{written}" would fit',
@@ -173,7 +172,7 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
     # The power of 1000 of a unit (time or displacement) that gives a value in the middle of the range.
     factor = power_of_1000(speed / 5.0)
     by_time = unit_cure(e.file, "frames.time", "s", 1.0 / factor)
-    where = "flyer.displacement" if written_value(e.file, "flyer") is not None else "surface.unit"
+    where = "flyer.displacement" if e.file.written("flyer") is not None else "surface.unit"
     by_path = unit_cure(e.file, where, "m", factor) if far * factor < length else ""
     small = far < LEAST_TRAVEL * length
     yield e.finding(
@@ -200,9 +199,7 @@ def _travel(e: Evidence) -> Iterator[Finding]:
     if e.travel is None:
         return
     length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
-    if (
-        far < length or written_value(e.file, "flyer") is None
-    ):  # errors of pictures or surfaces have other causes
+    if far < length or e.file.written("flyer") is None:  # errors of pictures or surfaces have other causes
         return
     # A test compresses its specimen by at least a twentieth; for a column of frame numbers no factor fits.
     factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
@@ -228,10 +225,8 @@ def _outline_size(e: Evidence) -> Iterator[Finding]:
     radius, length = 0.5 * e.declared.specimen.diameter, e.declared.specimen.length
     y, z = e.outline.y[static], e.outline.Z[static]
     middle, top = float(np.median(z)), float(y.max())
-    table = "centre_line" if written_value(e.file, "centre_line") is not None else "surface"
-    source = (
-        written_value(e.file, f"{table}.file") or written_value(e.file, f"{table}.pattern") or "the pictures"
-    )
+    table = "centre_line" if e.file.written("centre_line") is not None else "surface"
+    source = e.file.written(f"{table}.file") or e.file.written(f"{table}.pattern") or "the pictures"
     if abs(middle - radius) > RADIUS_TOLERANCE * radius:
         yield e.finding(
             "specimen.diameter",

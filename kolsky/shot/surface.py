@@ -137,7 +137,7 @@ def measured_surface(
 
     folder, specimen = toml.path.parent, toml.declared.specimen
     export, time = _export(folder, section.pattern, section, frames, toml)
-    try:
+    with toml.refusing("surface", "does not fit its points", cure="check y, Z, origin"):
         if section.frame == "cylinder":
             placement = cylinder_placement(
                 export,
@@ -152,8 +152,6 @@ def measured_surface(
         points = centre_line(
             surface_history(export, placement, time, sigma=section.sigma), half_width=section.half_width
         )
-    except ValueError as error:
-        raise toml.error("surface", f"does not fit its points: {error}", cure="check y, Z, origin") from None
     if not points.t.size:
         raise toml.error("surface.half_width", "holds no valid point", cure="widen it, or check origin")
     line = CentreLine(

@@ -33,7 +33,7 @@ from kolsky.bars.reduction.varied_test import length_quantities, station_of, var
 from kolsky.bars.reduction.windows import SIDES, averaging_time, incident_arrival
 from kolsky.bars.signals.transducers import ForceSignal, force_signal
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.records import FlyerMotion
 from kolsky.schema.apparatus import UncertaintySection
 from kolsky.schema.bars import WavesSection
@@ -384,6 +384,7 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
 
 
 Progress = Callable[[str, int, int], None]
+CURE = "correct the gauge or bar that it names in shot.toml"
 
 
 def waves(
@@ -422,17 +423,13 @@ def waves(
     'three waves'
     """
     file = parsed(shot)
-    try:
+    with refused(file.path.parent, cure=CURE):
         if "gauges" in file.content or is_bar_driven(file):
             return analyse(load_waves(file), progress=progress)
         from kolsky.shot.optical_data import measured  # imports image correlation: for pictures only
 
         loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(_load_flyer_test(loaded.file or file, loaded), progress=progress)
-    except ValueError as error:
-        raise InputError(
-            file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
-        ) from error
 
 
 @dataclass(frozen=True)
@@ -507,12 +504,8 @@ def repeats(
             raise InputError(
                 folder_of(path), f"another shot is called {one.name!r} too", cure="give each its own name"
             )
-        try:
+        with refused(folder_of(path), cure=CURE):
             found[one.name] = analyse(one).reduction
-        except ValueError as error:
-            raise InputError(
-                folder_of(path), str(error), cure="correct the gauge or bar that it names in shot.toml"
-            ) from error
     progress("repeats", len(paths), len(paths))
     return RepeatedShots(tuple(found), repeated_tests(found))
 
@@ -524,13 +517,9 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
     if the shot or its files cannot be used.
     """
     given = load_bars(Path(shot))
-    try:
+    with refused(folder_of(Path(shot)), cure=CURE):
         incident, transmission = (station_of(given, side).signal for side in SIDES)
         found = _fit_first_pulse(incident, transmission, tension=given.load == "tension")
-    except ValueError as error:
-        raise InputError(
-            folder_of(Path(shot)), str(error), cure="correct the gauge or bar that it names in shot.toml"
-        ) from error
     return given.name, found, given.notes
 
 

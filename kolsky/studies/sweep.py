@@ -21,7 +21,7 @@ from doe import Box, Design, from_points
 from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chunks
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.files import (
     decode,
     jsonable,
@@ -334,16 +334,10 @@ def _header(path: Path, cells: list[str]) -> list[tuple[str, float]]:
                 path, f"{cell[:60]!r} is no column", line=1, cure='write NAME (UNIT), e.g. "damping (us)"'
             )
         name, unit = match[1], match[2]
-        try:
+        cure = 'write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary'
+        with refused(path, line=1, cure=cure, errors=(ValueError, UnitError)):
             si = parameter(name).unit
             factor = 1.0 if unit is None or unit == si else quantity(f"1 {unit}", si)
-        except (ValueError, UnitError) as error:
-            raise InputError(
-                path,
-                str(error),
-                line=1,
-                cure='write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary',
-            ) from None
         if name in dict(columns):
             raise InputError(path, f"{name} stands twice", line=1, cure="keep one of the columns")
         columns.append((name, factor))
@@ -368,8 +362,6 @@ def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float
             raise InputError(
                 path, f"{cell[:60]!r} is not a number ({name})", line=line, cure="mend it"
             ) from None
-        try:
+        with refused(path, line=line, cure="correct the value or its unit"):
             point.append(checked_value(name, number * factor))  # refuses NaN too
-        except ValueError as error:
-            raise InputError(path, str(error), line=line, cure="correct the value or its unit") from None
     return point

@@ -194,7 +194,8 @@ class ModelAtOptimum:
     def outline_rate(self) -> FloatArray:
         """Time derivative of the radius at each counted point's height [m/s], shape [n_counted]."""
         time = self.observations.centre_line.time
-        before, after = _times_around(time, self.reference)
+        first, last = self.reference.surface_times[0], self.reference.surface_times[-1]
+        before, after = (np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last))
         up, down = self._seen(time=after), self._seen(time=before)
         return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
 
@@ -204,12 +205,6 @@ class ModelAtOptimum:
         line = replace(line, y=line.y if y is None else y, time=line.time if time is None else time)
         seen = replace(self.observations, centre_line=line)
         return np.asarray(self.objective.vectors(predict(self.reference, seen))[0])
-
-
-def _times_around(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
-    """Times `CLOCK` before and after, limited to the simulated range [s]."""
-    first, last = response.surface_times[0], response.surface_times[-1]
-    return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
 
 
 class RunLost(ValueError):

@@ -15,7 +15,7 @@ from zlib import crc32
 import numpy as np
 from pydantic import Field, model_validator
 
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.readers.text import full_match
 from kolsky.schema import fields as f
@@ -195,15 +195,9 @@ class Series:
             )
         if population is None:
             return ShotSpecification(0, declared.name, self.file.content, declared, self.file.path.parent)
-        try:
+        cure = "write low and high as numbers with one unit"
+        with refused(self.file.path, key="population.draw", cure=cure):
             content = drawn(self.file.content, population, seed=declared.seed, shot=number)
-        except ValueError as error:
-            raise InputError(
-                self.file.path,
-                str(error),
-                key="population.draw",
-                cure="write low and high as numbers with one unit",
-            ) from None
         width = len(str(population.shots))
         name = f"{declared.name}-{number:0{width}d}"
         quantities = TomlFile(self.file.path, self.file.sha256, content, self.file.lines).validated(

@@ -8,10 +8,10 @@ Mutation = Callable[[Path], object]
 # Mutations: each returns a function that damages a copy of open-01.
 
 
-def toml(old: str, new: str) -> Mutation:
+def toml(old: str, new: str, times: int = 1) -> Mutation:
     def mutate(folder: Path) -> None:
         path = folder / "shot.toml"
-        assert path.read_text().count(old) == 1, f"{old!r} stands {path.read_text().count(old)} times"
+        assert path.read_text().count(old) == times, f"{old!r} stands {path.read_text().count(old)} times"
         path.write_text(path.read_text().replace(old, new))
 
     return mutate

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from speckle_pictures import RenderedCylinder, Speckles
 
 from dic.camera import Camera, StereoRig
@@ -35,6 +36,22 @@ def rig(angle: float = 12.5) -> StereoRig:
             )
         )
     return StereoRig((cameras[0], cameras[1]))
+
+
+def turned_pair(cx: float, cy: tuple[float, float]) -> StereoRig:
+    """Two cameras 12.5° apart that look along -Z of the test frame, y up in their pictures."""
+    first, second = (
+        Camera(
+            fx=FOCAL,
+            fy=FOCAL,
+            cx=cx,
+            cy=middle,
+            rotation=Rotation.from_euler("y", pan, degrees=True).as_matrix() @ np.diag([1.0, -1.0, -1.0]),
+            translation=np.array([0.0, 3e-3, 0.305]),
+        )
+        for pan, middle in zip((6.25, -6.25), cy, strict=True)
+    )
+    return StereoRig((first, second))
 
 
 @cache

@@ -4,6 +4,9 @@ No picture is read. Points of a grid in camera 0's first picture lie on the cyli
 `synthetic.outline` and are seen by both cameras with known noise; some are lost, one frame is black.
 """
 
+import json
+from pathlib import Path
+
 import numpy as np
 from synthetic import LENGTH, RADIUS, displacement, outline
 
@@ -40,6 +43,24 @@ def rig() -> StereoRig:
             )
         )
     return StereoRig(cameras=(cameras[0], cameras[1]))
+
+
+def true_rig(folder: Path) -> StereoRig:
+    """The cameras of a shot's truth.json, in the true test frame."""
+    first, second = (
+        Camera(
+            fx=c["K"][0][0],
+            fy=c["K"][1][1],
+            cx=c["K"][0][2],
+            cy=c["K"][1][2],
+            skew=c["K"][0][1],
+            distortion=tuple(c["dist"]),
+            rotation=np.array(c["R"]),
+            translation=np.array(c["t"]),
+        )
+        for c in json.loads((folder / "truth.json").read_text())["cameras"]
+    )
+    return StereoRig((first, second))
 
 
 def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:

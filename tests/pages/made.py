@@ -7,8 +7,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers"), str(ROOT / "tests" / "unit" / "report")]
 
@@ -45,21 +43,10 @@ def by_commands(folder: Path) -> None:
 
 
 def _budget() -> str:
-    from kolsky.report.pages.studies import write_budget
-    from kolsky.studies.budget.realisation import Factor
-    from kolsky.studies.budget.records import Budget, Source, plan_campaign
+    from test_budget_page import planned_page
 
-    sources = (
-        Source(Factor("noise", 1.0), np.nan, 0.002, np.nan, ()),
-        Source(Factor("imperfections.length", 0.005), 0.001, 0.01, 2.0, ()),
-        Source(Factor("imperfections.curve", 0.01), np.nan, np.nan, np.nan, ("it was refused",)),
-    )
-    spread = 1.0 + 0.1 * np.array([-1.0, 1.0, -2.0, 2.0, 0.5, -0.5])
-    made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
     with tempfile.TemporaryDirectory() as scratch:
-        page = Path(scratch) / "budget.html"
-        write_budget(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
-        return page.read_text("utf-8")
+        return planned_page(Path(scratch) / "budget.html")
 
 
 def _rates(count: int) -> str:

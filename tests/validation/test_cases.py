@@ -127,8 +127,7 @@ def test_a_workbook_may_stand_as_the_curve_of_a_shot(shared, tmp_path):
 
 def printed(path: Path, folder: Path, *command: str) -> dict[str, Any]:
     """What a command on a file of the cases prints with --json."""
-    run = CliRunner().invoke(app, [*command, str(path), "--json", "--out", str(folder)])
-    assert run.exit_code == 0, run.output
+    run = run_kolsky(*command, path, "--json", "--out", folder)
     found: dict[str, Any] = json.loads(run.stdout)
     return found
 
@@ -187,16 +186,14 @@ def test_cells_that_run_clockwise_are_turned(shared, tmp_path):
 
 def test_too_few_points_are_counted(shared, tmp_path):
     path = shared / "data/cases/sheet_hole/few.toml"
-    run = CliRunner().invoke(app, ["specimen", "fit", str(path), "--out", str(tmp_path)])
-    assert run.exit_code == 2
+    run = run_kolsky("specimen", "fit", path, "--out", tmp_path, code=2)
     assert "has 6 points a frame in p_few.csv" in run.stderr
     assert "at least 21 without field.sigma_displacement" in run.stderr
 
 
 def test_an_open_cavity_is_refused_with_its_place(shared, tmp_path):
     path = shared / "data/cases/actuator/open.toml"
-    run = CliRunner().invoke(app, ["actuator", "simulate", str(path), "--out", str(tmp_path)])
-    assert run.exit_code == 2
+    run = run_kolsky("actuator", "simulate", path, "--out", tmp_path, code=2)
     assert "14 of its edges belong to one loaded face only, at x = 39, y = 1.5 to 10.5" in run.stderr
 
 
@@ -211,8 +208,7 @@ def test_the_intervals_of_a_bonded_cylinder_contain_its_constants(shared, tmp_pa
     words = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]
     words += ["--specimen", "80 mm x 70 mm", "--ends", "bonded", "--laws", "reduced_polynomial", "--json"]
     path = shared / "data/cases/bonded/push.csv"
-    run = CliRunner().invoke(app, ["material", "fit", str(path), *words, "--out", str(tmp_path)])
-    assert run.exit_code == 0, run.output
+    run = run_kolsky("material", "fit", path, *words, "--out", tmp_path)
     found = json.loads(run.stdout)
     (law,) = found["laws"]
     for name, right in (("C10", 1404.9), ("C20", 699.4)):

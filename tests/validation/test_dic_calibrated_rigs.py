@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from synthetic_dic import true_rig
 
-from dic import Camera, StereoRig
+from dic import StereoRig
 from dic.calibration.bundle import Rig, View
 from dic.calibration.solve import calibrate, triangulate_target
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
@@ -75,19 +76,7 @@ def shot(request, shared):
         [detect(grey(folder / "calibration" / f"cam{c}_{k:02d}.png"), SHOT_GRID) for k in range(20)]
         for c in (0, 1)
     ]
-    cameras = [
-        Camera(
-            fx=c["K"][0][0],
-            fy=c["K"][1][1],
-            cx=c["K"][0][2],
-            cy=c["K"][1][2],
-            distortion=tuple(c["dist"]),
-            rotation=np.array(c["R"]),
-            translation=np.array(c["t"]),
-        )
-        for c in json.loads((folder / "truth.json").read_text())["cameras"]
-    ]
-    return views, StereoRig((cameras[0], cameras[1]))
+    return views, true_rig(folder)
 
 
 def test_the_cameras_of_known_shots(shot):

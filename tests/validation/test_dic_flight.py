@@ -3,15 +3,15 @@
 `python tests/validation/test_dic_flight.py` draws the figure of docs/theory/pictures.md.
 """
 
-import json
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from synthetic_dic import true_rig
 
-from dic import Camera, FrameOutcome, StereoRig
+from dic import FrameOutcome
 from dic.bodies.axial_displacement import from_rest, translations
 from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
@@ -34,28 +34,10 @@ ROWS = {"open-01": (6.5, 120.5, 67.5, (60.0, 122.18)), "open-02": (3.5, 117.5, 5
 transmission platen's face at rest, where the cameras of truth.json put it [px]."""
 
 
-def known_rig(folder):
-    """The cameras of truth.json, in the true test frame."""
-    cameras = [
-        Camera(
-            fx=c["K"][0][0],
-            fy=c["K"][1][1],
-            cx=c["K"][0][2],
-            cy=c["K"][1][2],
-            skew=c["K"][0][1],
-            distortion=tuple(c["dist"]),
-            rotation=np.array(c["R"]),
-            translation=np.array(c["t"]),
-        )
-        for c in json.loads((folder / "truth.json").read_text())["cameras"]
-    ]
-    return StereoRig((cameras[0], cameras[1])).cropped(CROP, CROP)
-
-
 @cache
 def flight_of(folder):
     """Specimen at rest, its frame, the flyer's motion and flight, and the true displacement."""
-    rig = known_rig(folder)
+    rig = true_rig(folder).cropped(CROP, CROP)
     upper, lower, flyer_last, platen = ROWS[folder.name]
     series = tuple(open_pictures(folder / f"cam{k}.tif", bits=12, crop_offset=CROP) for k in (0, 1))
     noise = tuple(grey_noise(pictures, range(STATIC)).sigma for pictures in series)

@@ -1,6 +1,5 @@
 """Shots of known stiffness at several flyer velocities, through `identify`, to a mean and a slope."""
 
-import importlib.util
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from kolsky_command import run_kolsky
+from module_files import module_at
 from scipy.stats import chi2
 from shot_evidence import ShotEvidence
 
@@ -38,12 +38,7 @@ TILT = 0.15
 
 @pytest.fixture(scope="module")
 def maker() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("rate_shots", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_at(SCRIPT)
 
 
 def truth(speed: float, tilt: float) -> float:

@@ -519,17 +519,13 @@ class FreeEnds:
 
         ``band``: frequency up to which the guides carry waves [Hz].
         """
-        later = self._later(incident)
+        wide = averaging_time(incident)
+        later = np.clip((incident.strain.time - (self.reflected - wide)) / wide, 0.0, 1.0)
         toward = replace(
             incident, strain=replace(incident.strain, value=incident.strain.value * (1.0 - later))
         )
         back = replace(incident, strain=replace(incident.strain, value=incident.strain.value * later))
         return toward, without_echo(back, guides[0], band), without_echo(transmission, guides[1], band)
-
-    def _later(self, incident: BarSignal) -> FloatArray:
-        """0 before, 1 after, over the time that a wave needs to cross the bar."""
-        wide = averaging_time(incident)
-        return np.clip((incident.strain.time - (self.reflected - wide)) / wide, 0.0, 1.0)
 
 
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:

@@ -312,8 +312,6 @@ def fit_specimen(
     ends: EndFriction,
     laws: tuple[str, ...],
     *,
-    bulge: FloatArray | None = None,
-    bulge_sigma: float = 0.0,
     numerics: CorrectionNumerics | None = None,
 ) -> tuple[ModelFit, ...]:
     """Fit laws to a compressed cylinder, with intervals and correlations, greatest weight first.
@@ -329,10 +327,10 @@ def fit_specimen(
     Raises ValueError if no law can be fitted; the message has each one's reason.
 
     ``band``: apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its ends.
-    ``laws``: names of `kolsky.material.fits.compare.candidates`. ``bulge``, ``bulge_sigma``: radius at
-    mid-height [m], shape [n], and its standard deviation [m]. ``numerics``: meshes and Poisson's ratio.
+    ``laws``: names of `kolsky.material.fits.compare.candidates`. ``numerics``: meshes and Poisson's
+    ratio.
     """
-    test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
+    test = checked_test(band, specimen, ends, None, 0.0, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]
     found, failed = _fit_candidates(test, laws, near)
     if not found:

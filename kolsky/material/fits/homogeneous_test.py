@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, check_deformation
 from kolsky.readers.measured_tables import WantedColumn, column_names, read_columns, recognised_columns
@@ -180,7 +180,7 @@ def read_homogeneous_test(
         # A stretch has no sign to be declared; strain and stress share theirs.
         d = values["deformation"] if columns.stretch else mode.at_rest + sign * values["deformation"]
         stress = sign * values["stress"]
-    try:
+    with refused(path, cure="check columns, units and --convention"):
         test = HomogeneousTest(
             name=path.stem,
             mode=Mode.UNIAXIAL if by_force else mode,
@@ -188,8 +188,6 @@ def read_homogeneous_test(
             stress=stress,
             lateral=lateral,
         )
-    except ValueError as error:
-        raise InputError(path, str(error), cure="check columns, units and --convention") from None
     return test, sha256
 
 

@@ -163,22 +163,12 @@ def _laws(comparison: Comparison) -> Columns:
 
 
 def _constants(comparison: Comparison) -> Columns:
-    rows = (
-        {
-            "law": row.candidate.name,
-            "constant": name,
-            "value (SI)": value,
-            "u (SI)": sigma if math.isfinite(sigma) else "",
-            "unit": unit,
-            "state": state,
-        }
-        for row, f in _fitted(comparison)
-        for name, value, sigma, unit, state in _constants_of(f)
-    )
-    return columns_of(rows, ("law", "constant", "value (SI)", "u (SI)", "unit", "state"))
+    names = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
+    rows = ((row.candidate.name, *said) for row, f in _fitted(comparison) for said in _constants_of(f))
+    return columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
 
 
-def _constants_of(f: Fit) -> Iterator[tuple[str, float, float, str, str]]:
+def _constants_of(f: Fit) -> Iterator[tuple[Any, ...]]:
     """Name, value, standard uncertainty, unit and state of each constant, and of a fitted Poisson's ratio."""
     rows = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
     if "poisson" in f.free and f.poisson is not None:
@@ -186,7 +176,7 @@ def _constants_of(f: Fit) -> Iterator[tuple[str, float, float, str, str]]:
     for name, value, unit in rows:
         state = "at a bound" if name in f.at_bound else "fitted" if name in f.free else "held"
         sigma = f.sigma[name] if state == "fitted" or name == "poisson" else math.nan
-        yield name, value, sigma, unit, state
+        yield name, value, sigma if math.isfinite(sigma) else "", unit, state
 
 
 def _errors(comparison: Comparison) -> Columns:

@@ -1,6 +1,6 @@
 """Pages of whole specimens, fitted to force curves or a displacement field, and of a pressurised actuator."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -128,7 +128,7 @@ def render_actuator(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
         heading=shown.name,
         subject="bend",
         warnings=sentences(shown.warnings),
-        tables=[table for table in tables(shown) if table["rows"]],
+        tables=tables(shown),
         figures=draw_figures(shown),
         inputs=list(inputs.items()),
     )
@@ -141,22 +141,12 @@ def _degrees(value: float) -> str:
     return numbers.NOTHING if np.isnan(value) else f"{np.degrees(value):.2f}°"
 
 
-def tables(view: ActuatorView) -> list[dict[str, Any]]:
-    """Tables of the page, each with caption, headings and rows."""
-    return [
-        bends(view),
-        contacts(view),
-        forces(view),
-        _marker_rows(view),
-        stiffness(view),
-        inversions(view),
-        loops(view),
-    ]
+Rows = Iterator[tuple[dict[str, str], bool]]
+"""Texts by the heads of their columns, and whether the row's result is lost."""
 
 
-def bends(view: ActuatorView) -> dict[str, Any]:
+def bends(view: ActuatorView) -> Rows:
     """Bend at the declared pressures."""
-    rows = []
     for one in view.directions:
         relative = None if one.healed is None else relative_bend(one)
         slopes = one.pristine.slopes().sum(axis=1)
@@ -169,13 +159,11 @@ def bends(view: ActuatorView) -> dict[str, Any]:
                 "Bend, healed": numbers.NOTHING if one.healed is None else _degrees(one.healed.angle[k]),
                 "Healed less pristine": "–" if relative is None else numbers.percent(relative[number]),
             }
-            rows.append((cells, bool(one.overlapping[k])))
-    return _table("Bend at the declared pressures", rows)
+            yield cells, bool(one.overlapping[k])
 
 
-def contacts(view: ActuatorView) -> dict[str, Any]:
+def contacts(view: ActuatorView) -> Rows:
     """Contact of neighbouring chambers."""
-    rows = []
     for one in view.directions:
         contact = one.touching
         if contact is None:
@@ -189,13 +177,11 @@ def contacts(view: ActuatorView) -> dict[str, Any]:
             "Deepest (µm)": f"{1e6 * contact.depth.max():.2g}",
             "Smallest gap of facing points (mm)": f"{1e3 * one.gap.min():.3g}",
         }
-        rows.append((cells, False))
-    return _table("Contact of neighbouring chambers", rows)
+        yield cells, False
 
 
-def forces(view: ActuatorView) -> dict[str, Any]:
+def forces(view: ActuatorView) -> Rows:
     """Forces on planes and on the support of a blocked set."""
-    rows = []
     for one in view.directions:
         for name, each in one.forces.items():
             for k in one.asked:
@@ -206,13 +192,11 @@ def forces(view: ActuatorView) -> dict[str, Any]:
                     "Force (N)": f"{np.linalg.norm(each[k]):.4g}",
                     "x, y, z (N)": ", ".join(f"{x:.4g}" for x in each[k]),
                 }
-                rows.append((cells, False))
-    return _table("Forces on the outside", rows)
+                yield cells, False
 
 
-def _marker_rows(view: ActuatorView) -> dict[str, Any]:
+def _marker_rows(view: ActuatorView) -> Rows:
     """Root mean square distance of the markers, as Table 4 of the paper."""
-    rows = []
     for one in view.markers:
         cells = {
             "Gravity": one.gravity,
@@ -222,13 +206,12 @@ def _marker_rows(view: ActuatorView) -> dict[str, Any]:
             "Bend measured": _degrees(one.measured_angle),
             "Explained by the noise": "yes" if one.explained else "no",
         }
-        rows.append((cells, not one.explained))
-    return _table("Markers: measured less simulated", rows)
+        yield cells, not one.explained
 
 
-def stiffness(view: ActuatorView) -> dict[str, Any]:
+def stiffness(view: ActuatorView) -> Rows:
     """The factor of all moduli, fitted to the markers."""
-    fit, rows = view.stiffness, []
+    fit = view.stiffness
     if fit is not None:
         cells = {
             "Markers": "all",
@@ -237,13 +220,11 @@ def stiffness(view: ActuatorView) -> dict[str, Any]:
             "χ² / degrees of freedom": f"{fit.chi2 / fit.degrees:.3g}",
             "Explained by the noise": "yes" if fit.explained else "no",
         }
-        rows.append((cells, not (fit.explained and fit.converged)))
-    return _table("Factor of all moduli fitted to the markers", rows)
+        yield cells, not (fit.explained and fit.converged)
 
 
-def inversions(view: ActuatorView) -> dict[str, Any]:
+def inversions(view: ActuatorView) -> Rows:
     """Pressures for target bends."""
-    rows = []
     for name, each in view.inversions.items():
         for one in each:
             bars = ", ".join(f"{BAR * p:.4g}" for p in one.pressures)
@@ -255,13 +236,11 @@ def inversions(view: ActuatorView) -> dict[str, Any]:
                 "Outcome": one.ended.value,
                 "Equilibria": str(one.equilibria),
             }
-            rows.append((cells, one.ended is not SearchEnd.YES))
-    return _table("Pressures for wanted bends", rows)
+            yield cells, one.ended is not SearchEnd.YES
 
 
-def loops(view: ActuatorView) -> dict[str, Any]:
+def loops(view: ActuatorView) -> Rows:
     """Benchmark of the loop."""
-    rows = []
     for name, run in view.closed.items():
         made = view.reductions[name]
         reduced = made.model.reduced
@@ -280,15 +259,29 @@ def loops(view: ActuatorView) -> dict[str, Any]:
             "Late, held, bounded": f"{run.late}, {int(run.held.sum())}, {int(run.bounded.sum())}",
             "Error once settled": ", ".join(_degrees(e) for e in run.settled_error()),
         }
-        rows.append((cells, bool(run.late or run.held.any())))
-    return _table("Closed loop with a simulated plant", rows)
+        yield cells, bool(run.late or run.held.any())
 
 
-def _table(caption: str, rows: list[tuple[dict[str, str], bool]]) -> dict[str, Any]:
-    """A table of rows: texts by the heads of their columns, and whether the row's result is lost."""
-    head = list(rows[0][0]) if rows else []
-    table = [{"cells": list(cells.values()), "lost": lost} for cells, lost in rows]
-    return {"caption": caption, "head": head, "rows": table}
+TABLES: dict[str, Callable[[ActuatorView], Rows]] = {
+    "Bend at the declared pressures": bends,
+    "Contact of neighbouring chambers": contacts,
+    "Forces on the outside": forces,
+    "Markers: measured less simulated": _marker_rows,
+    "Factor of all moduli fitted to the markers": stiffness,
+    "Pressures for wanted bends": inversions,
+    "Closed loop with a simulated plant": loops,
+}
+"""Tables of the page by their captions."""
+
+
+def tables(view: ActuatorView) -> list[dict[str, Any]]:
+    """Tables of the page with rows, each with caption and headings."""
+    made = []
+    for caption, rows_of in TABLES.items():
+        if rows := list(rows_of(view)):
+            table = [{"cells": list(cells.values()), "lost": lost} for cells, lost in rows]
+            made.append({"caption": caption, "head": list(rows[0][0]), "rows": table})
+    return made
 
 
 def actuator_rows(view: ActuatorView) -> dict[str, str]:

@@ -1,12 +1,11 @@
 """Pages of studies: a planned measurement, a planned test, a sweep over parameters, an error budget."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE
 from kolsky.prediction.design import Aim, Scan, events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
@@ -15,6 +14,7 @@ from kolsky.results.nomenclature import name_of
 from kolsky.studies.budget.records import Budget, Campaign
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.planning.plan import rows as plan_rows
+from kolsky.studies.sweep import costs, misfit_sum
 from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 
 
@@ -130,8 +130,7 @@ def render_sweep(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
         facts=[
             ("runs", f"{n}, {completed} completed"),
             *((_named(name), _range(result, name)) for name in result.box.names),
-            *([("smallest misfit", _best(result))] if result.best is not None else []),
-            *([("least of the interpolant", _surface(result))] if result.optimum is not None else []),
+            *_least(result),
         ],
         outputs=[
             {
@@ -165,25 +164,25 @@ def _range(result: SweepAnalysis, name: str) -> str:
     return f"{text}, evenly in the logarithm" if result.box.logarithmic[i] else text
 
 
-def _best(result: SweepAnalysis) -> str:
-    assert result.best is not None  # where it is asked for
-    point = result.table.points[result.best]
-    at = ", ".join(
-        f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
-        for name, value in zip(result.box.names, point, strict=True)
-    )
-    return f"run {result.best}: {at}"
+def _least(result: SweepAnalysis) -> Iterator[tuple[str, str]]:
+    """The run with the smallest misfit and the minimum of the interpolant, if there are such."""
+    if (best := result.best) is not None:
+        yield "smallest misfit", f"run {best}: {_place(result.box.as_dict(result.table.points[best]), {})}"
+    if (least := result.optimum) is not None:
+        at = _place(least.at, least.at_bound)
+        yield (
+            "least of the interpolant",
+            f"{SWEEP_WORDS[least.output]} = {numbers.plain(least.value)} at {at}",
+        )
 
 
-def _surface(result: SweepAnalysis) -> str:
-    optimum = result.optimum
-    assert optimum is not None  # where it is asked for
-    at = ", ".join(
+def _place(point: Mapping[str, float], at_bound: Mapping[str, str]) -> str:
+    """A point in words, with the bounds that it lies at."""
+    return ", ".join(
         f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
-        + (f" (at the {optimum.at_bound[name]} bound)" if name in optimum.at_bound else "")
-        for name, value in optimum.at.items()
+        + (f" (at the {at_bound[name]} bound)" if name in at_bound else "")
+        for name, value in point.items()
     )
-    return f"{SWEEP_WORDS[optimum.output]} = {numbers.plain(optimum.value)} at {at}"
 
 
 def _listed(result: SweepAnalysis) -> list[int]:
@@ -192,19 +191,12 @@ def _listed(result: SweepAnalysis) -> list[int]:
     if n <= MOST_LISTED:
         return list(range(n))
     lost = list(result.table.lost)[: MOST_LISTED // 2]
-    ranked = [int(i) for i in np.argsort(_phi(result)) if int(i) not in set(result.table.lost)]
+    ranked = [int(i) for i in np.argsort(costs(result.table)) if int(i) not in set(result.table.lost)]
     return [*lost, *ranked[: MOST_LISTED - len(lost)]]
-
-
-def _phi(result: SweepAnalysis) -> Any:
-    table = result.table
-    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
-    return phi if np.isfinite(phi).any() else table.phi_force
 
 
 def _run_row(result: SweepAnalysis, i: int) -> dict[str, Any]:
     table = result.table
-    both = table.phi_force[i] / SCALE_FORCE + table.phi_shape[i] / SCALE_SHAPE
     lost = i in table.lost
     return {
         "number": i,
@@ -214,7 +206,7 @@ def _run_row(result: SweepAnalysis, i: int) -> dict[str, Any]:
         ],
         "phi_force": _known(table.phi_force[i]),
         "phi_shape": _known(table.phi_shape[i]),
-        "phi": _known(both),
+        "phi": _known(misfit_sum(table)[i]),
         "outcome": table.ending(i).sentence if lost else "completed",
         "ok": not lost,
     }

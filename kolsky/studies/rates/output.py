@@ -1,7 +1,7 @@
 """A rate report as tables: CSV files, and one HDF5 file with the same column names."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,31 +11,22 @@ from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
 
 Columns = dict[str, list[Any]]
 """Column heading, "name (unit)" for numbers -> its cells."""
+Rows = Iterator[tuple[Any, ...]]
 NAN = float("nan")
 ROUTES = ("joint", "force only", "shape only", "paper")
 
 
 def tables(report: RateReport) -> dict[str, Columns]:
     """The tables of a report: name -> columns. A missing number is NaN."""
-    return {
+    made = {
         "rate_shots": columns_of(_shots(report)),
         "rate_groups": columns_of(map(_group_row, report.groups)),
-        "rate_leave_one_out": _leave_one_out(report),
-        "rate_criteria": _criteria(report),
-        "rate_shared": _shared(report),
-        "rate_stiffness": _stiffness(report),
-        "rate_force_at_strain": _force(report),
-        "rate_shape_at_strain": _shape(report),
-        "rate_quasi_static_force": _quasi_static_force(report),
-        "rate_scatter_at_strain": _scatter(report),
-        "rate_remarks": _rows(
-            ["group", "remark"], ((g.name, remark) for g in report.groups for remark in g.remarks)
-        ),
     }
-
-
-def _rows(names: list[str], rows: Iterable[tuple[Any, ...]]) -> Columns:
-    return columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
+    for name, (rows_of, headings) in TABLES.items():
+        rows = ((group.name, *row) for group in report.groups for row in rows_of(group))
+        names = ["group", *headings]
+        made[name] = columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
+    return made
 
 
 def _shots(report: RateReport) -> Iterator[dict[str, Any]]:
@@ -134,148 +125,86 @@ def _group_row(group: GroupRates) -> dict[str, Any]:
     }
 
 
-def _leave_one_out(report: RateReport) -> Columns:
-    def rows() -> Iterable[tuple[Any, ...]]:
-        for rates in report.groups:
-            if rates.pooled is None or rates.slope is None:
-                continue
-            fits = zip(rates.counted, rates.pooled.leave_one_out, rates.slope.leave_one_out, strict=True)
-            for shot, mean, line in fits:
-                yield (
-                    rates.name,
-                    shot.name,
-                    *(
-                        (NAN,) * 4
-                        if mean is None
-                        else (mean.coefficients[0], *mean.interval(0), mean.between)
-                    ),
-                    *((NAN,) * 3 if line is None else (line.coefficients[1], *line.interval(1))),
-                )
-
-    names = ["group", "without", "mean m (1)", "95 % low (1)", "95 % high (1)", "tau (1)"]
-    slopes = ["slope (1/decade)", "slope, 95 % low (1/decade)", "slope, 95 % high (1/decade)"]
-    return _rows([*names, *slopes], rows())
+def _leave_one_out(rates: GroupRates) -> Rows:
+    if rates.pooled is None or rates.slope is None:
+        return
+    fits = zip(rates.counted, rates.pooled.leave_one_out, rates.slope.leave_one_out, strict=True)
+    for shot, mean, line in fits:
+        yield (
+            shot.name,
+            *((NAN,) * 4 if mean is None else (mean.coefficients[0], *mean.interval(0), mean.between)),
+            *((NAN,) * 3 if line is None else (line.coefficients[1], *line.interval(1))),
+        )
 
 
-def _criteria(report: RateReport) -> Columns:
-    return _rows(
-        ["group", "criterion", "value", "limit", "unit", "at least (0/1)", "met (0/1)"],
-        (
-            (g.name, c.name, c.value, c.limit, c.unit, int(c.at_least), int(c.met))
-            for g in report.groups
-            if g.slope is not None
-            for c in g.slope.criteria
-        ),
-    )
+def _criteria(rates: GroupRates) -> Rows:
+    for c in () if rates.slope is None else rates.slope.criteria:
+        yield c.name, c.value, c.limit, c.unit, int(c.at_least), int(c.met)
 
 
-def _shared(report: RateReport) -> Columns:
-    return _rows(
-        ["group", "part", "shared through", "shot", "moves m by (1)"],
-        (
-            (g.name, part, through, shot.name, change)
-            for g in report.groups
-            for (part, through), row in g.common.items()
-            for shot, change in zip(g.counted, row, strict=True)
-            if change != 0.0
-        ),
-    )
+def _shared(rates: GroupRates) -> Rows:
+    for (part, through), row in rates.common.items():
+        for shot, change in zip(rates.counted, row, strict=True):
+            if change != 0.0:
+                yield part, through, shot.name, change
 
 
-def _stiffness(report: RateReport) -> Columns:
-    def rows() -> Iterable[tuple[Any, ...]]:
-        for rates in report.groups:
-            for at in rates.stiffness:
-                for name, (value, sigma) in at.quantities.items():
-                    base, spread = at.baseline[name]
-                    rate = rates.counted[0].quasi_static.rate
-                    yield (
-                        rates.name,
-                        "quasi-static",
-                        NAN if rate is None else rate,
-                        at.strain,
-                        name,
-                        base,
-                        spread,
-                    )
-                    for row in zip(at.shots, at.rates, value, sigma, strict=True):
-                        yield rates.name, row[0], row[1], at.strain, name, row[2], row[3]
-
-    names = ["group", "shot", "strain rate (1/s)", "nominal strain (1)", "quantity", "value (Pa)", "u (Pa)"]
-    return _rows(names, rows())
+def _stiffness(rates: GroupRates) -> Rows:
+    for at in rates.stiffness:
+        for name, (value, sigma) in at.quantities.items():
+            slow = rates.counted[0].quasi_static.rate
+            yield "quasi-static", NAN if slow is None else slow, at.strain, name, *at.baseline[name]
+            for shot, rate, *found in zip(at.shots, at.rates, value, sigma, strict=True):
+                yield shot, rate, at.strain, name, *found
 
 
-def _force(report: RateReport) -> Columns:
-    def rows() -> Iterable[tuple[Any, ...]]:
-        for rates in report.groups:
-            e = rates.equal_strain
-            if e is None:
-                continue
-            for k, strain in enumerate(e.strains):
-                for i, shot in enumerate(e.shots):
-                    yield rates.name, strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
-
-    names = ["group", "nominal strain (1)", "shot", "force (N)", "sigma (N)", "simulated force (N)"]
-    return _rows(names, rows())
+def _force(rates: GroupRates) -> Rows:
+    if (e := rates.equal_strain) is not None:
+        for k, strain in enumerate(e.strains):
+            for i, shot in enumerate(e.shots):
+                yield strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
 
 
-def _shape(report: RateReport) -> Columns:
-    return _rows(
-        [
-            "group",
-            "nominal strain (1)",
-            "shot",
-            "strain of the frame (1)",
-            "y (m)",
-            "Z (m)",
-            "sigma Z (m)",
-            "Z simulated (m)",
-        ],
-        (
-            (g.name, s.strain, s.shot, s.at, *point)
-            for g in report.groups
-            if g.equal_strain is not None
-            for s in g.equal_strain.shapes
-            for point in zip(s.y, s.Z, s.sigma, s.model, strict=True)
-        ),
-    )
+def _shape(rates: GroupRates) -> Rows:
+    for s in () if rates.equal_strain is None else rates.equal_strain.shapes:
+        for point in zip(s.y, s.Z, s.sigma, s.model, strict=True):
+            yield s.strain, s.shot, s.at, *point
 
 
-def _quasi_static_force(report: RateReport) -> Columns:
-    return _rows(
-        ["group", "nominal strain (1)", "quasi-static force (N)"],
-        (
-            (g.name, strain, force)
-            for g in report.groups
-            if (e := g.equal_strain) is not None
-            for strain, force in zip(e.baseline_strain, e.baseline_force, strict=True)
-        ),
-    )
+def _quasi_static_force(rates: GroupRates) -> Rows:
+    if (e := rates.equal_strain) is not None:
+        yield from zip(e.baseline_strain, e.baseline_force, strict=True)
 
 
-def _scatter(report: RateReport) -> Columns:
-    return _rows(
-        [
-            "group",
-            "nominal strain (1)",
-            "scatter of Z between shots (m)",
-            "scatter of Z measured minus simulated (m)",
-            "scatter of the force (N)",
-        ],
-        (
-            (
-                g.name,
-                e.strains[k],
-                e.shape_scatter[k],
-                e.residual_scatter[k],
-                e.force[:, k].std(ddof=1) if len(e.shots) > 1 else NAN,
-            )
-            for g in report.groups
-            if (e := g.equal_strain) is not None
-            for k in range(e.strains.size)
-        ),
-    )
+def _scatter(rates: GroupRates) -> Rows:
+    if (e := rates.equal_strain) is not None:
+        for k, strain in enumerate(e.strains):
+            force = e.force[:, k].std(ddof=1) if len(e.shots) > 1 else NAN
+            yield strain, e.shape_scatter[k], e.residual_scatter[k], force
 
+
+SLOPES = ["slope (1/decade)", "slope, 95 % low (1/decade)", "slope, 95 % high (1/decade)"]
+STRAIN = "nominal strain (1)"
+OUTLINE = ["strain of the frame (1)", "y (m)", "Z (m)", "sigma Z (m)", "Z simulated (m)"]
+APART = ["scatter of Z between shots (m)", "scatter of Z measured minus simulated (m)"]
+TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
+    "rate_leave_one_out": (
+        _leave_one_out,
+        ["without", "mean m (1)", "95 % low (1)", "95 % high (1)", "tau (1)", *SLOPES],
+    ),
+    "rate_criteria": (_criteria, ["criterion", "value", "limit", "unit", "at least (0/1)", "met (0/1)"]),
+    "rate_shared": (_shared, ["part", "shared through", "shot", "moves m by (1)"]),
+    "rate_stiffness": (
+        _stiffness,
+        ["shot", "strain rate (1/s)", STRAIN, "quantity", "value (Pa)", "u (Pa)"],
+    ),
+    "rate_force_at_strain": (_force, [STRAIN, "shot", "force (N)", "sigma (N)", "simulated force (N)"]),
+    "rate_shape_at_strain": (_shape, [STRAIN, "shot", *OUTLINE]),
+    "rate_quasi_static_force": (_quasi_static_force, [STRAIN, "quasi-static force (N)"]),
+    "rate_scatter_at_strain": (_scatter, [STRAIN, *APART, "scatter of the force (N)"]),
+    "rate_remarks": (lambda rates: ((remark,) for remark in rates.remarks), ["remark"]),
+}
+"""Rows of a group, and their headings after the group's name."""
 
 FORMAT = Format("kolsky-rates")
 _UNIT = re.compile(r" \(([^()]*)\)$")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict
 
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.records import MaterialCurve
 from kolsky.base.toml import TomlFile
 from kolsky.inverse.result import Identification
@@ -80,9 +80,7 @@ def group_of(file: TomlFile, key: str) -> str:
     """
     if not key:
         return ALL
-    value: Any = file.content
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
+    value = file.written(key)
     if value is None:
         raise InputError(
             file.path,
@@ -138,10 +136,8 @@ def collected_shot(
             f"has no {PARAMETER}: it was held, not identified",
             cure=f"identify it with --free {PARAMETER}",
         )
-    try:
+    with refused(loaded.folder, cure="identify the shot again"):
         history = strain_history(loaded)
-    except ValueError as error:
-        raise InputError(loaded.folder, str(error), cure="identify the shot again") from error
     return RatedShot(
         name=loaded.name,
         group=group,

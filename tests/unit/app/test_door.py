@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 pytest.importorskip("nicegui", reason="the extra `app` is not installed")
+
+from kolsky_command import run_kolsky
 
 import kolsky.app
 from kolsky.app.frame import NoShot, folder_at
 from kolsky.app.server import Door, Gate, free_port
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 
 DOOR = Door(8420, "the-secret")
 COOKIE = "kolsky-8420=the-secret"
@@ -133,8 +133,7 @@ def test_a_port_in_use_is_refused_and_the_next_is_found() -> None:
 
 
 def test_no_folder_is_refused(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["open", str(tmp_path / "none")])
-    assert done.exit_code == 2
+    done = run_kolsky("open", tmp_path / "none", code=2)
     assert "is no folder" in done.stderr
 
 
@@ -144,8 +143,7 @@ def test_without_the_extra_the_cure_is_named(tmp_path: Path, monkeypatch: pytest
     for name in [one for one in sys.modules if one.startswith("kolsky.app")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    done = CliRunner().invoke(app, ["open", str(tmp_path)])
-    assert done.exit_code == 2
+    done = run_kolsky("open", tmp_path, code=2)
     assert "pip install 'kolsky[app]'" in done.stderr
 
 

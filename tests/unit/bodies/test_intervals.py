@@ -1,12 +1,12 @@
 """Intervals, correlations and verdicts of fitted constants, from small problems by hand."""
 
-import importlib.util
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from module_files import module_at
 from scipy.stats import chi2, t
 
 from kolsky.bodies.actuator_bending import Direction, relative_bend, warnings_of
@@ -250,11 +250,7 @@ def test_effect_of_healing_is_that_on_the_bend_from_rest() -> None:
 
 
 def test_printed_tables_of_the_paper() -> None:
-    found = importlib.util.spec_from_file_location("paper", ROOT / "runs" / "actuator" / "paper.py")
-    assert found is not None
-    assert found.loader is not None
-    paper = importlib.util.module_from_spec(found)
-    found.loader.exec_module(paper)
+    paper = module_at(ROOT / "runs" / "actuator" / "paper.py")
     rows = {what: follows for what, _, follows in paper.checks()}
     # nu = (3 K - 2 mu) / (2 (3 K + mu)) with mu = 0.218, K = 2 / 1.15 or 2.3 MPa
     assert rows["Poisson's ratio, D1 in 1/MPa"] == pytest.approx(4.78139 / 10.87078, rel=1e-5)

@@ -58,6 +58,12 @@ def _sheet(**options: object) -> Sheet:
     return Sheet(small_mesh(), **given)  # type: ignore[arg-type]
 
 
+def half_held() -> Sheet:
+    """Half of it is of a known, stiff material."""
+    middle, stiff = small_mesh().points[small_mesh().cells].mean(axis=1), constants(E=9e4, poisson=0.2)
+    return _sheet(regions=(middle[:, 0] > 0.02).astype(np.int64), held={1: stiff.solid(stiff.start)})
+
+
 def test_mass_of_a_triangle() -> None:
     mesh = Mesh(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]]), np.array([[0, 1, 2]]), "tri3")
     expected = 3.0 / 12.0 * np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]])
@@ -116,11 +122,7 @@ def test_the_wrong_kinematics_is_another_answer() -> None:
 
 
 def test_a_held_region_keeps_its_material() -> None:
-    mesh = small_mesh()
-    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
-    stiff = constants(E=9e4, poisson=0.2)
-    sheet = _sheet(regions=regions, held={1: stiff.solid(stiff.start)})
-    found = fit_field(made(sheet))
+    found = fit_field(made(half_held()))
     assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-5)
 
 
@@ -229,10 +231,7 @@ def test_a_field_that_is_explained_does_not_excuse_a_force() -> None:
 
 def test_second_derivatives_are_those_of_the_gradient() -> None:
     # Data far from the model, so that the second derivatives of u and f count; a held region beside.
-    mesh = small_mesh()
-    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
-    stiff = constants(E=9e4, poisson=0.2)
-    problem = made(_sheet(regions=regions, held={1: stiff.solid(stiff.start)}))
+    problem = made(half_held())
     free, sizes = np.array([2.2e4, 0.2]), np.array([2.2e4, 0.2])
     columns = []
     for j in range(2):
@@ -467,10 +466,7 @@ def test_the_factor_that_a_force_lacks() -> None:
 @pytest.fixture(scope="module")
 def two_materials() -> FieldProblem:
     """A sheet of which half is of a known material: its field alone determines both constants."""
-    mesh = small_mesh()
-    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
-    stiff = constants(E=9e4, poisson=0.2)
-    return made(_sheet(regions=regions, held={1: stiff.solid(stiff.start)}))
+    return made(half_held())
 
 
 @pytest.mark.parametrize(
@@ -537,14 +533,12 @@ def test_cells_of_either_sense_are_one_body() -> None:
 
 
 def test_two_regions_are_free_at_once() -> None:
-    mesh = small_mesh()
-    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
     values = {**TRUE, "stiff.E": 9e4, "stiff.poisson": 0.2}
     both = Constants("neo_hookean_coupled", values, tuple(values), ("stiff",))
-    sheet = _sheet(regions=regions)
+    sheet = _sheet(regions=half_held().regions)
     state = sheet_state(sheet, both, both.start, -PAD)
     assert not isinstance(state, str)
-    cells = np.ones(len(mesh.cells), dtype=bool)
+    cells = np.ones(len(sheet.mesh.cells), dtype=bool)
     data = FieldData(-PAD, state.force, state.displacements, cells, 1e-6, 1e-5, 1e-5)
     start = Constants(
         "neo_hookean_coupled", {**values, "E": 2.2e4, "stiff.E": 6e4}, tuple(values), ("stiff",)

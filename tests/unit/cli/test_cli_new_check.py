@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from damaged_shots import BAD
+from kolsky_command import json_of, run_kolsky
 from matplotlib import pyplot as plt
 from shot_folders import FILES, OPEN_01, OPEN_02, ROOT, shot_in, state
 from typer.testing import CliRunner
@@ -47,16 +48,14 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(shot: Path, name: str) -> N
 def test_several_missing_files_are_one_line_each(shot: Path) -> None:
     (shot / "flyer.csv").unlink()
     (shot / "scope.csv").unlink()
-    result = runner.invoke(app, ["check", str(shot)])
-    assert result.exit_code == 2
+    result = run_kolsky("check", shot, code=2)
     first, second = result.stderr.splitlines()
     assert "force.file" in first
     assert "flyer.file" in second
 
 
 def test_no_such_shot(tmp_path: Path) -> None:
-    result = runner.invoke(app, ["check", str(tmp_path / "nowhere")])
-    assert result.exit_code == 2
+    result = run_kolsky("check", tmp_path / "nowhere", code=2)
     assert "there is no such folder or file" in result.stderr
 
 
@@ -65,9 +64,7 @@ def test_one_shot_file_serves_both_shots(data: Path, tmp_path: Path) -> None:
     folder = tmp_path / data.name
     shutil.copytree(data, folder)
     shutil.copy(OPEN_01 / "shot.toml", folder)
-    result = runner.invoke(app, ["check", str(folder), "--json"])
-    assert result.exit_code == 0, result.stderr
-    told = json.loads(result.stdout)
+    told = json_of("check", folder)
     assert told["shot"] == data.name
     assert told["specimen"]["diameter"] == {"value": 0.0095, "unit": "m"}
     assert told["force"]["samples"]["value"] == 3341  # lines of scope.csv but the header
@@ -82,8 +79,7 @@ def test_one_shot_file_serves_both_shots(data: Path, tmp_path: Path) -> None:
 
 
 def test_the_table_shows_what_was_understood(tmp_path: Path) -> None:
-    result = runner.invoke(app, ["check", str(OPEN_01 / "shot.toml"), "--out", str(tmp_path)])
-    assert result.exit_code == 0
+    result = run_kolsky("check", OPEN_01 / "shot.toml", "--out", tmp_path)
     for text in (
         "shot open-01",
         "9.5 mm",
@@ -109,8 +105,7 @@ def test_what_is_not_declared_uncertain_is_said(shot: Path) -> None:
 
 
 def test_a_page_shows_signals_on_one_clock_and_the_outline(shot: Path) -> None:
-    result = runner.invoke(app, ["check", str(shot)])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("check", shot)
     page = (shot / "results" / "check.html").read_text(encoding="utf-8")
     assert str(shot / "results" / "check.html") in result.stdout.replace("\n", "")
     assert "<svg" in page
@@ -137,18 +132,15 @@ def test_the_figure_of_a_check_has_one_axis_of_time() -> None:
 
 def test_new_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "shot.toml").write_text("mine")
-    result = runner.invoke(app, ["new", str(tmp_path)])
-    assert result.exit_code == 2
+    result = run_kolsky("new", tmp_path, code=2)
     assert "exists already and was not changed" in result.stderr
     assert (tmp_path / "shot.toml").read_text() == "mine"
-    result = runner.invoke(app, ["new", str(tmp_path / "shot.toml")])
-    assert result.exit_code == 2
+    result = run_kolsky("new", tmp_path / "shot.toml", code=2)
     assert (tmp_path / "shot.toml").read_text() == "mine"
 
 
 def test_version() -> None:
-    result = runner.invoke(app, ["--version"])
-    assert result.exit_code == 0
+    result = run_kolsky("--version")
     assert result.stdout.startswith("kolsky")
 
 

@@ -8,14 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from shot_folders import ROOT, shot_in, state
+from shot_folders import ROOT, ordinary_rights, shot_in, state
 
 from benchmarks.small_cases import write_pictures
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="capabilities of Linux")
 
-OVERRIDE = (1, 2)
-"""CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH: with them the administrator writes anywhere."""
 EACH = """
 import json, sys
 from typer.testing import CliRunner
@@ -41,14 +39,6 @@ COMMANDS = {
     "specimen fit": "specimen fit STRIP/strip.toml",
     "virtual new": "virtual new CLOSED/one.toml",
 }
-
-
-def _ordinary() -> None:
-    """Give up what lets the administrator write into closed folders, with the next program."""
-    import ctypes
-
-    for capability in OVERRIDE if os.geteuid() == 0 else ():
-        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
 
 
 @pytest.mark.slow  # twelve commands load what they need
@@ -86,7 +76,7 @@ def test_every_command_refuses_a_closed_folder_in_one_line(tmp_path: Path) -> No
             text=True,
             cwd=ROOT,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
-            preexec_fn=_ordinary,
+            preexec_fn=ordinary_rights,
             check=False,
         )
     finally:

@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 import pytest
 from boards import CALIBRATION, LENS, MATRIX, SHIFT, board_series
-from kolsky_command import json_of
+from kolsky_command import json_of, run_kolsky
 from speckle_pictures import render, speckle_pattern
-from typer.testing import CliRunner
 
 from dic.camera_files import read_rig
 from dic.outcome import PointOutcome
 from kolsky.base.errors import InputError
-from kolsky.cli.commandline import app
 from kolsky.pictures.dic_file import read_full_field
 from kolsky.pictures.measurement import mask_of, measure_file, read_measurement
 from kolsky.report.pages.surfaces import summary
@@ -167,22 +165,18 @@ def series(tmp_path_factory) -> Path:
     return board_series(tmp_path_factory.mktemp("series"))
 
 
-def run(*arguments: object):
-    """The command with these arguments."""
-    return CliRunner().invoke(app, ["calibrate", *map(str, arguments)])
-
-
 @pytest.fixture(scope="module")
 def calibrated(series, tmp_path_factory):
     """One run with everything it can write."""
     out = tmp_path_factory.mktemp("out")
-    return run(series, "--out", out, "--export", "dice,opencorr", "--figures", "png", "--json"), out
+    return run_kolsky(
+        "calibrate", series, "--out", out, "--export", "dice,opencorr", "--figures", "png", "--json"
+    ), out
 
 
 @pytest.mark.slow
 def test_the_answer_is_one_json_object_with_the_true_cameras(calibrated):
     result, _ = calibrated
-    assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
     assert [pair["outcome"] for pair in answer["pairs"]] == [
         *["VALID"] * 3, "INCONSISTENT", "VALID", "INCONSISTENT", "VALID",
@@ -232,8 +226,7 @@ def test_the_files_say_the_same(calibrated):
 
 @pytest.mark.slow
 def test_the_table_names_pairs_and_intervals(series, tmp_path):
-    result = run(series / "calibration.toml", "--out", tmp_path / "results")
-    assert result.exit_code == 0, result.output
+    result = run_kolsky("calibrate", series / "calibration.toml", "--out", tmp_path / "results")
     assert "5 of 7" in result.stdout
     assert "camera 0, fx" in result.stdout
     assert "inconsistent" in result.stdout
@@ -263,14 +256,12 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path, change, said):
     for name in ("left_0", "left_1", "right_0", "right_1"):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((120, 160), 99, np.uint8))
     (tmp_path / "calibration.toml").write_text(CALIBRATION.replace(*change))
-    result = run(tmp_path)
-    assert result.exit_code == 2
+    result = run_kolsky("calibrate", tmp_path, code=2)
     assert said in result.stderr
     assert not (tmp_path / "results").exists()
 
 
 def test_a_folder_without_a_description_says_so(tmp_path):
-    result = run(tmp_path)
-    assert result.exit_code == 2
+    result = run_kolsky("calibrate", tmp_path, code=2)
     assert "has neither calibration.toml nor shot.toml" in result.stderr
-    assert run(tmp_path, "--export", "word").exit_code == 2
+    run_kolsky("calibrate", tmp_path, "--export", "word", code=2)

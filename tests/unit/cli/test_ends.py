@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from shot_folders import ordinary_rights
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
@@ -149,16 +150,6 @@ with refusing_bad_input():
     with filling(Path(sys.argv[1])) as partial:
         (partial / "kept.csv").write_text("later")
 """
-OVERRIDE = (1, 2)
-"""CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH: with them the administrator writes anywhere."""
-
-
-def _ordinary() -> None:
-    """Give up what lets the administrator write into closed folders, with the next program."""
-    import ctypes
-
-    for capability in OVERRIDE if os.geteuid() == 0 else ():
-        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="capabilities of Linux")
@@ -175,7 +166,7 @@ def test_a_folder_that_nobody_may_write_to(closed: str, tmp_path: Path) -> None:
             capture_output=True,
             text=True,
             env=ENVIRONMENT,
-            preexec_fn=_ordinary,
+            preexec_fn=ordinary_rights,
             check=False,
         )
     finally:

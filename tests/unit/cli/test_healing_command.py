@@ -26,10 +26,7 @@ def tensile(path, mu, end):
     return str(path)
 
 
-def run(*words):
-    return CliRunner().invoke(
-        app, ["material", "healing", *words, "--strain", "Strain", "--stress", "Stress"]
-    )
+HEALING = ("material", "healing", "--strain", "Strain", "--stress", "Stress")
 
 
 def test_planted_groups(tmp_path):
@@ -42,8 +39,7 @@ def test_planted_groups(tmp_path):
     ]
     words = [word for file in before for word in ("--undamaged", file)]
     words += [word for file in after for word in ("--healed", file)]
-    done = run(*words, "--out", str(tmp_path / "out"), "--json")
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(*HEALING, *words, "--out", tmp_path / "out", "--json")
     said = json.loads(done.stdout)
     mu, strain = said["properties"]["mu"], said["properties"]["fracture strain"]
     assert mu["undamaged"]["value"] == pytest.approx(2.1e5, rel=1e-6)
@@ -67,8 +63,7 @@ def test_one_specimen_has_no_scatter_and_no_break_no_fracture(tmp_path):
     one, other = tensile(tmp_path / "u.csv", 2e5, 1.3), tmp_path / "h.csv"
     lines = tensile(other, 1.8e5, 1.2) and other.read_text().splitlines()
     other.write_text("\n".join(lines[:-2]) + "\n")  # the record ends before the break
-    done = run("--undamaged", one, "--healed", str(other), "--out", str(tmp_path / "out"), "--json")
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(*HEALING, "--undamaged", one, "--healed", other, "--out", tmp_path / "out", "--json")
     said = json.loads(done.stdout)
     assert "fracture stress" not in said["properties"]
     assert said["properties"]["mu"]["efficiency"] == {"value": pytest.approx(0.9, rel=1e-6), "sigma": None}
@@ -77,8 +72,7 @@ def test_one_specimen_has_no_scatter_and_no_break_no_fracture(tmp_path):
 
 def test_a_file_is_of_one_group(tmp_path):
     one = tensile(tmp_path / "u.csv", 2e5, 1.3)
-    done = run("--undamaged", one, "--healed", one)
-    assert done.exit_code == 2
+    done = run_kolsky(*HEALING, "--undamaged", one, "--healed", one, code=2)
     assert "is named as undamaged and as healed" in done.output
 
 

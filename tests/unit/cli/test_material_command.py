@@ -6,11 +6,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from explicit.materials.laws.polynomial import MooneyRivlin
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.cli.material_fit import read_tests, size_of, with_size
 from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
@@ -27,20 +26,29 @@ def write(path, mode=Mode.UNIAXIAL, *, sign=1.0, at=STRETCH, factor=1.0):
     return path
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["material", "fit", *map(str, arguments)])
-
-
 def test_from_files_to_a_report(tmp_path):
     push = write(tmp_path / "push.csv", sign=-1.0)
     wide = write(tmp_path / "wide.csv", Mode.EQUIBIAXIAL, sign=-1.0, at=2.0 - STRETCH)
     out = tmp_path / "out"
-    done = run(
-        push, f"equibiaxial:{wide}", "--strain", "Strain", "--stress", "Stress", "--convention",
-        "compression-positive", "--laws", "neo_hookean,mooney_rivlin_2", "--out", out, "--figures", "svg",
+    done = run_kolsky(
+        "material",
+        "fit",
+        push,
+        f"equibiaxial:{wide}",
+        "--strain",
+        "Strain",
+        "--stress",
+        "Stress",
+        "--convention",
+        "compression-positive",
+        "--laws",
+        "neo_hookean,mooney_rivlin_2",
+        "--out",
+        out,
+        "--figures",
+        "svg",
         "--json",
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
+    )
     said = json.loads(done.stdout)
     assert said == json.loads((out / "material.json").read_text(encoding="utf-8"))
     assert said["best"] == "mooney_rivlin_2"
@@ -76,11 +84,25 @@ def test_repeats_are_averaged(tmp_path):
     np.testing.assert_allclose(mean.deformation[[0, -1]], [0.97, 0.55], rtol=1e-9)
     ends = incompressible_stress(LAW, Mode.UNIAXIAL, mean.deformation[[0, -1]])
     np.testing.assert_allclose(mean.stress[[0, -1]], ends, rtol=1e-8)  # nine digits in the files
-    done = run(
-        *files, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--mean", "9", "--laws",
-        "neo_hookean", "--weighting", "sigma", "--out", tmp_path / "out",
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(
+        "material",
+        "fit",
+        *files,
+        "--strain",
+        "1",
+        "--stress",
+        "2",
+        "--convention",
+        "tension-positive",
+        "--mean",
+        "9",
+        "--laws",
+        "neo_hookean",
+        "--weighting",
+        "sigma",
+        "--out",
+        tmp_path / "out",
+    )
     assert "neo_hookean" in done.stdout
     assert "E0 (kPa)" in done.stdout
 
@@ -154,8 +176,7 @@ def test_options_are_refused_in_one_line(tmp_path):
         (("--weighting", "sigma"), "--weighting sigma needs tests with a scatter"),
         (("--figures", "gif"), "it must be pdf, svg, png"),
     ):
-        done = run(*common, *arguments)
-        assert done.exit_code == 2
+        done = run_kolsky("material", "fit", *common, *arguments, code=2)
         assert message in done.stderr
         assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
@@ -165,11 +186,23 @@ def test_a_law_without_a_fit_is_a_remark(tmp_path):
     file, at = tmp_path / "few.txt", STRETCH[:6]
     np.savetxt(file, np.column_stack([at - 1.0, incompressible_stress(LAW, Mode.UNIAXIAL, at)]))
     out = tmp_path / "out"
-    done = run(
-        file, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--laws",
-        "neo_hookean,ogden3", "--stress-unit", "Pa", "--out", out,
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
+    done = run_kolsky(
+        "material",
+        "fit",
+        file,
+        "--strain",
+        "1",
+        "--stress",
+        "2",
+        "--convention",
+        "tension-positive",
+        "--laws",
+        "neo_hookean,ogden3",
+        "--stress-unit",
+        "Pa",
+        "--out",
+        out,
+    )
     assert "ogden3 has no fit: ogden3 has 6 free constants, the tests only 6 points" in done.stderr
     assert "ogden3 has no fit" in (out / "material.html").read_text(encoding="utf-8")
 
@@ -256,5 +289,5 @@ def test_a_held_cylinder_has_one_size():
     with pytest.raises(InputError, match="--area or --diameter gives"):
         with_size(Columns(area=1.0011 * area), size)
     words = ("--specimen", "9.5 mm x 6.5 mm", "--mean", "9", "--poisson", "0.49", "--free-bounds")
-    refused = run("a.csv", *words)
+    refused = run_kolsky("material", "fit", "a.csv", *words, code=2)
     assert "--mean, --free-bounds does not go with --specimen" in refused.stderr

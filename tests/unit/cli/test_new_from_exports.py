@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from laboratory_files import TYPED, laboratory
 from typer.testing import CliRunner
 
@@ -47,8 +48,7 @@ NOISE = 2e-3
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The laboratory's folder with the file that `kolsky new` writes there."""
     folder = laboratory(tmp_path_factory.mktemp("lab") / "shot5")
-    done = runner.invoke(app, ["new", str(folder)])
-    assert done.exit_code == 0, done.stderr
+    done = run_kolsky("new", folder)
     assert "dic/specimen_*.csv: [surface]" in done.stdout
     assert "dic/flyer_*.csv: [surface.flyer]" in done.stdout
     return folder
@@ -90,8 +90,7 @@ def test_the_filled_file_passes_the_check(lab: Path) -> None:
     folder = lab.parent / "filled"
     shutil.copytree(lab, folder)
     (folder / "shot.toml").write_text(fill_in(text, TYPED), encoding="utf-8")
-    done = runner.invoke(app, ["check", str(folder), "--json"])
-    assert done.exit_code == 0, done.stderr
+    run_kolsky("check", folder, "--json")
 
 
 @pytest.mark.slow
@@ -102,8 +101,7 @@ def test_the_walk_ends_with_the_answer(lab: Path) -> None:
     shutil.copytree(lab, folder)
     (folder / "shot.toml").write_text(fill_in(text, TYPED), encoding="utf-8")
     options = ["--mesh", "16x22", "--refined-mesh", "24x32", "--replicates", "2", "--json"]
-    done = runner.invoke(app, ["identify", str(folder), *options])
-    assert done.exit_code == 0, done.stderr
+    done = run_kolsky("identify", folder, *options)
     found = json.loads(done.stdout)
     assert found["stiffness_factor"]["value"] == pytest.approx(1.12, rel=0.03)
     assert not any("does not explain" in warning for warning in found["warnings"])
@@ -152,8 +150,7 @@ def test_series_of_five_rows_are_recognised_by_their_headings(
     assert len(found.export.frame) == FRAMES
     np.testing.assert_allclose(np.ptp(found.export.X[:, 1]), 4e-3, rtol=1e-6)
     assert set(tmp_path.glob(found.pattern)) == set((tmp_path / place).glob("*.csv"))
-    done = runner.invoke(app, ["new", str(tmp_path)])
-    assert done.exit_code == 0, done.stderr
+    done = run_kolsky("new", tmp_path)
     declared = tomllib.loads((tmp_path / "shot.toml").read_text("utf-8"))["surface"]
     assert declared["pattern"] == found.pattern
     assert (declared["y"], declared["Z"], declared["frame"]) == ("+Y", "+Z", "declared")
@@ -192,8 +189,7 @@ def test_a_series_that_does_not_shorten_is_written_with_a_question(tmp_path: Pat
     for frame in range(3):
         rows = "\n".join(f"{1e-3 * i:.7e},0,0,{1e-4 * frame:.7e},0,0" for i in range(5))
         (tmp_path / "dic" / f"Image_{frame:04d}_0.tiff.csv").write_text(f"{head}\n{rows}\n")
-    done = runner.invoke(app, ["new", str(tmp_path)])
-    assert done.exit_code == 0, done.stderr
+    run_kolsky("new", tmp_path)
     text = (tmp_path / "shot.toml").read_text("utf-8")
     declared = tomllib.loads(text)["surface"]
     assert (declared["program"], declared["unit"]) == ("matchid", "m")

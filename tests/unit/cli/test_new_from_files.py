@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from kolsky_command import run_kolsky
 from shot_folders import FILES, OPEN_01
 from typer.testing import CliRunner
 
@@ -68,8 +69,7 @@ def german(folder: Path) -> Path:
 
 
 def new(folder: Path, *options: str) -> str:
-    result = runner.invoke(app, ["new", *options, str(folder)])
-    assert result.exit_code == 0, result.stderr
+    run_kolsky("new", *options, folder)
     return (folder / "shot.toml").read_text(encoding="utf-8")
 
 
@@ -115,8 +115,7 @@ def test_an_empty_template_is_refused_by_every_command_with_the_whole_list(
 ) -> None:
     folder = tmp_path / "shot"
     empty = list(blanks(tomllib.loads(new(folder, *options))))
-    result = runner.invoke(app, [command, str(folder)])
-    assert result.exit_code == 2
+    result = run_kolsky(command, folder, code=2)
     said = result.stderr.splitlines()
     listed = [found[1] for line in said if (found := re.search(r": ([\w.]+) is not filled in", line))]
     assert sorted(listed) == sorted(empty)
@@ -170,8 +169,7 @@ def test_the_next_shot_with_the_same_names_differs_in_its_own_facts_alone(tmp_pa
 
 
 def test_options_that_exclude_each_other(tmp_path: Path) -> None:
-    result = runner.invoke(app, ["new", "--bars", "--pictures", str(tmp_path / "shot")])
-    assert result.exit_code == 2
+    result = run_kolsky("new", "--bars", "--pictures", tmp_path / "shot", code=2)
     assert "exclude each other" in result.stderr
 
 

@@ -9,16 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from ratedshots import found
 from shot_folders import FILES, OPEN_01
-from typer.testing import CliRunner
 
-from kolsky.cli import app
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.rate import collected_shot, declarations, group_key, group_of
 
-runner = CliRunner()
 EVIL = "<script>x</script> ../../up"
 
 
@@ -64,15 +62,10 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     ]
 
 
-def run(*words: object):
-    return runner.invoke(app, ["rate", *map(str, words)])
-
-
 @pytest.fixture(scope="module")
 def whole(shots, tmp_path_factory: pytest.TempPathFactory):
     out = tmp_path_factory.mktemp("out") / "deep" / "rates"
-    said = run(*shots, "--out", out, "--json", "--strains", "0.1,0.3")
-    assert said.exit_code == 0, said.stderr
+    said = run_kolsky("rate", *shots, "--out", out, "--json", "--strains", "0.1,0.3")
     return out, json.loads(said.stdout), said.stderr
 
 
@@ -133,8 +126,7 @@ def test_groups_by_any_key_of_the_shot_file(shots):
     ],
 )
 def test_options_that_cannot_be_used(shots, tmp_path, words, message):
-    said = run(*shots, *words, "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", *shots, *words, "--out", tmp_path / "r", code=2)
     assert message in said.stderr
     assert not (tmp_path / "r").exists()
 
@@ -142,8 +134,7 @@ def test_options_that_cannot_be_used(shots, tmp_path, words, message):
 def test_a_shot_without_a_result_is_refused_with_the_cure(shots, tmp_path):
     bare = identified(tmp_path / "bare", "bare", 1.1, 1.0, lines='material = "gel"\n')
     shutil.rmtree(bare / "results")
-    said = run(*shots, bare, "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", *shots, bare, "--out", tmp_path / "r", code=2)
     assert "there is no result of this shot" in said.stderr
     assert f"`kolsky identify {bare}` writes one, or give --identify" in said.stderr
 
@@ -152,14 +143,12 @@ def test_a_result_of_other_recordings_is_refused(shots, tmp_path):
     stale = identified(tmp_path / "stale", "stale", 1.1, 1.0, lines='material = "gel"\n')
     curve = stale / "quasi_static.csv"
     curve.write_text(curve.read_text("utf-8").replace("-7.4598e+02", "-7.4599e+02"), "utf-8")
-    said = run(stale, "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", stale, "--out", tmp_path / "r", code=2)
     assert "was made of another quasi_static.csv than the shot has now" in said.stderr
     changed = identified(tmp_path / "changed", "changed", 1.1, 1.0)
     text = (changed / "shot.toml").read_text("utf-8")
     (changed / "shot.toml").write_text(text.replace('length = "6.5 mm"', 'length = "6.6 mm"', 1), "utf-8")
-    said = run(changed, "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", changed, "--out", tmp_path / "r", code=2)
     assert "another specimen or window" in said.stderr
 
 
@@ -183,16 +172,14 @@ def test_the_script_writes_the_same(shots, whole, tmp_path):
 
 
 def test_two_shots_of_one_name_are_refused(shots, tmp_path):
-    said = run(shots[0], shots[0], "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", shots[0], shots[0], "--out", tmp_path / "r", code=2)
     assert "another shot is called 'a' too" in said.stderr
 
 
 def test_a_damaged_result_is_one_line(shots, tmp_path):
     bad = identified(tmp_path / "bad", "bad", 1.1, 1.0)
     (bad / "results" / "identification.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + b"\0" * 64)
-    said = run(bad, "--out", tmp_path / "r")
-    assert said.exit_code == 2
+    said = run_kolsky("rate", bad, "--out", tmp_path / "r", code=2)
     assert said.stderr.count("\n") == 1
     assert "identification.h5" in said.stderr
 
@@ -203,6 +190,5 @@ def test_impossible_declarations_are_refused(tmp_path, line):
     shutil.copytree(OPEN_01, shot, ignore=shutil.ignore_patterns("results"))
     text = (shot / "shot.toml").read_text("utf-8")
     (shot / "shot.toml").write_text(text.replace("format = 1\n", f"format = 1\n{line}\n", 1), "utf-8")
-    said = runner.invoke(app, ["check", str(shot)])
-    assert said.exit_code == 2
+    said = run_kolsky("check", shot, code=2)
     assert line.split()[0] in said.stderr

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from stereo_scene import turned_pair
 
-from dic import Camera, PointOutcome, StereoRig, SurfaceHistory, centre_line
+from dic import PointOutcome, SurfaceHistory, centre_line
 from dic.correlation.subsets import overlap_factor
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces import cylinder as cylinder_fit
@@ -17,20 +18,7 @@ NOISE = np.array([1e-6, 1e-6, 4e-6])
 PLACE = np.array([1e-3, -2e-3, 0.3])
 
 
-def rig():
-    """Two cameras 12.5° apart that look along -Z of the test frame, y up in their pictures."""
-    cameras = [
-        Camera(
-            fx=5400.0,
-            fy=5400.0,
-            cx=256.0,
-            cy=256.0,
-            rotation=Rotation.from_euler("y", pan, degrees=True).as_matrix() @ np.diag([1.0, -1.0, -1.0]),
-            translation=np.array([0.0, 3e-3, 0.305]),
-        )
-        for pan in (6.25, -6.25)
-    ]
-    return StereoRig((cameras[0], cameras[1]))
+RIG = turned_pair(256.0, (256.0, 256.0))
 
 
 def patch(rng, arc, n=400):
@@ -122,7 +110,7 @@ def cylinder(rng=None):
 
 @pytest.mark.parametrize(("toward", "sign"), [((0.1, -1.0), 1.0), ((0.0, 3.0), -1.0)])
 def test_the_frame_has_the_declared_sense_and_faces_the_cameras(toward, sign):
-    frame = cylinder_fit.test_frame(cylinder(), rig(), toward_flyer=toward, zero=[1e-3, 2e-3, 3e-3])
+    frame = cylinder_fit.test_frame(cylinder(), RIG, toward_flyer=toward, zero=[1e-3, 2e-3, 3e-3])
     # Points without noise: round-off of a fit to 1e-12 of the radius.
     np.testing.assert_allclose(frame.rotation, np.diag([sign, sign, 1.0]), atol=1e-8)
     np.testing.assert_allclose(frame.origin, [0.0, 2e-3, 0.0], atol=1e-10)
@@ -133,7 +121,7 @@ def test_the_frame_has_the_declared_sense_and_faces_the_cameras(toward, sign):
 
 def test_a_direction_across_the_axis_is_refused():
     with pytest.raises(ValueError, match=r"toward_flyer is \(1.0, 0.2\)"):
-        cylinder_fit.test_frame(cylinder(), rig(), toward_flyer=(1.0, 0.2), zero=np.zeros(3))
+        cylinder_fit.test_frame(cylinder(), RIG, toward_flyer=(1.0, 0.2), zero=np.zeros(3))
 
 
 def test_the_covariance_of_the_frame_is_that_of_its_errors():
@@ -143,7 +131,7 @@ def test_the_covariance_of_the_frame_is_that_of_its_errors():
     for _ in range(120):
         zero = np.array([1e-3, 2e-6 * rng.standard_normal(), 3e-3])
         frame = cylinder_fit.test_frame(
-            cylinder(rng), rig(), toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=2e-6
+            cylinder(rng), RIG, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=2e-6
         )
         off.append((frame.positions(points) - points) / frame.sigma(points))
     # 120 draws: the standard deviation of each is known to 1/sqrt(240) = 6.5 %.
@@ -151,7 +139,7 @@ def test_the_covariance_of_the_frame_is_that_of_its_errors():
 
 
 def test_a_pixel_is_carried_back_to_the_cylinder():
-    camera = replace(rig().cameras[0], distortion=(-0.15, 0.0, 1e-4, 0.0, 0.0))
+    camera = replace(RIG.cameras[0], distortion=(-0.15, 0.0, 1e-4, 0.0, 0.0))
     X = np.array([1.5e-3, 1e-3, np.sqrt(RADIUS**2 - 1.5e-3**2)])
     # The pixel is exact to the undistortion's 1e-12, the cylinder to the fit's.
     found = cylinder_fit.on_cylinder(camera, camera.project(X), cylinder())

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from stereo_scene import turned_pair
 
-from dic import Camera, FrameOutcome, PointOutcome, StereoRig
+from dic import FrameOutcome, PointOutcome
 from dic.bodies.body_motion import BodyMotion, body_motion
 from dic.stereo.reconstruction import NONE, Reconstruction, demeaned, reconstruct, shared_error
 from dic.surfaces.cylinder import SpecimenFrame
@@ -110,27 +111,12 @@ def test_a_prior_of_small_turns_lends_attitude_to_narrow_views():
     assert np.abs(error).max() < 4.0  # the prior is true here: nothing turns
 
 
-def cameras():
-    flip = np.diag([1.0, -1.0, -1.0])
-    pair = [
-        Camera(
-            fx=5400.0,
-            fy=5400.0,
-            cx=63.5,
-            cy=cy,
-            rotation=Rotation.from_euler("y", pan, degrees=True).as_matrix() @ flip,
-            translation=np.array([0.0, 3e-3, 0.305]),
-        )
-        for pan, cy in ((6.25, 70.0), (-6.25, 60.0))  # the second sees 0.6 mm less of the flyer
-    ]
-    return StereoRig((pair[0], pair[1]))
-
-
 def test_what_one_camera_sees_carries_the_motion_through_frames_the_other_does_not():
     rng = np.random.default_rng(6)
     u, r = motion(0.0)
     x = places(side(), u, r)
-    rig, spread = cameras(), 0.01
+    # the second sees 0.6 mm less of the flyer
+    rig, spread = turned_pair(63.5, (70.0, 60.0)), 0.01
     tracks = []
     for camera in rig.cameras:
         pixels = camera.project(x) + spread * rng.standard_normal((*x.shape[:2], 2))

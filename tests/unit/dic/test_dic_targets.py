@@ -119,17 +119,18 @@ def test_centroids_of_patches_against_their_outlines(shape, spread):
     assert np.hypot(*(found - expected)) < (1e-5 if shape == "disc" else 6e-3) * shift
 
 
+def squares(X):
+    """A board of 10 x 7 squares of 1.2 mm."""
+    place = np.floor(X / 1.2e-3).astype(int) + 1
+    board = np.all((X > -1.8e-3) & (X < [11.4e-3, 7.8e-3]), axis=1)
+    printed = np.all((place >= 0) & (place < [10, 7]), axis=1)
+    return board * np.where(printed & (place.sum(axis=1) % 2 == 0), 0.0, 1.0)
+
+
 def test_a_chessboard_is_located():
     board = Chessboard(columns=9, rows=6, pitch=1.2e-3)
     R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
-
-    def paint(X):
-        place = np.floor(X / 1.2e-3).astype(int) + 1
-        board = np.all((X > -1.8e-3) & (X < [11.4e-3, 7.8e-3]), axis=1)
-        printed = np.all((place >= 0) & (place < [10, 7]), axis=1)
-        return board * np.where(printed & (place.sum(axis=1) % 2 == 0), 0.0, 1.0)
-
-    found = detect(averaged(flat(paint, R, t), noise=1.0), board)
+    found = detect(averaged(flat(squares, R, t), noise=1.0), board)
     there = pixels(board.geometry().points, R, t)
     errors = [found.pixels - there[numbers] for numbers in board.geometry().equivalents]
     assert min(np.sqrt(np.mean(e**2)) for e in errors) < 0.03  # rays place an edge to 0.25 px, see above
@@ -137,14 +138,7 @@ def test_a_chessboard_is_located():
 
 def test_a_board_of_which_squares_were_counted_says_its_inner_corners():
     R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
-
-    def paint(X):
-        place = np.floor(X / 1.2e-3).astype(int) + 1
-        board = np.all((X > -1.8e-3) & (X < [11.4e-3, 7.8e-3]), axis=1)
-        printed = np.all((place >= 0) & (place < [10, 7]), axis=1)
-        return board * np.where(printed & (place.sum(axis=1) % 2 == 0), 0.0, 1.0)
-
-    picture = averaged(flat(paint, R, t), noise=1.0)
+    picture = averaged(flat(squares, R, t), noise=1.0)
     with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares less one"):
         detect(picture, Chessboard(columns=10, rows=7, pitch=1.2e-3))
 

@@ -1,7 +1,6 @@
 """The how-to of the first bar test, walked from the raw file to the page."""
 
 import csv
-import importlib.util
 import re
 import shutil
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kolsky_command import json_of, run_kolsky
+from module_files import module_at
 
 ROOT = Path(__file__).parents[3]
 MADE = ROOT / "runs" / "bar-01"
@@ -18,12 +18,7 @@ FLOW, GROWTH = 120e6, 0.02
 
 
 def test_the_raw_file_is_the_scripts(tmp_path):
-    spec = importlib.util.spec_from_file_location("make_raw", MADE / "make_raw.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    script.main(tmp_path / "raw.csv")
+    module_at(MADE / "make_raw.py").main(tmp_path / "raw.csv")
     made, shipped = (
         np.genfromtxt(path, delimiter=",", skip_header=5)
         for path in (tmp_path / "raw.csv", MADE / "tek0017.csv")

@@ -1,13 +1,12 @@
 """The tables that pages make of a study's results."""
 
 import json
-import sys
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
+from module_files import module_at
 
 from benchmarks import equilibrium_table
 from populations import answers, scatter
@@ -17,13 +16,7 @@ TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
 
 @pytest.fixture(scope="module")
 def tables() -> ModuleType:
-    spec = spec_from_file_location("made_tables_of_studies", TABLES)
-    assert spec is not None
-    assert spec.loader is not None
-    made = module_from_spec(spec)
-    sys.modules[spec.name] = made
-    spec.loader.exec_module(made)
-    return made
+    return module_at(TABLES, "made_tables_of_studies")
 
 
 def test_budget_of_the_paper(tables: ModuleType) -> None:

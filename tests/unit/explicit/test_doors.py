@@ -5,7 +5,6 @@ and get what every member gets: the batteries of the tests, both elements, both 
 fit.
 """
 
-import importlib.util
 import inspect
 import re
 import sys
@@ -20,6 +19,7 @@ import numpy as np
 import pytest
 import test_contact_laws as contact_battery
 import test_material_laws as law_battery
+from module_files import module_at
 from test_material_laws import apart, impact
 
 from explicit import Response, Samples
@@ -96,13 +96,7 @@ def module_of(source: str, folder: Path, name: str, *, write: bool = True) -> Mo
     file = folder / f"{name}.py"
     if write:
         file.write_text(source, "utf-8")
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    sys.modules[name] = made  # a dataclass looks its module up
-    spec.loader.exec_module(made)
-    return made
+    return module_at(file)
 
 
 @pytest.fixture(scope="module")

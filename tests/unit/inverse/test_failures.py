@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kolsky_command import run_kolsky
 from shot_folders import OPEN_01, shot_in
 from synthetic import failed, synthetic
 from typer.testing import CliRunner
@@ -69,10 +70,8 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 def test_simulate_writes_a_failed_run_up_to_its_end(shot: Path) -> None:
-    whole = runner.invoke(app, ["simulate", str(shot), *TINY, "--out", str(shot / "whole")])
-    assert whole.exit_code == 0, whole.stderr
-    result = runner.invoke(app, ["simulate", str(shot), *TINY, *STOP, "--json", "--vtu"])
-    assert result.exit_code == 1
+    run_kolsky("simulate", shot, *TINY, "--out", shot / "whole")
+    result = run_kolsky("simulate", shot, *TINY, *STOP, "--json", "--vtu", code=1)
     said = json.loads(result.stdout)
     assert said["outcome"] == "TABLE_EXCEEDED"
     assert "phi" not in said  # the misfit belongs to the whole window
@@ -92,8 +91,7 @@ def test_simulate_writes_a_failed_run_up_to_its_end(shot: Path) -> None:
 
 
 def test_simulate_tells_people_too(shot: Path) -> None:
-    result = runner.invoke(app, ["simulate", str(shot), *TINY, *STOP])
-    assert result.exit_code == 1
+    result = run_kolsky("simulate", shot, *TINY, *STOP, code=1)
     assert re.search(r"outcome +TABLE_EXCEEDED\n +end_time +0\.0013\d+\n +element +\d+\n", result.stdout)
     assert "nan" not in result.stdout
 
@@ -115,8 +113,7 @@ def test_a_sweep_answers_from_the_runs_that_completed(shot: Path) -> None:
     arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0:0.6:4", "--json"]
     go_on = json.loads(runner.invoke(app, [*arguments, "--out", str(shot / "whole")]).stdout)
     assert (go_on["completed"], go_on["failed_runs"]) == (4, [])
-    result = runner.invoke(app, [*arguments, *STOP])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky(*arguments, *STOP)
     said = json.loads(result.stdout)
     assert (said["runs"], said["completed"]) == (4, 1)
     assert said["at"] == {"friction": 0.0}
@@ -135,8 +132,7 @@ def test_a_sweep_answers_from_the_runs_that_completed(shot: Path) -> None:
 
 
 def test_a_sweep_of_failures_says_so(shot: Path) -> None:
-    result = runner.invoke(app, ["sweep", str(shot), *TINY, "--vary", "friction=0.4:0.6:2", *STOP])
-    assert result.exit_code == 0
+    result = run_kolsky("sweep", shot, *TINY, "--vary", "friction=0.4:0.6:2", *STOP)
     assert re.search(r"completed +0\n +smallest_phi +none\n +at +none\n", result.stdout)
     assert "2 of 2 runs did not complete" in result.stderr
 
@@ -149,8 +145,7 @@ def test_a_sweep_of_failures_says_so(shot: Path) -> None:
     ],
 )
 def test_an_unknown_choice_past_the_data(shot: Path, command: str, text: str, message: str) -> None:
-    result = runner.invoke(app, [command, str(shot), "--past-data", text])
-    assert result.exit_code == 2
+    result = run_kolsky(command, shot, "--past-data", text, code=2)
     assert message in result.stderr
 
 

@@ -3,12 +3,12 @@
 import subprocess
 import sys
 from dataclasses import replace
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from module_files import module_at
 
 import explicit
 from doe import full_factorial
@@ -133,11 +133,7 @@ def test_pages_and_refusals_write_it_as_its_record_says() -> None:
 
 
 def test_the_nomenclature_and_the_help_list_it() -> None:
-    spec = spec_from_file_location("made_tables", OPEN_01.parents[1] / "docs" / "_ext" / "made_tables.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tables = module_from_spec(spec)
-    spec.loader.exec_module(tables)
+    tables = module_at(OPEN_01.parents[1] / "docs" / "_ext" / "made_tables.py")
     rows = tables.parameters("kolsky").splitlines()
     assert rows[0] == "| $m$ | `stiffness_factor` | 1 | stiffness factor, dynamic over quasi-static modulus |"
     assert rows[-1] == "| $s$ | `softening` | 1 | softening of the specimen |"

@@ -1,12 +1,11 @@
 """Steps with the refined mesh's own slopes where the coarser mesh's mislead: made-up responses that ring."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from test_objective import objective
-from test_several_parameters import FINE, SHIFT, TRUTH, MadeUp, problem_of, ringing
+from test_several_parameters import FINE, SHIFT, TRUTH, Bins, MadeUp, ringing
 
 from doe import Box
 from kolsky.inverse.coarse_search import jacobian
@@ -24,10 +23,7 @@ from kolsky.inverse.gauss_newton import (
     run_deviance,
 )
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED
-from kolsky.inverse.run_table import Runs
-from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 STEP = 1e-6 * np.array([1.0, 0.01])
@@ -108,40 +104,14 @@ def test_a_lost_run_beside_keeps_what_there_is(monkeypatch: pytest.MonkeyPatch) 
     assert descend(made, one, wrong, last) == (last, wrong)
 
 
-class Hump:
-    """Ten bins of force 0.6 + x + 2 x^2, of data that are zero: least at x = -0.25, and never zero."""
-
-    problem = property(problem_of)
-
-    def __init__(self) -> None:
-        self.box = Box.of({"damping": (-1e4, 1e4)})
-        self.settings = Settings(refined_mesh=FINE)
-        self.visited: list[float] = []
-        self.lost: set[int] = set()
-
-    def predicted(self, points: np.ndarray) -> Prediction:
-        empty = np.empty((len(points), 0))
-        return Prediction(
-            empty, (0.6 + points + 2.0 * points**2) * np.ones((1, 10)), empty, empty.astype(bool)
-        )
-
-    def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
-        return one.vectors(self.predicted(points))
-
-    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
-        self.visited += points[:, 0].tolist()
-        gone = len(self.visited) in self.lost
-        response = SimpleNamespace(
-            completed=np.full(len(points), not gone), select=lambda rows: None, describe=lambda row: "folded"
-        )
-        seen = None if gone else self.predicted(points)
-        rows = np.arange(0 if gone else len(points))
-        return Runs(self.box.names, points, response, rows, seen)  # type: ignore[arg-type]
+def hump(x: np.ndarray) -> np.ndarray:
+    """A force that is least at x = -0.25, and never zero."""
+    return 0.6 + x + 2.0 * x**2
 
 
 def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
     """At 0 the force is 0.6 and its slope 1: a step of -0.6 to where it is 0.72, half of it to 0.48."""
-    made: Any = Hump()
+    made: Any = Bins(hump)
     one = objective(np.zeros(10), np.empty(0))
     start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), made.problem.refined, None)
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
@@ -151,7 +121,7 @@ def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
 
 def test_a_trial_that_is_lost_is_no_better_point() -> None:
     """The step of -0.6, the second run, folds; half of it is tried next."""
-    made: Any = Hump()
+    made: Any = Bins(hump)
     one = objective(np.zeros(10), np.empty(0))
     start = judge_run(made, one, np.ones((10, 1)), np.zeros(1), made.problem.refined, None)
     made.lost = {2}

@@ -1,5 +1,6 @@
 """Valleys, meshes and steps of the search with several parameters, on made-up responses that ring."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -158,22 +159,34 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
 
 
-class Chord:
-    """Ten bins of force that are the parameter x, of data that are zero: exact at x = 0."""
+class Bins:
+    """Ten bins of a force that follows from the parameter x, of data that are zero; runs may be lost."""
 
     problem = property(problem_of)
 
-    def __init__(self) -> None:
+    def __init__(self, force: Callable[[np.ndarray], np.ndarray] = lambda x: x) -> None:
+        self.force = force
         self.box = Box.of({"damping": (-1e4, 1e4)})
         self.settings = Settings(refined_mesh=FINE)
         self.visited: list[float] = []
+        self.lost: set[int] = set()
+
+    def predicted(self, points: np.ndarray) -> Prediction:
+        empty = np.empty((len(points), 0))
+        return Prediction(empty, self.force(points) * np.ones((1, 10)), empty, empty.astype(bool))
+
+    def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
+        return one.vectors(self.predicted(points))
 
     def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
         self.visited += points[:, 0].tolist()
-        empty = np.empty((len(points), 0))
-        seen = Prediction(empty, points * np.ones((1, 10)), empty, empty.astype(bool))
-        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
-        return Runs(self.box.names, points, response, np.arange(len(points)), seen)  # type: ignore[arg-type]
+        gone = len(self.visited) in self.lost
+        response = SimpleNamespace(
+            completed=np.full(len(points), not gone), select=lambda rows: None, describe=lambda row: "folded"
+        )
+        seen = None if gone else self.predicted(points)
+        rows = np.arange(0 if gone else len(points))
+        return Runs(self.box.names, points, response, rows, seen)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("rise", "taken_back"), [(3.0, False), (3.9, False), (4.1, True), (6.0, True)])
@@ -182,7 +195,7 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
 ) -> None:
     """With the discrepancy |x| of each of n = 10 bins -2 ln L is n ln x^2 + n. A slope of 1 / (1 + q) leads
     from -10 to 10 q, where it is higher by 20 ln q; from there to -10 q^2, if that is not too much."""
-    made: Any = Chord()
+    made: Any = Bins()
     q = np.exp(rise / 20.0)
     slope = np.full((10, 1), 1.0 / (1.0 + q))
     one = objective(np.zeros(10), np.empty(0))

@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from coupled_parts import couple
+from kolsky_command import run_kolsky
 from shot_folders import shot_in
-from typer.testing import CliRunner
 
 import explicit
 import kolsky
 from explicit.bars import Section, elastic_bar
 from kolsky.base.apparatus import Bar, ElasticBody
 from kolsky.base.errors import InputError
-from kolsky.cli.commandline import app
 from kolsky.inverse.forward import Forward, mass_before
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
@@ -229,8 +228,7 @@ end = "0.5 ms"
     for name, given in (("elastic", changes), ("rigid", (("[window]", '[window]\nend = "0.5 ms"\n#'),))):
         shot, out = declared(tmp_path / name, *given), tmp_path / f"{name}-out"
         words = ["simulate", str(shot), "--mesh", "5x7", "--out", str(out), "--json"]
-        done = CliRunner().invoke(app, words)
-        assert done.exit_code == 0, done.output
+        done = run_kolsky(*words)
         said = json.loads(done.stdout)
         assert said["outcome"] == "COMPLETED"
         bins.append(said["n_force"])

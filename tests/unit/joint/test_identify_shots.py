@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
-from kolsky.cli.commandline import app
 from kolsky.inverse.joint_result import (
     RANGE,
     CurveFound,
@@ -124,8 +123,7 @@ def test_report_makes_the_page_again(found: tuple[JointResult, Path], tmp_path: 
     page = (tmp_path / "out" / "joint.html").read_text("utf-8")
     for name in ("joint.html", "joint.json", "joint_shots.csv"):
         (tmp_path / "out" / name).unlink()
-    done = CliRunner().invoke(app, ["report", str(tmp_path / "out"), "--json"])
-    assert done.exit_code == 0, done.output
+    run_kolsky("report", tmp_path / "out", "--json")
     assert (tmp_path / "out" / "joint.html").read_text("utf-8") == page
     assert (tmp_path / "out" / "joint.json").exists()
 

@@ -7,13 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import json_of
 
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries, prony_stress
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.inverse.slow_tests import read_slow_list, read_slow_tests, slow_measured, slow_predicted
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
 from kolsky.material.relaxation.rate_fit import apparent_moduli
@@ -219,21 +218,7 @@ def test_a_noisy_hold_has_an_age(tmp_path):
 
 def test_from_files_to_the_constants(tmp_path):
     out = tmp_path / "out"
-    done = CliRunner().invoke(
-        app,
-        [
-            "material",
-            "relaxation",
-            str(list_file(tmp_path)),
-            "--branches",
-            "2",
-            "--out",
-            str(out),
-            "--json",
-        ],
-    )
-    assert done.exit_code == 0, done.output
-    said = json.loads(done.stdout)
+    said = json_of("material", "relaxation", list_file(tmp_path), "--branches", "2", "--out", out)
     assert said == json.loads((out / "relaxation.json").read_text(encoding="utf-8"))
     assert said["branches"] == 1
     for name, planted in (("strength 1", 0.4), ("time 1", 0.5)):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import readerfiles as files
+from kolsky_command import run_kolsky
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
@@ -21,8 +22,7 @@ runner = CliRunner()
 
 def test_a_table_tells_channels_clock_and_what_was_found(tmp_path):
     path = files.german(tmp_path / "a.csv")
-    run = runner.invoke(app, ["channels", str(path)])
-    assert run.exit_code == 0
+    run = run_kolsky("channels", path)
     for words in (
         "encoding: cp1252",
         "delimiter: semicolon",
@@ -46,8 +46,7 @@ def test_json_is_one_object_in_si(tmp_path):
 
 def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
     path = files.text(tmp_path / "a.csv", ["Time (s),CH1 (V),CH2 (V)"], time="{:.6f}")
-    run = runner.invoke(app, ["channels", str(path)])
-    assert run.exit_code == 0
+    run = run_kolsky("channels", path)
     assert "is rounded to 1e-06 s" in run.stdout
     run = runner.invoke(app, ["channels", str(path), "--interval", "100 ns"])
     assert "every 1e-07 s (10 MHz, 400 samples, 40 us): stated" in run.stdout
@@ -64,8 +63,7 @@ def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
 )
 def test_bad_options_are_one_line_and_exit_code_2(options, words, tmp_path):
     path = files.plain(tmp_path / "a.csv")
-    run = runner.invoke(app, ["channels", str(path), *options])
-    assert run.exit_code == 2
+    run = run_kolsky("channels", path, *options, code=2)
     assert words in run.stderr
     assert run.stderr.count("\n") == 1
 

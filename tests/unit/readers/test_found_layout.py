@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import openpyxl
 import pytest
+from kolsky_command import run_kolsky
 from scipy.io import savemat
 from shot_folders import OPEN_01
 from typer.testing import CliRunner
@@ -148,16 +149,14 @@ def test_a_delimiter_is_one_line_of_the_registry(
     for name, plain in zip(names, bare[0], strict=True):
         frames = frames.replace(f'"{name}"', f'"{plain}"', 1)
     table.write_text("\n".join(delimiter.character.join(row) for row in bare), "utf-8")
-    channels = CliRunner().invoke(app, ["channels", str(table), "--json"])
-    assert channels.exit_code == 0, channels.output
+    channels = run_kolsky("channels", table, "--json")
     assert f'"delimiter": "{delimiter.name}"' in channels.output
     found = layout_in_words(table)
     assert found == "" if delimiter == text.COMMA else found.startswith(delimiter.plural)
     with pytest.raises(InputError, match=f"separated by {delimiter.plural}"):
         read_table(table).values(Column("absent"))
     toml.write_text(above + header + frames, "utf-8")
-    checked = CliRunner().invoke(app, ["check", str(tmp_path / "shot")])
-    assert checked.exit_code == 0, checked.output
+    checked = run_kolsky("check", tmp_path / "shot")
     assert delimiter.plural in checked.output or delimiter == text.COMMA
 
 

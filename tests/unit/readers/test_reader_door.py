@@ -1,6 +1,5 @@
 """The door of a reader: one new file and one entry of FORMATS, and it has all the rest."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -9,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import readerfiles as files
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
+from module_files import module_at
 
-from kolsky.cli import app
 from kolsky.readers.recordings import FORMATS, read_recordings
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -104,20 +103,15 @@ def test_the_battery_of_the_readers_runs_for_a_new_one(folder: Path) -> None:
 def test_commands_and_recordings_know_a_new_reader(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    spec = importlib.util.spec_from_file_location("new_reader", folder / "new_reader.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = module_at(folder / "new_reader.py")
     monkeypatch.setitem(FORMATS, "madeup", module)
     path = tmp_path / "a.made"
     head = module.HEAD.pack(b"MADE", files.START, files.INTERVAL, files.SAMPLES)
     path.write_bytes(head + files.CH1.astype("<f8").tobytes() + files.CH2.astype("<f8").tobytes())
     np.testing.assert_array_equal(read_recordings(path, ["CH2"])["CH2"].value, files.CH2)
-    run = CliRunner().invoke(app, ["channels", str(path)])
-    assert run.exit_code == 0
+    run = run_kolsky("channels", path)
     assert "format: madeup" in run.stdout
-    refused = CliRunner().invoke(app, ["channels", str(path), "--format", "wav"])
+    refused = run_kolsky("channels", path, "--format", "wav", code=2)
     assert "madeup" in refused.output  # among the formats that may be said
 
 

@@ -11,7 +11,8 @@ from kolsky.studies.budget.realisation import Factor
 from kolsky.studies.budget.records import Budget, Source, plan_campaign
 
 
-def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) -> None:
+def planned_page(page: Path) -> str:
+    """Text of the page of a budget and a campaign."""
     sources = (
         Source(Factor("noise", 1.0), np.nan, 0.002, np.nan, ()),
         Source(Factor("imperfections.length", 0.005), 0.001, 0.01, 2.0, ()),
@@ -19,9 +20,12 @@ def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) ->
     )
     spread = 1.0 + 0.1 * np.array([-1.0, 1.0, -2.0, 2.0, 0.5, -0.5])
     made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
-    page = tmp_path / "budget.html"
     write_budget(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
-    text = page.read_text("utf-8")
+    return page.read_text("utf-8")
+
+
+def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) -> None:
+    text = planned_page(tmp_path / "budget.html")
     assert "do not give the uncertainty with all sources at once" in text
     assert "No uncertainty is known of scale of the quasi-static curve" in text
     assert "1 of 7 tests with all errors at once gave no answer" in text

@@ -1,15 +1,15 @@
 """A made-up figure is one file and its entry in a registry: battery, page, command, data table, index."""
 
 import csv
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import test_report as battery
+from module_files import module_at
 from synthetic import RESULTS
 
 from kolsky.report import figures
@@ -36,16 +36,6 @@ def peak_force(result, panels):
 '''
 
 
-def loaded(name: str, file: Path) -> ModuleType:
-    """A module from a file, wherever it lies."""
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture
 def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file of the figure, entered after "force"; the other figures are left out to save time."""
@@ -55,7 +45,7 @@ def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for registry in (RECORDINGS, REGISTRY):
         for name in [name for name in registry if name != "force"]:
             monkeypatch.delitem(registry, name)
-    monkeypatch.setitem(REGISTRY, "peak-force", loaded("peak_force", file).peak_force)  # the one line
+    monkeypatch.setitem(REGISTRY, "peak-force", module_at(file, "peak_force").peak_force)  # the one line
     return file
 
 
@@ -102,7 +92,7 @@ def test_a_command_saves_it_with_its_data(
 
 
 def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
-    pages = loaded("module_pages", ROOT / "docs" / "_ext" / "module_pages.py")
+    pages = module_at(ROOT / "docs" / "_ext" / "module_pages.py")
     package = made_up.parent / "__init__.py"
     package.write_text('"""Figures."""\n', encoding="utf-8")
     text = pages.page(pages.Source("figures", package), ())
@@ -110,7 +100,7 @@ def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
 
 
 def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:
-    kind = loaded("peak_force", made_up).peak_force
+    kind = module_at(made_up, "peak_force").peak_force
     with pytest.raises(ValueError, match="two figures of one page are called 'peak-force'"):
         by_name([kind, kind])
 

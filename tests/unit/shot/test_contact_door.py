@@ -1,10 +1,10 @@
 """The door of a contact law: one new file and one entry of CONTACT_LAWS, and a shot may declare it."""
 
-import importlib.util
 import shutil
 from pathlib import Path
 
 import pytest
+from module_files import module_at
 
 from explicit.contact import CONTACT_LAWS
 from kolsky.base.errors import InputError
@@ -36,12 +36,7 @@ class Sticky:
 def sticky(tmp_path, monkeypatch) -> None:
     path = tmp_path / "sticky.py"
     path.write_text(NEW_LAW, "utf-8")
-    spec = importlib.util.spec_from_file_location("sticky", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setitem(CONTACT_LAWS, "sticky", module.Sticky())
+    monkeypatch.setitem(CONTACT_LAWS, "sticky", module_at(path).Sticky())
 
 
 def shot(folder: Path, interface: str) -> Path:

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from dic.outcome import PointOutcome
 from dic.surfaces.surface_history import centre_line
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
 from kolsky.shot.load import load_shot
 from kolsky.shot.surface import (
@@ -278,8 +277,7 @@ def test_a_shot_with_a_surface_has_the_outline_of_its_points(tmp_path):
         )  # printed to 1e-10 m
         np.testing.assert_allclose(shot.centre_line.time[mine], plain.time[theirs][0], rtol=0)
     assert "dic_*.csv" in shot.inputs
-    run = CliRunner().invoke(app, ["check", str(shot.folder)])
-    assert run.exit_code == 0, run.stderr
+    run_kolsky("check", shot.folder)
 
 
 @pytest.mark.parametrize(

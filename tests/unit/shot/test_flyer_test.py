@@ -8,12 +8,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from kolsky_command import json_of, run_kolsky
 from synthetic import LENGTH
 from synthetic_dic import synthetic_result
-from typer.testing import CliRunner
 
 from dic.outcome import PointOutcome
-from kolsky.cli import app
 from kolsky.pictures.summary import flyer_problem
 
 ROOT = Path(__file__).parents[3]
@@ -22,8 +21,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def reduced(tmp_path_factory) -> tuple[Path, dict]:
     out = tmp_path_factory.mktemp("flyer")
-    result = CliRunner().invoke(app, ["waves", str(ROOT / "runs" / "open-01"), "--out", str(out), "--json"])
-    assert result.exit_code == 0, result.stderr
+    result = run_kolsky("waves", ROOT / "runs" / "open-01", "--out", out, "--json")
     return out, json.loads(result.stdout)
 
 
@@ -67,9 +65,7 @@ def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
     text = (folder / "shot.toml").read_text()
     begin, end = text.index("[incident_force]"), text.index("[frames]")
     (folder / "shot.toml").write_text(text[:begin] + text[end:])
-    result = CliRunner().invoke(app, ["waves", str(folder), "--json"])
-    assert result.exit_code == 0, result.stderr
-    said = json.loads(result.stdout)
+    said = json_of("waves", folder)
     assert said["synchronisation"] is None
     assert said["valid"] is None
     assert said["balanced"] is None
@@ -83,8 +79,7 @@ def test_a_clipped_incident_channel_is_refused(tmp_path):
     shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
     text = (folder / "shot.toml").read_text()
     (folder / "shot.toml").write_text(text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
-    result = CliRunner().invoke(app, ["waves", str(folder)])
-    assert result.exit_code == 2
+    result = run_kolsky("waves", folder, code=2)
     assert "CH1 incident (V)" in result.stderr
     assert "incident_force.full_scale = 0.5 V" in result.stderr
     lines = (folder / "scope.csv").read_text().splitlines()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaged_shots import Mutation, both, fields, number
+from damaged_shots import Mutation, both, fields, number, toml
 from shot_folders import OPEN_01, OPEN_02, ROOT, shot_in
 
 from kolsky.base.apparatus import Specimen
@@ -420,15 +420,6 @@ def scaled(name: str, column: int, factor: float) -> Mutation:
     return fields(name, lambda r: [*r[:column], number(r[column], factor), *r[column + 1 :]])
 
 
-def edit(old: str, new: str) -> Mutation:
-    def mutate(folder: Path) -> None:
-        path = folder / "shot.toml"
-        assert old in path.read_text()
-        path.write_text(path.read_text().replace(old, new))
-
-    return mutate
-
-
 MILLISECONDS = both(
     *(scaled(n, c, 1e3) for n, c in {"frames.csv": 1, "flyer.csv": 1, "centreline.csv": 1}.items())
 )
@@ -438,10 +429,10 @@ WRONG: dict[str, tuple[Mutation, list[str]]] = {
         ["curve.stress", "0.358 kPa", "24.09 N", 'curve.stress.unit = "kPa" in place of "Pa" would fit'],
     ),
     "radius for diameter": (
-        edit('"9.5 mm"', '"4.75 mm"'),
+        toml('"9.5 mm"', '"4.75 mm"', 2),
         ["specimen.diameter", 'specimen.diameter = "9.5 mm" would fit: was the radius given?'],
     ),
-    "g/cm^3": (edit("870 kg", "0.87 kg"), ['specimen.density = "870 kg/m^3" would fit']),
+    "g/cm^3": (toml("870 kg", "0.87 kg", 2), ['specimen.density = "870 kg/m^3" would fit']),
     "milliseconds of all as seconds": (
         both(MILLISECONDS, scaled("scope.csv", 0, 1e3)),
         ['frames.time.unit = "ms" in place of "s" would fit'],
@@ -455,7 +446,7 @@ WRONG: dict[str, tuple[Mutation, list[str]]] = {
         ['Cure: force.time.unit = "ms" in place of "s" would fit'],
     ),
     "volts for millivolts": (
-        edit('"0.0112 V/N"', '"0.0112 mV/N"'),
+        toml('"0.0112 V/N"', '"0.0112 mV/N"'),
         ['Cure: force.sensitivity = "0.0112 V/N" would fit'],
     ),
     "micrometres for millimetres": (

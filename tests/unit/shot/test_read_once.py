@@ -5,10 +5,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from kolsky_command import run_kolsky
 
 from kolsky.bars.flyer import events
-from kolsky.cli.commandline import app
 from kolsky.shot import records
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
@@ -44,8 +43,7 @@ def shot(tmp_path) -> Path:
 @pytest.mark.parametrize("command", [("identify", *COARSE), ("waves",)], ids=lambda words: words[0])
 def test_parsed_once_and_fitted_once(command, counts, shot):
     name, *options = command
-    result = CliRunner().invoke(app, [name, str(shot), *options])
-    assert result.exit_code == 0, result.output
+    run_kolsky(name, shot, *options)
     assert counts == {"parsed": 1, "fitted": 1}
 
 

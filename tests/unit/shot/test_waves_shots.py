@@ -1,19 +1,17 @@
 """Kinds of shots beside the plain one: overlapping pulses, bars together, driven by bars alone."""
 
-import json
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
-from typer.testing import CliRunner
+from kolsky_command import json_of, run_kolsky
 
 from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
-from kolsky.cli import app
 
 GAUGE = """
 [gauges.{name}]
@@ -108,13 +106,6 @@ def shot(folder: Path, *, near: float, far: float | None, extra: str = "") -> Pa
     return folder
 
 
-def run(*arguments: str) -> dict:
-    """The JSON that a command prints."""
-    result = CliRunner().invoke(app, [*arguments, "--json"])
-    assert result.exit_code == 0, result.stderr
-    return json.loads(result.stdout)
-
-
 def _forces(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     with h5py.File(folder / "results" / "waves.h5") as file:
         part = file["entry/reduction"]
@@ -125,12 +116,11 @@ def _forces(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_second_station_tells_overlapping_pulses_apart(tmp_path):
     """The pulse lasts 240 us; a gauge 0.3 m from the specimen sees 118 us of it before its reflection."""
     alone = shot(tmp_path / "alone", near=0.3, far=None)
-    refused = CliRunner().invoke(app, ["waves", str(alone)])
-    assert refused.exit_code == 2
+    refused = run_kolsky("waves", alone, code=2)
     assert "overlap" in refused.stderr
     assert "second gauge" in refused.stderr
     folder = shot(tmp_path / "two", near=0.3, far=0.7)
-    said = run("waves", str(folder))
+    said = json_of("waves", str(folder))
     assert said["windows"]["source"] == "separation"
     assert any(c["key"] == "separation" and c["applied"] for c in said["corrections"])
     time, force, velocity = _forces(folder)
@@ -174,7 +164,7 @@ def test_bars_together_give_speed_and_gain(tmp_path):
     text += GAUGE.format(name="incident", channel="near", distance=500)
     text += GAUGE.format(name="transmission", channel="behind", distance=500)
     (folder / "shot.toml").write_text(text)
-    said = run("wavespeed", str(folder), "--figures", "svg")
+    said = json_of("wavespeed", str(folder), "--figures", "svg")
     assert said["remarks"] == []
     speed, found = said["wave_speed"], said["gain"]
     # Four sigmas: one draw in 16 000 is farther off.
@@ -214,7 +204,7 @@ def test_identify_from_the_bars_alone(tmp_path):
     rows = np.column_stack([law.stretch - 1.0, law.stress])
     np.savetxt(folder / "curve.csv", rows, delimiter=",", header="strain,stress", comments="", fmt="%.12e")
     assert MODULUS > 0.0
-    said = run("identify", str(folder), "--mesh", "12x12", "--refined-mesh", "20x20", "--replicates", "2")
+    said = json_of("identify", str(folder), "--mesh", "12x12", "--refined-mesh", "20x20", "--replicates", "2")
     found = said["stiffness_factor"]
     low, high = found["interval"]
     assert low <= FACTOR <= high
@@ -268,7 +258,7 @@ def test_polymer_bars_give_back_force_and_velocity(tmp_path):
         + "[waves]\ncorrections = { punching = false }\n"
     )
     (tmp_path / "polymer" / "shot.toml").write_text(text)
-    run("waves", str(tmp_path / "polymer"))
+    json_of("waves", str(tmp_path / "polymer"))
     with h5py.File(tmp_path / "polymer" / "results" / "waves.h5") as file:
         part = file["entry/reduction"]
         found = {name: part[name][()] for name in ("front_force", "back_force", "front_velocity")}

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from kolsky_command import run_kolsky
 from typer.testing import CliRunner
 
 from kolsky.cli import app
@@ -79,6 +80,5 @@ def test_a_wrong_file_is_refused_with_its_name_and_a_cure(case: str, folder: Pat
 
 def test_a_fit_without_columns_is_told_what_the_file_has(folder: Path) -> None:
     (folder / "good.csv").write_text("step,stress (kPa)\n0,0\n0.1,10\n0.2,18\n0.3,24\n0.4,29\n0.5,33\n")
-    done = CliRunner().invoke(app, ["material", "fit", "good.csv", "--convention", "tension-positive"])
-    assert done.exit_code == 2
+    done = run_kolsky("material", "fit", "good.csv", "--convention", "tension-positive", code=2)
     assert re.search(r"good.csv: .*has the columns of numbers .*stress.*Cure: .*--stress COLUMN", done.stderr)

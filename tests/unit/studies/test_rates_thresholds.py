@@ -101,14 +101,18 @@ def test_one_shot_may_hold_nine_tenths_of_the_lever(lever: float, refused: int) 
     assert names(found) == ["largest leverage of one shot"] * refused
 
 
-@pytest.mark.parametrize(("share", "refused"), [(0.98, 0), (1.02, 1)])
-def test_a_slope_may_be_uncertain_by_the_mean_per_decade(share: float, refused: int) -> None:
+def no_slope() -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Rates, their decades from the mean, deviations without a slope and its half width at 95 %."""
     rates = np.geomspace(100.0, 1000.0, 6)
     x = np.log10(rates) - np.log10(rates).mean()
     away = DEVIATIONS - DEVIATIONS.mean()
     away -= x * (x @ away) / (x @ x)
-    # Half width t(4) sqrt(rest / 4 / sum x^2), wanted over a mean of 1.1.
-    unit = student.ppf(0.975, 4) * np.sqrt(away @ away / 4.0 / (x @ x))
+    return rates, x, away, student.ppf(0.975, 4) * np.sqrt(away @ away / 4.0 / (x @ x))
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.98, 0), (1.02, 1)])
+def test_a_slope_may_be_uncertain_by_the_mean_per_decade(share: float, refused: int) -> None:
+    rates, _, away, unit = no_slope()  # wanted over a mean of 1.1
     found = line(rates, 1.1 + away * share * 1.1 / unit)
     criterion = found.criteria[-1]
     assert criterion.value == pytest.approx(share, rel=1e-6)  # the root's tolerance
@@ -116,11 +120,7 @@ def test_a_slope_may_be_uncertain_by_the_mean_per_decade(share: float, refused: 
 
 
 def test_the_sign_of_a_slope_is_claimed_where_its_interval_leaves_zero_out() -> None:
-    rates = np.geomspace(100.0, 1000.0, 6)
-    x = np.log10(rates) - np.log10(rates).mean()
-    away = DEVIATIONS - DEVIATIONS.mean()
-    away -= x * (x @ away) / (x @ x)
-    half = student.ppf(0.975, 4) * np.sqrt(away @ away / 4.0 / (x @ x))
+    rates, x, away, half = no_slope()
     for factor, verdict in ((0.99, SlopeVerdict.NONE_SEEN), (1.01, SlopeVerdict.SENSITIVE)):
         assert line(rates, 1.1 + away + factor * half * x, sigma=1e-5).verdict is verdict
 
