@@ -130,9 +130,7 @@ class TestSection(Section):
                 "has no effect without a sphere", key="apex", cure='add sphere = "5 mm", its radius'
             )
         if self.frictionless and self.sphere is not None:
-            raise f.problem(
-                "has no effect on a sphere, which is frictionless", key="frictionless", cure="remove it"
-            )
+            raise f.problem("slides without friction", key="sphere", cure="remove the key frictionless")
         return self
 
     @property

@@ -189,7 +189,7 @@ def test_the_slopes_of_a_sphere_are_those_of_its_force(tmp_path: Path) -> None:
         (['sphere = "4 mm"'], 0.8, "draws the sphere away from the body"),
         (['sphere = "4 mm"', 'apex = ["5 mm", "5 mm", "4.5 mm"]'], -0.8, "0.5 mm inside the body"),
         (['apex = ["5 mm", "5 mm", "5 mm"]'], -0.8, "no effect without a sphere"),
-        (['sphere = "4 mm"', "frictionless = true"], -0.8, "which is frictionless"),
+        (['sphere = "4 mm"', "frictionless = true"], -0.8, "slides without friction"),
     ],
 )
 def test_a_sphere_that_cannot_press_is_refused(
