@@ -320,10 +320,6 @@ def material_relaxation(
             metavar="SHOT",
         ),
     ] = (),
-    mesh: Annotated[
-        str | None,
-        Option("Mesh of the search of --joint; that of its answer is twice as fine.", metavar="NRxNY"),
-    ] = None,
     branches: Annotated[int, Option("Most branches of the Prony series.", min=0, max=8)] = 3,
     out: OutFolder = Path("relaxation"),
     figures: Figures = (),
@@ -344,8 +340,7 @@ def material_relaxation(
 
     slow = read_slow_list(tests)
     folder = usable_folder(out)
-    texts.refuse({"--mesh": mesh is not None and not joint}, "is that of --joint", cure="add --joint SHOT")
-    together = _joint_comparison(tests, joint, branches, mesh) if joint else None
+    together = _joint_comparison(tests, joint, branches) if joint else None
     rated = [collected_shot(shot, group="all") for shot in shots]
     with texts.refused(cure="correct the list or the tables that it names", place=tests):
         result = analyse_rate_dependence(slow, rated, at_most=branches)
@@ -370,32 +365,23 @@ def material_relaxation(
     )
 
 
-def _joint_comparison(
-    tests: Path, paths: Sequence[Path], branches: int, mesh: str | None
-) -> "ModelComparison":
+def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int) -> "ModelComparison":
     """Identify shots and slow tests together with each model; the network only beside histories."""
     from kolsky.cli.terminal import progress_bars
     from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.parameters import with_relaxation
-    from kolsky.inverse.settings import Numerics
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots
     from kolsky.shot.load import load_shot
     from kolsky.studies.rate_models import compare_joint, joint_models
 
     slow, shots = read_slow_tests(tests), [load_shot(path) for path in paths]
-    settings = JointSettings()
-    if mesh is not None:
-        across, along = texts.mesh("--mesh", mesh)
-        settings = JointSettings(
-            numerics=Numerics(mesh=(across, along)), refined_mesh=(2 * across, 2 * along)
-        )
     found = {}
     cure = "give shots of one material with one set of free parameters"
     with progress_bars() as progress, texts.refused(cure=cure, place=shots[0].folder):
         for name, kind, number in joint_models(slow, branches):
             relaxing = [with_relaxation(shot, kind, number) for shot in shots]
-            found[name] = identify_shots(relaxing, settings, slow=slow, progress=progress)
+            found[name] = identify_shots(relaxing, JointSettings(), slow=slow, progress=progress)
         return compare_joint(found)
 
 

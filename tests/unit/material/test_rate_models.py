@@ -2,17 +2,14 @@
 
 from dataclasses import replace
 from math import exp, inf, log
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from explicit.materials import LAWS, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
-from kolsky.cli import app
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import required_branches
 from kolsky.studies.rate_models import (
@@ -185,25 +182,3 @@ def test_joint_results_share_the_elastic_model() -> None:
         compare_joint({"prony": one, "prony:2": joint(-23.0, 4.0 * log(90.0) - 31.0, 4)})
     with pytest.raises(ValueError, match="did not compare"):
         compare_joint({"prony": SimpleNamespace(choice=None, estimates={})})
-
-
-@pytest.mark.parametrize(
-    ("words", "meshes"),
-    [(["--mesh", "8x11"], ((8, 11), (16, 22))), ([], ((16, 22), (32, 43)))],
-)
-def test_the_joint_comparison_takes_its_mesh(words, meshes, monkeypatch, tmp_path):
-    taken = []
-
-    def identify(shots, settings, **options):
-        taken.append((settings.numerics.mesh, settings.refined_mesh))
-        raise ValueError("enough")
-
-    monkeypatch.setattr("kolsky.joint_identification.identify_shots", identify)
-    runs = Path(__file__).resolve().parents[3] / "runs"
-    given = ["material", "relaxation", str(runs / "relaxation" / "slow.toml"), "--out", str(tmp_path), *words]
-    done = CliRunner().invoke(app, [*given, "--joint", str(runs / "open-01")])
-    assert "enough" in done.output
-    assert taken == [meshes]
-    if words:
-        alone = CliRunner().invoke(app, given)
-        assert "--mesh is that of --joint" in alone.output
