@@ -212,15 +212,12 @@ class Controller:
         self.model, self.gain, self.most = model, gain, most
         self.sum = 0.0
         self.pressure = 0.0
-        self._low = model.bend(0.0)
-        self._high = self._highest()
+        self._path = [(0.0, model.bend(0.0))]
+        for pressure in np.linspace(0.0, most, 9)[1:]:
+            start = self._path[-1][1].state.q
+            self._path.append((float(pressure), model.bend(float(pressure), start=start)))
+        self._low, self._high = self._path[0][1], self._path[-1][1]
         self._last: ReducedBend = self._low
-
-    def _highest(self) -> ReducedBend:
-        found = self._low
-        for pressure in np.linspace(0.0, self.most, 9)[1:]:
-            found = self.model.bend(float(pressure), start=found.state.q)
-        return found
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -244,8 +241,11 @@ class Controller:
         return Tick(self.pressure, False, not found)
 
     def _inverse(self, asked: float) -> bool:
-        """Newton's method for the pressure, from the last pressure; False if it does not converge."""
-        pressure, near = self.pressure, self._last
+        """Newton's method for the pressure, from the nearest angle known; False if it does not converge."""
+        pressure, near = min(
+            [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
+            key=lambda one: abs(asked - one[1].angle),
+        )
         for _ in range(_INVERSIONS):
             left = asked - near.angle
             if abs(left) <= ANGLE_TOLERANCE:

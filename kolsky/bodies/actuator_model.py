@@ -30,7 +30,16 @@ from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.equilibrium.arc_length import ArcPath, follow
 from kolsky.equilibrium.loads import faces_on
 from kolsky.equilibrium.meshes import Mesh, grid
-from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Pressure, RigidPlane, SelfContact, unit
+from kolsky.equilibrium.model import (
+    Condition,
+    Fixed,
+    Gravity,
+    Model,
+    Pressure,
+    RigidSurface,
+    SelfContact,
+    unit,
+)
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
@@ -77,7 +86,7 @@ class Actuator:
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
     """Parts of other materials; a cell in two parts belongs to the later one."""
-    world: tuple[Fixed | RigidPlane, ...] = ()
+    world: tuple[Fixed | RigidSurface, ...] = ()
     """Point sets fixed from outside, and rigid planes that the actuator may touch."""
 
     @property
@@ -452,7 +461,7 @@ def forces_outside(run: Bending) -> dict[str, FloatArray]:
     half = "mirror" in solution.model.mesh.sets
     planes = iter(solution.contact_forces)
     for condition in solution.model.conditions:
-        if isinstance(condition, RigidPlane):
+        if isinstance(condition, RigidSurface):
             force = -next(planes).sum(axis=1)[:, None] * unit(condition.normal)
         elif isinstance(condition, Fixed) and condition.where not in ("clamp", "mirror"):
             force = -solution.reaction(condition.where)

@@ -16,7 +16,7 @@ from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
-from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact, unit
+from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.readers.meshes import read_body
@@ -397,9 +397,9 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
 
 def _world(
     toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
-) -> tuple[Mesh, tuple[Fixed | RigidPlane, ...]]:
+) -> tuple[Mesh, tuple[Fixed | RigidSurface, ...]]:
     """The fixed set of [blocked] and the planes, and the mesh with their sets, named as their tables."""
-    world: list[Fixed | RigidPlane] = []
+    world: list[Fixed | RigidSurface] = []
     held: FloatArray | Any = np.zeros(0, dtype=np.int64)
     if declared.blocked is not None:
         with toml.refusing("blocked.set", "cannot be held"):
@@ -420,7 +420,7 @@ def _world(
                 f"lies {1e3 * depth:.4g} mm inside the actuator at rest",
                 cure="move the plane out, or turn its normal towards the actuator",
             )
-        world.append(RigidPlane(name, tuple(section.normal), tuple(section.point)))
+        world.append(RigidSurface(name, tuple(section.normal), tuple(section.point)))
     return mesh, tuple(world)
 
 

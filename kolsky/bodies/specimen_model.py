@@ -17,7 +17,7 @@ from kolsky.bodies.errors_in_variables import Linearised
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_schema import TestSection
 from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone
-from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed
+from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed, RigidSurface
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
@@ -73,6 +73,16 @@ class Shape:
     def along(self, end: int) -> int:
         """Axis along which an end moves and its force is measured."""
         return 1 if self.load == "shear" else end
+
+    @property
+    def free_length(self) -> float:
+        """Length over which its ends move apart [m]."""
+        return self.size[0] - 2.0 * self.bond
+
+    @property
+    def way(self) -> float:
+        """Sign of the displacements at which a test without a file is simulated [-]."""
+        return 1.0
 
     @property
     def multiplicity(self) -> float:
@@ -182,6 +192,8 @@ def shape_of(
             body=body,
             axis="xyz".index(section.axis),
             frictionless=section.frictionless,
+            sphere=section.sphere,
+            declared_apex=None if section.apex is None else tuple(section.apex),
         )
     assert section.size is not None  # checked by the schema
     assert section.elements is not None
@@ -214,6 +226,10 @@ class BodyShape(Shape):
     """Along which the moving group moves and its force is measured."""
     frictionless: bool = False
     """Whether the points of the moving group slide across that axis, as under a lubricated punch."""
+    sphere: float | None = None
+    """Radius of a rigid sphere that presses on the moving group without friction [m]; None: no sphere."""
+    declared_apex: tuple[float, ...] | None = None
+    """Point of the sphere that touches first, at displacement 0 [m], shape [3]; None: see `apex`."""
 
     @property
     def eighth(self) -> bool:
@@ -229,6 +245,39 @@ class BodyShape(Shape):
         raise ValueError("a body from a mesh file has no bonded length that could be shorter")
 
     @property
+    def free_length(self) -> float:
+        """Of the whole body along the motion [m]."""
+        return self.size[self.axis]
+
+    @property
+    def way(self) -> float:
+        """Of a sphere its direction towards the body along the axis, else 1 [-]."""
+        if self.sphere is None:
+            return 1.0
+        high, low = (
+            float(self.mesh.points[self.mesh.nodes(f"bond_x{end}"), self.axis].mean()) for end in "+-"
+        )
+        return -1.0 if high > low else 1.0
+
+    @property
+    def apex(self) -> FloatArray:
+        """The declared apex, or the middle of the outermost points of the moving group [m], shape [3]."""
+        if self.declared_apex is not None:
+            return np.asarray(self.declared_apex)
+        points = self.mesh.points[self.mesh.nodes("bond_x+")]
+        height = -self.way * points[:, self.axis]
+        outermost = points[height >= height.max() - TIGHT * max(self.size)]
+        return np.asarray(0.5 * (outermost.min(axis=0) + outermost.max(axis=0)))
+
+    @property
+    def indenter(self) -> RigidSurface | None:
+        """The sphere, whose travel is the displacement; None if there is none."""
+        if self.sphere is None:
+            return None
+        normal = tuple(self.way * np.eye(3)[self.axis])
+        return RigidSurface("bond_x+", normal, tuple(self.apex), "d_x", self.way, self.sphere)
+
+    @property
     def mesh(self) -> Mesh:  # type: ignore[override]
         """The mesh of the file [m]."""
         assert self.body is not None  # `shape_of` has given it
@@ -237,8 +286,9 @@ class BodyShape(Shape):
     def model(self, solid: Solid, *, device: str = "cpu") -> Model:
         """See `Shape.model`; the held group stays, the other moves by all of the displacement."""
         others = tuple(other for other in range(3) if other != self.axis)
-        conditions: list[Condition] = [Fixed("bond_x-"), Prescribed("bond_x+", self.axis, "d_x", 1.0)]
-        if not self.frictionless:
+        moving = self.indenter or Prescribed("bond_x+", self.axis, "d_x", 1.0)
+        conditions: list[Condition] = [Fixed("bond_x-"), moving]
+        if self.sphere is None and not self.frictionless:
             conditions.append(Fixed("bond_x+", others))
         if self.gravity is not None and self.density is not None:
             conditions.append(Gravity(self.density, self.gravity))

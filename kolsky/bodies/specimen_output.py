@@ -140,7 +140,7 @@ def largest_strains(found: SpecimenFit) -> tuple[float, float]:
     for one in found.tests:
         if one.fitted:
             shape = one.test.model.shape
-            strain = one.test.samples.displacement / (shape.size[0] - 2.0 * shape.bond)
+            strain = one.test.samples.displacement / shape.free_length
             sheared = float(np.abs(strain).max()) if shape.load == "shear" else 0.0
             pulls.append(max(float(strain.max()), sheared))
             pushes.append(max(float(-strain.min()), sheared))

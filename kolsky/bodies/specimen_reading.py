@@ -13,7 +13,7 @@ from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import POISSON, Constants, constants_of
 from kolsky.bodies.specimen_fit import SlowTest
-from kolsky.bodies.specimen_model import AXES, TIGHT, SpecimenModel, shape_of
+from kolsky.bodies.specimen_model import AXES, TIGHT, BodyShape, SpecimenModel, shape_of
 from kolsky.bodies.specimen_schema import SpecimenFile, TestSection
 from kolsky.equilibrium.meshes import SIDES, Mesh
 from kolsky.equilibrium.points import geometry
@@ -63,7 +63,8 @@ class Specification:
             return self.samples[name].displacement
         section = self.declared.tests[name]
         assert section.stroke is not None  # checked by the schema
-        one = section.stroke * np.arange(1, section.samples + 1) / section.samples
+        way = self.models[name].shape.way
+        one = way * section.stroke * np.arange(1, section.samples + 1) / section.samples
         return np.repeat(one[:, None], section.ends, axis=1)
 
 
@@ -96,6 +97,8 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
         if section.file is not None:
             samples[name], inputs[section.file] = _samples(toml, section)
         if section.mesh is not None:
+            assert isinstance(shape, BodyShape)  # that of every mesh
+            _check_sphere(toml, f"tests.{name}", shape, samples.get(name))
             continue
         with toml.refusing(f"tests.{name}.elements", "make no mesh"):
             sets = shape.mesh.sets
@@ -141,6 +144,29 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
     with toml.refusing(f"{key}.mesh", "has a bad cell", cure="mesh the body again"):
         geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
     return mesh
+
+
+def _check_sphere(toml: TomlFile, key: str, shape: BodyShape, samples: Samples | None) -> None:
+    """Refuse a sphere that lies in the body at displacement 0, or that is drawn away from it."""
+    if shape.sphere is None or shape.indenter is None:
+        return
+    centre = shape.apex - shape.sphere * np.asarray(shape.indenter.normal)
+    points = shape.mesh.points[shape.mesh.nodes("bond_x+")]
+    depth = shape.sphere - float(np.linalg.norm(points - centre, axis=1).min())
+    if depth > TIGHT * max(shape.size):
+        raise toml.error(
+            f"{key}.apex",
+            f"puts the sphere {1e3 * depth:.4g} mm inside the body at displacement 0",
+            cure="move it out; without it the sphere touches the outermost points of the moving group",
+        )
+    if samples is not None and shape.way * samples.displacement[-1, 0] < 0.0:
+        sign = ">" if shape.way > 0.0 else "<"
+        raise toml.error(
+            f"{key}.displacement",
+            "draws the sphere away from the body",
+            allowed=f"displacement and force {sign} 0, the sign of a push along the axis towards the body",
+            cure="change the sign of both columns",
+        )
 
 
 def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:

@@ -66,6 +66,8 @@ class TestSection(Section):
     fixed: f.Name | None = None
     axis: Literal["x", "y", "z"] = "x"
     frictionless: bool = False
+    sphere: f.Length | None = None
+    apex: Annotated[list[Displacement], Field(min_length=3, max_length=3)] | None = None
     arm: f.Length | None = None
     waist: f.Length | None = None
     straight: f.Length | None = None
@@ -82,9 +84,10 @@ class TestSection(Section):
     @model_validator(mode="after")
     def _of_the_shape(self) -> "TestSection":
         only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone"}
-        only |= dict.fromkeys(("mesh", "mesh_unit", "moving", "fixed"), "mesh")
+        only |= dict.fromkeys(("mesh", "mesh_unit", "moving", "fixed", "sphere", "apex"), "mesh")
         for key, shape in only.items():
-            if (getattr(self, key) is not None) != (self.shape == shape):
+            optional = key in ("sphere", "apex") and self.shape == shape
+            if not optional and (getattr(self, key) is not None) != (self.shape == shape):
                 problem = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
                 raise f.problem(problem, key=key, cure=f'it belongs to shape = "{shape}"')
         if self.file is None and self.stroke is None:
@@ -122,6 +125,12 @@ class TestSection(Section):
         if given:
             cure = "remove it; axis, moving and fixed say how the body is loaded"
             raise f.problem('has no effect on shape = "mesh"', key=given[0], cure=cure)
+        if self.apex is not None and self.sphere is None:
+            raise f.problem(
+                "has no effect without a sphere", key="apex", cure='add sphere = "5 mm", its radius'
+            )
+        if self.frictionless and self.sphere is not None:
+            raise f.problem("slides without friction", key="sphere", cure="remove the key frictionless")
         return self
 
     @property

@@ -11,8 +11,8 @@ from explicit.arrays import FloatArray
 from kolsky.equilibrium.body import Body, BodyState
 from kolsky.equilibrium.linear.base import Factors, LinearSolver
 from kolsky.equilibrium.linear.solvers import BridgedSolver, linear_solver
-from kolsky.equilibrium.loads import FollowerPressure, PlaneContact, nodal_forces, weight
-from kolsky.equilibrium.model import Model, Pressure, RigidPlane
+from kolsky.equilibrium.loads import FollowerPressure, RigidContact, nodal_forces, weight
+from kolsky.equilibrium.model import Model, Pressure, RigidSurface
 from kolsky.equilibrium.surface_contact import surface_contacts
 
 
@@ -50,7 +50,7 @@ class Equations:
         self.pressures = [
             (c.history, FollowerPressure(model, c.where)) for c in model.conditions if isinstance(c, Pressure)
         ]
-        self.contacts = [PlaneContact(model, c) for c in model.conditions if isinstance(c, RigidPlane)]
+        self.contacts = [RigidContact(model, c) for c in model.conditions if isinstance(c, RigidSurface)]
         self.surfaces = surface_contacts(model)
         self.symmetric = not self.pressures
         self.linear = linear
@@ -98,10 +98,6 @@ class Equations:
         """Forces of all components summed into the unknowns, shape [..., n_unknowns]."""
         return self.body.pattern.reduced(full)
 
-    def travel(self, contact: PlaneContact, at: Mapping[str, float]) -> float:
-        """Travel of a plane [m]."""
-        return 0.0 if contact.plane.history is None else at[contact.plane.history]
-
     def rest(self) -> State:
         """The undeformed state, all histories at 0."""
         return self.evaluate(np.zeros(self.model.n_dofs), dict.fromkeys(self.model.histories, 0.0))
@@ -136,10 +132,9 @@ class Equations:
         """Multipliers increased by the penalty forces, and whether the depth was already within tolerance."""
         pushes, closed = [], True
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
-            travel = self.travel(contact, state.at)
-            pushes.append(contact.pushes(state.u, travel, pushed))
-            gaps = contact.gaps(state.u, travel)
-            apart = np.where(pushes[-1] > 0.0, np.abs(gaps), -np.minimum(gaps, 0.0))
+            place = contact.place(state.u, state.at)
+            pushes.append(contact.pushes(place, pushed))
+            apart = np.where(pushes[-1] > 0.0, np.abs(place.gaps), -np.minimum(place.gaps, 0.0))
             closed = closed and bool(apart.max(initial=0.0) <= contact.depth)
         return tuple(pushes), closed
 
@@ -154,7 +149,7 @@ class Equations:
     def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
         """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
 
-        `held` fixes points in contact on their plane, which derivatives of the solution need. `single`:
+        `held` fixes points in contact on their surface, which derivatives of the solution need. `single`:
         single precision, for factors that only guide an iteration.
         """
         return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
@@ -163,10 +158,17 @@ class Equations:
         """Element matrices with the stiffness of the points in contact; the same array if there are none."""
         if self.contacts:
             elements = elements.copy()
-        for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
-            pushes = contact.pushes(state.u, self.travel(contact, state.at), pushed)
-            contact.add_stiffness(elements, pushes, held=held)
+        for contact, blocks in zip(self.contacts, self.contact_blocks(state, held=held), strict=True):
+            contact.add_stiffness(elements, blocks)
         return elements
+
+    def contact_blocks(self, state: State, *, held: bool) -> list[FloatArray]:
+        """Stiffness of the points of each contact [N/m], shape [p, d, d]."""
+        found = []
+        for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
+            place = contact.place(state.u, state.at)
+            found.append(contact.blocks(place, contact.pushes(place, pushed), held=held))
+        return found
 
     def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
         """Factors of the element matrices plus the stiffness of surface contact in a state."""
@@ -194,9 +196,9 @@ class Equations:
         return found.reshape(du.shape)
 
     def external_change(self, state: State, at: dict[str, float]) -> FloatArray:
-        """Change of the external forces with the histories at fixed displacements [N], in the unknowns."""
-        external = self._external(state.u, at, state.multipliers, self._carried(state.u, at))
-        return self.reduced(external - state.external)
+        """Change of the loads with the histories at fixed displacements [N], in the unknowns."""
+        loads = nodal_forces(self.model, at) - nodal_forces(self.model, state.at)
+        return self.reduced(loads + self.carried_change(state, at))
 
     def carried_change(self, state: State, at: dict[str, float]) -> FloatArray:
         """Change of weight and pressure with the histories at fixed displacements [N], shape [n d]."""
@@ -217,7 +219,8 @@ class Equations:
     ) -> FloatArray:
         total = carried + nodal_forces(self.model, at)
         for contact, pushed in zip(self.contacts, multipliers, strict=True):
-            total = total + contact.forces(contact.pushes(u, self.travel(contact, at), pushed))
+            place = contact.place(u, at)
+            total = total + contact.forces(place, contact.pushes(place, pushed))
         for surface in self.surfaces:
             total = total + surface.forces(u)
         return total

@@ -1,4 +1,4 @@
-"""External forces: weight and dead loads, follower pressure, contact with a rigid plane.
+"""External forces: weight and dead loads, follower pressure, contact with a rigid surface.
 
 Pressure: with the tangents t_1, t_2 of the deformed face along its coordinates, n da = t_1 x t_2 ds and
 
@@ -7,9 +7,14 @@ Pressure: with the tangents t_1, t_2 of the deformed face along its coordinates,
 whose derivative by the displacements is not symmetric. In two dimensions n da is the tangent rotated by -90
 degrees, times the thickness or 2 pi r with the deformed radius r.
 
-Contact: on a point at the distance g above the plane acts the force max(0, lam - k g) (augmented Lagrange
-multipliers; Simo and Laursen 1992). After each equilibrium lam is set to this value, until no point is deeper
-than the tolerance.
+Contact: on a point at the distance g from a plane or a sphere acts the force p n, p = max(0, lam - k g),
+along the outward normal n (augmented Lagrange multipliers; Simo and Laursen 1992). After each equilibrium lam
+is set to p, until no point is deeper than the tolerance. At the distance r from the centre of a sphere the
+stiffness is
+
+    -d(p n)/dx = k n n' - p (1 - n n') / r,                                                    (P.2)
+
+and its product with the direction of travel is the change of the force with the travel.
 """
 
 from collections.abc import Mapping
@@ -21,7 +26,7 @@ import numpy as np
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.elements import Face
 from kolsky.equilibrium.meshes import Mesh
-from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidPlane, Traction, unit
+from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidSurface, Traction, unit
 from kolsky.equilibrium.points import Geometry
 
 CONTACT_STIFFNESS = 500.0
@@ -30,51 +35,86 @@ DIFFERENTIATION_STIFFNESS = 1e5
 """Factor of the stiffness that fixes points in contact when the solution is differentiated [-]."""
 
 
-class PlaneContact:
-    """The contact of one set with one plane."""
+class RigidContact:
+    """The contact of one set with one rigid surface."""
 
-    def __init__(self, model: Model, plane: RigidPlane) -> None:
-        if len(plane.normal) != model.dimension or len(plane.position) != model.dimension:
-            raise ValueError(f"normal and position of {plane} must have {model.dimension} components")
-        if plane.stiffness is not None and not plane.stiffness > 0.0:
-            raise ValueError(f"stiffness must be > 0 N/m, got {plane.stiffness}")
-        if not 0.0 < plane.tolerance < 1.0:
-            raise ValueError(f"tolerance must be in (0, 1), got {plane.tolerance}")
-        self.plane, self.model = plane, model
-        self.normal = unit(plane.normal)
-        self.nodes = model.mesh.nodes(plane.where)
+    def __init__(self, model: Model, surface: RigidSurface) -> None:
+        if len(surface.normal) != model.dimension or len(surface.position) != model.dimension:
+            raise ValueError(f"normal and position of {surface} must have {model.dimension} components")
+        for name in ("stiffness", "radius"):
+            value = getattr(surface, name)
+            if value is not None and not value > 0.0:
+                raise ValueError(f"{name} of {surface} must be > 0, got {value}")
+        if not 0.0 < surface.tolerance < 1.0:
+            raise ValueError(f"tolerance must be in (0, 1), got {surface.tolerance}")
+        self.surface, self.model = surface, model
+        self.normal = unit(surface.normal)
+        self.nodes = model.mesh.nodes(surface.where)
         size = np.ptp(model.mesh.points, axis=0)
-        self.depth = plane.tolerance * float(size.max())
+        self.depth = surface.tolerance * float(size.max())
         spacing = float(size.prod() / len(model.mesh.points)) ** (1.0 / model.dimension)
         across = spacing if model.kinematics == "3d" else _across(model)
         usual = CONTACT_STIFFNESS * model.solid.shear_modulus * across
-        self.stiffness = usual if plane.stiffness is None else plane.stiffness
+        self.stiffness = usual if surface.stiffness is None else surface.stiffness
         self.cells = _cell_with(model.mesh.cells, self.nodes)
 
-    def gaps(self, u: FloatArray, travel: float) -> FloatArray:
-        """Distances of the points above the plane [m], shape [p]."""
+    def place(self, u: FloatArray, at: Mapping[str, float]) -> "Place":
+        """Gaps, normals and curvature of the surface at the points, with histories at given values."""
+        of = self.surface
+        travel = 0.0 if of.history is None else of.factor * at[of.history]
         x = (self.model.mesh.points + u.reshape(-1, self.model.dimension))[self.nodes]
-        return np.asarray((x - np.asarray(self.plane.position)) @ self.normal - travel)
+        way = x - np.asarray(of.position) - travel * self.normal
+        height = way @ self.normal
+        if of.radius is None:
+            return Place(height, np.broadcast_to(self.normal, x.shape), np.zeros(len(x)))
+        out = way + of.radius * self.normal
+        distance = np.linalg.norm(out, axis=1)
+        # the difference of the squares, since distance - radius loses the digits of a small gap
+        gaps = ((way**2).sum(axis=1) + 2.0 * of.radius * height) / (distance + of.radius)
+        return Place(gaps, out / distance[:, None], 1.0 / distance)
 
-    def pushes(self, u: FloatArray, travel: float, multipliers: FloatArray) -> FloatArray:
-        """Forces on the points along the normal [N], shape [p]."""
-        return np.maximum(0.0, multipliers - self.stiffness * self.gaps(u, travel))
+    def pushes(self, place: "Place", multipliers: FloatArray) -> FloatArray:
+        """Forces on the points along their normals [N], shape [p]."""
+        return np.maximum(0.0, multipliers - self.stiffness * place.gaps)
 
-    def forces(self, pushes: FloatArray) -> FloatArray:
+    def forces(self, place: "Place", pushes: FloatArray) -> FloatArray:
         """Forces of all points [N], shape [n d]."""
         total = np.zeros(self.model.mesh.points.shape)
-        np.add.at(total, self.nodes, pushes[:, None] * self.normal)
+        np.add.at(total, self.nodes, pushes[:, None] * place.normals)
         return total.reshape(-1)
 
-    def add_stiffness(self, elements: FloatArray, pushes: FloatArray, *, held: bool) -> None:
-        """Add the stiffness of the points in contact to that of a cell of each, in place."""
+    def blocks(self, place: "Place", pushes: FloatArray, *, held: bool) -> FloatArray:
+        """Stiffness of each point, 0 without contact [N/m], shape [p, d, d]: Eq. (P.2)."""
+        stiffness = self.stiffness * (DIFFERENTIATION_STIFFNESS if held else 1.0)
+        along = place.normals[:, :, None] * place.normals[:, None, :]
+        bent = (pushes * place.curvature)[:, None, None] * (np.eye(self.model.dimension) - along)
+        return np.where((pushes > 0.0)[:, None, None], stiffness * along - bent, 0.0)
+
+    def add_stiffness(self, elements: FloatArray, blocks: FloatArray) -> None:
+        """Add the stiffness of each point to that of a cell of it, in place."""
         d = self.model.dimension
-        block = (
-            self.stiffness * (DIFFERENTIATION_STIFFNESS if held else 1.0) * np.outer(self.normal, self.normal)
-        )
-        for node, cell in zip(self.nodes[pushes > 0.0], self.cells[pushes > 0.0], strict=True):
+        for point in np.flatnonzero(blocks.any(axis=(1, 2))):
+            node, cell, block = self.nodes[point], self.cells[point], blocks[point]
             at = d * int(np.flatnonzero(self.model.mesh.cells[cell] == node)[0])
             elements[cell, at : at + d, at : at + d] += block
+
+    def by_history(self, blocks: FloatArray) -> FloatArray:
+        """Change of the forces of all points with the history [N/m], shape [n d]."""
+        total = np.zeros(self.model.mesh.points.shape)
+        np.add.at(total, self.nodes, self.surface.factor * (blocks @ self.normal))
+        return total.reshape(-1)
+
+
+@dataclass(frozen=True)
+class Place:
+    """The points of a contact as seen from its surface."""
+
+    gaps: FloatArray
+    """Distances from the surface, negative inside [m], shape [p]."""
+    normals: FloatArray
+    """Outward normals of the surface [-], shape [p, d]."""
+    curvature: FloatArray
+    """Of the surface through each point at its distance [1/m], shape [p]."""
 
 
 def _across(model: Model) -> float:

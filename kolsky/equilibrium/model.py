@@ -101,8 +101,8 @@ class Pressure:
 
 
 @dataclass(frozen=True)
-class RigidPlane:
-    """A frictionless rigid plane that points of a set cannot pass.
+class RigidSurface:
+    """A frictionless rigid plane or sphere that points of a set cannot pass.
 
     The contact force of a point is the penalty force stiffness * depth plus a multiplier. Augmentation
     increases the multiplier by the penalty force until no point is deeper than the tolerance.
@@ -111,11 +111,16 @@ class RigidPlane:
     where: str
     """Set of points that may touch."""
     normal: tuple[float, ...]
-    """Direction out of the plane, towards the body [-], shape [d]; its length does not matter."""
+    """Direction out of the surface at `position`, towards the body [-], shape [d]; its length does not
+    matter."""
     position: tuple[float, ...]
-    """A point of the plane at history value 0 [m], shape [d]."""
+    """A point of the surface at history value 0 [m], shape [d]; of a sphere its apex."""
     history: str | None = None
-    """Name of the history of the plane's travel along its normal [m]; None: it does not move."""
+    """Name of the history of the surface's travel along `normal` [m]; None: it does not move."""
+    factor: float = 1.0
+    """Travel over the value of the history [-]."""
+    radius: float | None = None
+    """Radius of a sphere [m]; None: a plane."""
     stiffness: float | None = None
     """Penalty of a point [N/m]; None: from the shear modulus and the spacing of the points."""
     tolerance: float = 1e-6
@@ -150,7 +155,7 @@ class SelfContact:
 
 
 Load = NodalForce | Traction | Gravity | Pressure
-Condition = Fixed | Prescribed | Coupled | RigidPlane | SelfContact | Load
+Condition = Fixed | Prescribed | Coupled | RigidSurface | SelfContact | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
@@ -168,7 +173,7 @@ def unit(normal: tuple[float, ...]) -> FloatArray:
     vector = np.asarray(normal, dtype=float)
     length = float(np.linalg.norm(vector))
     if not length > 0.0:
-        raise ValueError("the normal of a plane must not be zero")
+        raise ValueError("the normal of a rigid surface must not be zero")
     return np.asarray(vector / length)
 
 

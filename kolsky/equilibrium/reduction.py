@@ -34,7 +34,7 @@ from kolsky.equilibrium.model import (
     NodalForce,
     Prescribed,
     Pressure,
-    RigidPlane,
+    RigidSurface,
     SelfContact,
     Traction,
 )
@@ -345,7 +345,7 @@ def _checked(model: Model) -> None:
     wrong = [
         c
         for c in model.conditions
-        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane | SelfContact)
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidSurface | SelfContact)
     ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")

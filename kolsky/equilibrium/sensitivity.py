@@ -147,9 +147,11 @@ def _by_history(
     for dofs, of, factor in model.unknowns.prescribed:
         if of == name:
             moved[dofs] = factor
-    if any(name == contact.plane.history for contact in equations.contacts):
-        raise ValueError(f"the travel {name!r} of a plane is no history to differentiate by")
-    residual = equations.reduced(equations.times(elements, moved))
+    full = equations.times(elements, moved)
+    for contact, blocks in zip(equations.contacts, equations.contact_blocks(state, held=True), strict=True):
+        if contact.surface.history == name:
+            full = full - contact.by_history(blocks)
+    residual = equations.reduced(full)
     return moved, residual - equations.external_change(state, _unit_more(state, name))
 
 

@@ -80,8 +80,8 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Forces of supports, grips, planes and nodal loads on the points: internal forces minus weight and
-    pressure [N], shape [n_steps, n, d]."""
+    """Forces of supports, grips, rigid surfaces and nodal loads on the points: internal forces minus weight
+    and pressure [N], shape [n_steps, n, d]."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""
     outcome: Outcome
@@ -93,7 +93,7 @@ class Solution:
     factorisations: int
     """Factorisations of all steps."""
     contact_forces: tuple[FloatArray, ...]
-    """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
+    """Forces of the points of each rigid surface along its normal [N], each of shape [n_steps, p]."""
     equations: Equations = field(repr=False, compare=False)
     """Equations of the model with these constants."""
 

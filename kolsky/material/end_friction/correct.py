@@ -142,7 +142,10 @@ def correct_friction(
     ]
     found = [one for one, kept in zip(found, positive, strict=True) if kept]
     weights = model_weights(found, test)
-    best = found[int(np.argmax(weights))]
+    while (best := found[int(np.argmax(weights))]).mesh is None and len(found) > 1:
+        failed.append(ModelFit.without(best.model.name, "it has no equilibrium on the refined mesh"))
+        found = [one for one in found if one is not best]
+        weights = model_weights(found, test)
     if best.misfit > LARGEST_MISFIT:
         raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
@@ -223,7 +226,7 @@ def _correction(
     response = _curve_change(best, test, strain)
     if best.mesh is None:
         raise ValueError(
-            f"{best.model.name}, which meets the test best, has no equilibrium on the refined mesh"
+            f"{best.model.name}, the last law, has no equilibrium on the refined mesh: end the curve earlier"
         )
     stress = np.exp(mean)
     by_mesh = -response[:, :n] @ best.mesh.stress

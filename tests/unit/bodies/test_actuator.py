@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -491,6 +492,22 @@ def test_where_the_model_gives_none_the_pressure_is_held_and_said() -> None:
     assert second.pressure == first.pressure
 
 
+def test_the_first_tick_starts_from_the_nearest_angle() -> None:
+    class Square:
+        """A bend of 1e-10 p^2 that is not found more than 0.2 bar away from where it starts."""
+
+        def bend(self, pressure: float, *, start: Any = None, tolerance: float = 0.0) -> ReducedBend:
+            far = start is not None and abs(pressure - start[0]) > 2e4
+            outcome = Outcome.NOT_CONVERGED if far else Outcome.COMPLETED
+            state = ReducedState(np.array([pressure]), np.zeros((1, 1)), outcome, 1)
+            return ReducedBend(1e-10 * pressure**2, 2e-10 * pressure + 1e-7, state)
+
+    first = Controller(Square(), gain=0.5, most=1e5).tick(0.4, 0.4)  # type: ignore[arg-type]
+    assert not first.held  # from rest the slope of 1e-7 would take it to the largest pressure
+    # the inverse ends within 1e-5 rad, at a slope of 1.3e-5 rad/Pa
+    assert first.pressure == pytest.approx(np.sqrt(0.4e10), abs=1.0)
+
+
 def test_in_real_time_a_tick_begins_when_it_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = {"now": 100.0}
 
@@ -506,7 +523,8 @@ def test_in_real_time_a_tick_begins_when_it_is_due(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(actuator_control, "sleep", wait)
     p = np.linspace(0.0, 1e5, 5)
     controller = Controller(Slow(), gain=0.5, most=1e5)  # type: ignore[arg-type]
-    plant, wanted = Plant(p, MODEL_SLOPE * p, 0.0, 0, 0.0), np.full(5, 0.5)
+    # 0.45 rad lies between two of the angles that the controller knows
+    plant, wanted = Plant(p, MODEL_SLOPE * p, 0.0, 0, 0.0), np.full(5, 0.45)
     found = run_loop(controller, plant, wanted, rate=20.0, seed=1, real_time=True)
     # one bend of 1 ms on a line in every tick; all but the first begin with a wait
     assert found.wall == pytest.approx([1e-3, 3e-3, 3e-3, 3e-3, 3e-3])

@@ -16,7 +16,7 @@ from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_fit import LIMIT, debonding
 from kolsky.bodies.specimen_model import Shape, SpecimenModel, strains
 from kolsky.equilibrium.meshes import Mesh, grid
-from kolsky.equilibrium.model import Fixed, RigidPlane, SelfContact
+from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import Newton
 from kolsky.equilibrium.surface_contact import surface_contacts
@@ -312,7 +312,7 @@ def _linear(young: float) -> Isotropic:
     return Isotropic(LAWS["neo_hookean"].of([0.5 * young]), bulk(young / 3.0))
 
 
-def _layered(*world: Fixed | RigidPlane) -> Actuator:
+def _layered(*world: Fixed | RigidSurface) -> Actuator:
     """Half of the bar, clamped at x = 0, with a stiff layer at its bottom."""
     x = np.concatenate([np.linspace(0.0, SPAN - CAP, 7), [SPAN]])
     keep = np.ones((len(x) - 1, 2, 3), dtype=bool)
@@ -354,7 +354,7 @@ def test_a_layered_bar_bends_presses_and_is_blocked_as_a_beam() -> None:
     blocked = deflection * 3.0 * bending / SPAN**3
     held = _layered(Fixed("edge", (2,))).simulate((0.0, 0.0, 0.0), pressure)
     assert forces_outside(held)["edge"][0] == pytest.approx([0.0, 0.0, -blocked], rel=0.01)
-    table = RigidPlane("edge", (0.0, 0.0, 2.0), (0.0, 0.0, -0.4 * deflection))
+    table = RigidSurface("edge", (0.0, 0.0, 2.0), (0.0, 0.0, -0.4 * deflection))
     pressed = _layered(table).simulate((0.0, 0.0, 0.0), pressure)
     assert forces_outside(pressed)["edge"][0] == pytest.approx([0.0, 0.0, -0.6 * blocked], rel=0.015)
 

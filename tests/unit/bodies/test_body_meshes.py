@@ -146,6 +146,60 @@ def test_a_bad_cell_has_the_number_of_the_file(kind: str, number: int, tmp_path:
         read_specification(path)
 
 
+def _sphere(folder: Path, *lines: str, travel: float = -0.8) -> Path:
+    """A SPEC of a sphere on a box of 10 x 10 x 5 mm of hexahedra, finest in the middle of its top face."""
+    whole = felupe.Cube(b=(10.0, 10.0, 5.0), n=(7, 7, 4))
+    points = whole.points.copy()
+    away = points[:, :2] / 5.0 - 1.0
+    points[:, :2] = 5.0 + 5.0 * np.sign(away) * np.abs(away) ** 1.5
+    meshio.Mesh(points, [("hexahedron", whole.cells)]).write(folder / "a.vtu")
+    path = _spec(folder, travel, mesh="a.vtu", moving="front", fixed="back")
+    path.write_text(path.read_text().replace("frictionless = false", "\n".join(lines)))
+    return path
+
+
+def test_a_sphere_touches_the_outermost_points(tmp_path: Path) -> None:
+    # A sphere of 1000 km touches all points as a flat lubricated plate does.
+    model = read_specification(_sphere(tmp_path, 'sphere = "1000 km"')).models["press"]
+    np.testing.assert_allclose(model.shape.apex, [5e-3, 5e-3, 5e-3], rtol=1e-12)
+    assert model.shape.free_length == pytest.approx(5e-3)  # along the motion, not along x
+    flat = simulate_tests(read_specification(_sphere(tmp_path, "frictionless = true")))["press"].force
+    spec = read_specification(_sphere(tmp_path, 'sphere = "1000 km"'))
+    np.testing.assert_allclose(simulate_tests(spec)["press"].force, flat, rtol=1e-4)
+
+
+def test_the_slopes_of_a_sphere_are_those_of_its_force(tmp_path: Path) -> None:
+    spec = read_specification(_sphere(tmp_path, 'sphere = "4 mm"', 'apex = ["4 mm", "5 mm", "5 mm"]'))
+    model, mu = spec.models["press"], spec.constants.start
+    at = np.array([[-0.4e-3], [-0.8e-3]])
+    found = model.linearised(spec.constants, mu, at)
+    assert not isinstance(found, str)
+    assert (found.force < 0.0).all()
+    # at a fixed Poisson's ratio all moduli are multiples of mu, and so is the force
+    np.testing.assert_allclose(found.by_constants[..., 0] * mu[0], found.force, rtol=1e-5)
+    solid, step = spec.constants.solid(mu), 1e-6
+    more, less = (model.force(model.simulate(solid, at + side)) for side in (step, -step))
+    # the points in contact are held within a millionth of the body, 1e-2 of the step
+    np.testing.assert_allclose(found.by_displacement[:, :, 0], (more - less) / (2.0 * step), rtol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("lines", "travel", "words"),
+    [
+        (['sphere = "4 mm"'], 0.8, "draws the sphere away from the body"),
+        (['sphere = "4 mm"', 'apex = ["5 mm", "5 mm", "4.5 mm"]'], -0.8, "0.5 mm inside the body"),
+        (['apex = ["5 mm", "5 mm", "5 mm"]'], -0.8, "no effect without a sphere"),
+        (['sphere = "4 mm"', "frictionless = true"], -0.8, "slides without friction"),
+    ],
+)
+def test_a_sphere_that_cannot_press_is_refused(
+    lines: list[str], travel: float, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="Cure: ") as refused:
+        read_specification(_sphere(tmp_path, *lines, travel=travel))
+    assert words in str(refused.value)
+
+
 def test_a_side_of_the_box_is_an_end(tmp_path: Path) -> None:
     # A block of one law under a small pull between sliding ends would be uniform; with held ends its force
     # lies between that of a free and of a wholly constrained cross-section.

@@ -17,7 +17,7 @@ from kolsky.equilibrium.model import (
     NodalForce,
     Prescribed,
     Pressure,
-    RigidPlane,
+    RigidSurface,
 )
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
@@ -134,7 +134,7 @@ def test_what_is_no_load_is_refused() -> None:
         follow(model, ["push"], until=1.0, first=0.1)
     with pytest.raises(ValueError, match="> 0"):
         follow(model, ["load"], until=1.0, first=0.0)
-    walled = replace(model, conditions=(*model.conditions, RigidPlane("right", (-1.0, 0.0), (2.0, 0.0))))
+    walled = replace(model, conditions=(*model.conditions, RigidSurface("right", (-1.0, 0.0), (2.0, 0.0))))
     with pytest.raises(ValueError, match="no rigid plane"):
         follow(walled, ["load"], until=1.0, first=0.1)
 

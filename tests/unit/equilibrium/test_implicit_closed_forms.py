@@ -17,7 +17,7 @@ from kolsky.equilibrium.model import (
     NodalForce,
     Prescribed,
     Pressure,
-    RigidPlane,
+    RigidSurface,
     Traction,
 )
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
@@ -100,7 +100,7 @@ def test_a_follower_pressure_presses_on_the_deformed_face(kinematics):
 
 
 def test_a_rigid_plane_is_a_prescribed_face():
-    plane = RigidPlane("right", (-2.0, 0.0), (1.0, 0.5), "push", tolerance=1e-10)
+    plane = RigidSurface("right", (-2.0, 0.0), (1.0, 0.5), "push", tolerance=1e-10)
     found = solve(sliding(extra=(plane,), solid=COUPLED), {"push": [0.1, 0.3]}, newton=TIGHT)
     for step, stretch in enumerate((0.9, 0.7)):
         stress, lateral = uniaxial(COUPLED, stretch)
@@ -110,7 +110,7 @@ def test_a_rigid_plane_is_a_prescribed_face():
 
 
 def test_a_plane_that_is_not_reached_does_nothing():
-    plane = RigidPlane("right", (-1.0, 0.0), (2.0, 0.0), "push")
+    plane = RigidSurface("right", (-1.0, 0.0), (2.0, 0.0), "push")
     model = sliding(extra=(plane, Coupled("top", 1, "f")), solid=COUPLED)
     found = solve(model, {"push": [0.2], "f": [1e3]})
     assert (found.contact_forces[0] == 0.0).all()

@@ -8,7 +8,7 @@ import pytest
 from explicit.materials import LAWS
 from kolsky.equilibrium.dynamics import Scheme, march
 from kolsky.equilibrium.meshes import Mesh, box, grid, rectangle
-from kolsky.equilibrium.model import Fixed, Model, Prescribed, RigidPlane, SelfContact
+from kolsky.equilibrium.model import Fixed, Model, Prescribed, RigidSurface, SelfContact
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
@@ -144,7 +144,7 @@ def test_mirrored_blocks_touch_as_one_does_a_plane() -> None:
     x, y = bump.points.T
     bump = replace(bump, points=np.column_stack([x, y + 0.1 * (y / 0.5) * np.sin(np.pi * x)]))
     rest = (Fixed("bottom", (0,)), Prescribed("bottom", 1, "rise"))
-    plane = RigidPlane("top", (0.0, -1.0), (0.0, 0.62), tolerance=1e-4)
+    plane = RigidSurface("top", (0.0, -1.0), (0.0, 0.62), tolerance=1e-4)
     one = solve(Model(bump, RUBBER, (*rest, plane), kinematics="plane_strain"), {"rise": [0.1]})
     flipped = bump.points * [1.0, -1.0] + [0.0, 1.24]
     turned = bump.cells[:, [3, 2, 1, 0, 6, 5, 4, 7, 8]]

@@ -6,7 +6,7 @@ import pytest
 from explicit.materials import LAWS
 from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, Pressure, RigidPlane
+from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, Pressure, RigidSurface
 from kolsky.equilibrium.reduction import ReducedModel, Sample, choose, decompose, independent, reduce
 from kolsky.equilibrium.sensitivity import adjoint, direct, second
 from kolsky.equilibrium.solid import Isotropic, bulk
@@ -47,7 +47,7 @@ SLOW_CASES = {
     "ogden": (clamped(solid=Isotropic(LAWS["ogden2"].example(), bulk(2e5))), PULL),
     "arruda_boyce": (clamped(solid=Isotropic(LAWS["arruda_boyce"].example(), bulk(2e5))), PULL),
     "contact": (
-        sliding(extra=(RigidPlane("right", (-1.0, 0.0), (1.0, 0.0), "push", tolerance=1e-11),)),
+        sliding(extra=(RigidSurface("right", (-1.0, 0.0), (1.0, 0.0), "push", tolerance=1e-11),)),
         {"push": [0.2]},
     ),
 }

@@ -15,7 +15,7 @@ from explicit.materials import LAWS
 from kolsky.equilibrium.linear.base import Pattern, SingularError
 from kolsky.equilibrium.linear.solvers import AGED, Hierarchy, MultifrontalSolver, SparseSolver, linear_solver
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidPlane
+from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidSurface
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
 from kolsky.equilibrium.solve import PAIRS, Newton, QuasiNewtonTangent, continued, solve
@@ -122,8 +122,11 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
         (lambda: Newton(tolerance=1.0), "tolerance must be"),
         (lambda: Newton(iterations=0), "must be >= 1"),
-        (lambda: solve(sliding(extra=(RigidPlane("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
-        (lambda: solve(sliding(extra=(RigidPlane("right", (1.0,), (1.0, 0.0)),))), "must have 2 components"),
+        (lambda: solve(sliding(extra=(RigidSurface("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
+        (
+            lambda: solve(sliding(extra=(RigidSurface("right", (1.0,), (1.0, 0.0)),))),
+            "must have 2 components",
+        ),
         (lambda: solve(sliding(extra=(Pressure("corner", "p"),))), "has no set"),
     ],
 )
