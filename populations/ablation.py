@@ -1,11 +1,11 @@
-"""Which mechanisms of `identify` earn their keep? `python -m populations.ablation --out FOLDER --workers N`.
+"""Effect of each mechanism of `identify`: `python -m populations.ablation --out FOLDER --workers N`.
 
-Right shots of the population of `populations.wrong_inputs` (another seed is another population) are
-identified as they are, and with one mechanism switched off at a time. Printed is, for each switch, what an
-answer costs in processor seconds and in element updates, over those of 100 runs of the solver's problem, the
-errors of m, nu and beta over their standard uncertainties (root mean square), the error of m, its
-uncertainty, and how many shots are still identified with every truth inside k = 2. A mechanism whose row is
-not worse than the first by more than chance allows has to go.
+Correct shots of the population of `populations.wrong_inputs` (each seed gives one population) are identified
+with all mechanisms, and with one mechanism switched off at a time. The table has one row for each switch. Its
+columns are: processor seconds and element updates of an answer, relative to 100 runs of the solver's problem;
+the errors of m, nu and beta over their standard uncertainties (root mean square); the error of m and its
+uncertainty; the number of shots that are identified with every true value within k = 2. A mechanism is
+unnecessary if its row is not significantly worse than the first.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from populations.driver import USUAL, add_meshes, answers, command, write
 from populations.wrong_inputs import POPULATION, made
 
 NAMES = {"stiffness_factor": "m", "poisson": "poisson", "damping": "damping"}
-"""Free parameters and what truth.json calls them."""
+"""Free parameters and their keys in truth.json."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class Switch:
     """One mechanism that is switched off."""
 
     words: str
-    """What is missing then."""
+    """Description of the missing mechanism."""
     patches: tuple[tuple[str, Callable[..., Any] | int | float], ...] = ()
-    """What stands in place of names of modules."""
+    """Replacements, by the full names of the replaced objects."""
     settings: Callable[[Settings], Settings] = lambda settings: settings
-    """Other settings."""
+    """Function that changes the settings."""
 
     @contextmanager
     def off(self) -> Iterator[None]:
-        """While it lasts the mechanism is off."""
+        """Context in which the mechanism is off."""
         with ExitStack() as stack:
             for target, value in self.patches:
                 stack.enter_context(patch(target, value))
@@ -49,12 +49,12 @@ class Switch:
 
 
 def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) -> Any:
-    """`follow_on_refined` that follows nothing."""
+    """Replacement of `follow_on_refined` that returns its input."""
     return last, slope, runner.front
 
 
 def _start_of_finest(optima: Any, mesh: Any, refined: Any) -> Any:
-    """`extrapolated_start` without extrapolation."""
+    """Replacement of `extrapolated_start` without extrapolation."""
     return optima[mesh].x
 
 
@@ -147,7 +147,7 @@ def answer(
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """A line a switch, as Markdown."""
+    """Markdown table with one row for each switch."""
     lines = [
         "| off | shots | seconds | updates | error over u: m, nu, beta | error of m, rms | U of m | right |",
         "| --- " * 8 + "|",
@@ -180,7 +180,7 @@ def _z(row: dict[str, Any], key: str) -> float:
 
 
 def main() -> None:
-    """Make the shots, identify what is missing, print the table."""
+    """Make the shots, run the missing identifications, print the table."""
     parser = command(__doc__)
     parser.add_argument("--population", type=Path, default=POPULATION)
     parser.add_argument("--seed", type=int, help="another population of the same kind")
