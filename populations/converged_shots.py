@@ -42,7 +42,7 @@ def converged(name: str, out: Path) -> Path:
     source = RUNS / name if (RUNS / name / "shot.toml").exists() else RUNS.parent / "tests" / "data" / name
     shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", "*.py"))
     if not (folder / "shot.toml").exists():
-        shutil.copy(RUNS / "open-01" / "shot.toml", folder)  # one file serves both 
+        shutil.copy(RUNS / "open-01" / "shot.toml", folder)  # one file serves both
     course = Course(name)
     both = [course.runs(course.true[None], FINE, element=e, grading=5.0) for e in ("one_point", "fbar")]
     theirs = course.seen

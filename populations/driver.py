@@ -48,13 +48,13 @@ def add_meshes(parser: argparse.ArgumentParser, *, truth: tuple[int, int] | None
 
 
 def mesh(text: str) -> tuple[int, int]:
-    """ Elements across the radius and along the length from a text like "24x32"."""
+    """Elements across the radius and along the length from a text like "24x32"."""
     across, along = map(int, text.split("x"))
     return across, along
 
 
 def numbers(text: str) -> list[int]:
-    """ Numbers of experiments from "FIRST:STOP" or "FIRST:STOP:STEP"."""
+    """Numbers of experiments from "FIRST:STOP" or "FIRST:STOP:STEP"."""
     return list(range(*map(int, text.split(":"))))
 
 

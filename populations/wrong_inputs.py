@@ -274,7 +274,7 @@ def main() -> int:
     each = answers(attempt, jobs, workers=args.workers, line=line)
     for path, one in zip(jobs, each, strict=True):
         if "broke" in one:
-            path.unlink()  # repeated by the next call 
+            path.unlink()  # repeated by the next call
     broken = sum("broke" in one for one in each)
     rows = table([one for one in each if "broke" not in one])
     for entry in rows:

@@ -72,7 +72,7 @@ def test_surfaces_pass_through_their_runs(found: Trends):
     rows = [round(x) for x in 100 * plane.design.unit_points[:, 0]]
     columns = [round(x) for x in 100 * plane.design.unit_points[:, 1]]
     on_grid = np.abs(100 * plane.design.unit_points - np.column_stack([rows, columns])).max(axis=1) < 1e-9
-    assert on_grid.sum() == 4  # ten levels and 101 points share the corners 
+    assert on_grid.sum() == 4  # ten levels and 101 points share the corners
     at = np.flatnonzero(on_grid)
     for surface, runs in ((plane.surface_force, plane.phi_force), (plane.surface_shape, plane.phi_shape)):
         np.testing.assert_allclose([surface[rows[i], columns[i]] for i in at], runs[at], rtol=1e-9)
