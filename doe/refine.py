@@ -162,7 +162,7 @@ def refine(
 ) -> Refinement:
     """Add runs to a first design until the optimum is stable; `SurrogateError` if no surrogate can be built.
 
-    ``run``: the expensive function; rows of failed runs hold NaN and are omitted. ``points``, ``responses``:
+    ``run``: the expensive function; rows of failed runs are NaN and are omitted. ``points``, ``responses``:
     the first design's completed runs, shape [n, d], and their responses, shape [n, k]. ``misfit``: the
     function to minimise. ``locate``: finds the optimum of a surrogate. ``scale``: unit of comparison of each
     entry, in response units, a number or shape [k]. ``rng``: seed of candidates and draws.
@@ -205,7 +205,7 @@ def refine(
 
 
 class _Zoom:
-    """The edge of the region: it shrinks each round, until this no longer improves the surrogate."""
+    """Edge of the region, which decreases in each round until this does not improve the surrogate."""
 
     def __init__(self) -> None:
         self.edge = 1.0

@@ -7,8 +7,8 @@ where steps are cheap,
 
     Q(fine, nu) = Q(fine, nu_0) + [Q(coarse, nu) - Q(coarse, nu_0)],
 
-two levels of the combination technique (Griebel, Schneider and Zenger 1992). What is neglected is the change
-of that bracket from the coarse to the fine mesh; a third, still coarser mesh measures how it changes.
+two levels of the combination technique (Griebel, Schneider and Zenger 1992). The change of the bracket from
+the coarse to the fine mesh is neglected; a third, even coarser mesh measures its size.
 """
 
 from collections.abc import Callable

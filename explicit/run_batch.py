@@ -225,7 +225,7 @@ def _response(model: Model, sampling: Sampling, histories: dict[str, FloatArray]
 
 
 CompileProgress = Callable[[int, int], None]
-"""Called with the time loops compiled and how many there are to compile."""
+"""Called with the number of compiled time loops and the total number."""
 
 
 def compile_time_loops(
@@ -241,7 +241,7 @@ def compile_time_loops(
     Parameters
     ----------
     problems
-        Batches to come, each with as many samples as it will have.
+        Batches to be run later, each with its number of samples.
     also : sequence of callable
         Makers of further batches, called only if one of `problems` has to be compiled.
     device, threads
@@ -252,7 +252,7 @@ def compile_time_loops(
     Returns
     -------
     int
-        How many were compiled.
+        Number of compiled time loops.
 
     Raises
     ------

@@ -157,8 +157,8 @@ def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
 
 
 def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
-    """Of ``tries`` Latin hypercubes of n >= 2 points the one whose two nearest points are farthest apart in
-    the unit box.
+    """The Latin hypercube of n >= 2 points with the largest minimum distance of two points in the unit box,
+    of ``tries`` random ones.
     """
     n, seed = count_of(n), seed_of(rng)
     if tries < 1:

@@ -113,7 +113,7 @@ class GaussianProcess:
     condition: float
     """Condition number of the correlation matrix [-]."""
     loo_residuals: FloatArray
-    """Value minus what the other runs predict there, shape [n, q]."""
+    """Value of each run minus its prediction from the other runs, shape [n, q]."""
     loo_sigma: FloatArray
     """Standard deviation of that prediction, shape [n, q]."""
     weights: FloatArray
@@ -282,7 +282,7 @@ class ProcessSurrogate:
     """
 
     box: Box
-    """Where it holds."""
+    """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents

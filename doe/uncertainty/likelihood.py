@@ -82,7 +82,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Fit:
-    """A maximum of the likelihood over some parameters, the others held."""
+    """A maximum of the likelihood over some parameters, with the others fixed."""
 
     unit_point: FloatArray
     """Point in the unit box [-], shape [d]."""
@@ -115,7 +115,7 @@ class Likelihood:
     channels: Sequence[Channel]
     """Channels of the data vector, in its order."""
     slices: tuple[slice, ...] = field(init=False, repr=False)
-    """Slice of the data vector that holds each channel's entries."""
+    """Slice of the data vector for the entries of each channel."""
 
     def __post_init__(self) -> None:
         data = np.asarray(self.data, dtype=np.float64)

@@ -92,7 +92,7 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
 
 
 def _lines(fixed: FloatArray, size: float) -> FloatArray:
-    """Lines through fixed places, equally spaced between neighbours, not more than `size` apart."""
+    """Grid lines through fixed positions, equally spaced between these, at most `size` apart."""
     spans = [
         np.linspace(a, b, max(1, int(np.ceil((b - a) / size * (1.0 - 1e-9)))) + 1)[1:]
         for a, b in pairwise(fixed)
@@ -197,8 +197,8 @@ class ElasticHistory:
     section_force: FloatArray
     """Compressive force through each cross-section [N], shape [n_times, n_depths]."""
     path: FloatArray
-    """Mean displacement of the pressed patch, into the parts [m], shape [n_times]. The mean is the one that
-    does the force's work."""
+    """Mean displacement of the loaded patch, into the parts [m], shape [n_times]. Force times this mean is
+    the work."""
     seen: FloatArray
     """Axial displacement of the outer surface at each mark, into the parts [m], shape [n_times, n_marks]."""
     external: FloatArray
@@ -347,8 +347,8 @@ def elastic_bar(
 
 
 FINEST = 1e-7
-"""Longest time step of the one-dimensional waves under a pulse [s]; travel times are rounded to one between
-this and a quarter of it, the one that fits them best."""
+"""Longest time step of the one-dimensional waves under a pulse [s]; the step used is between this and a
+quarter of it, with the smallest rounding of the travel times."""
 
 
 @dataclass(frozen=True)

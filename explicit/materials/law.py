@@ -95,7 +95,7 @@ class ParameterSpec:
     example: float
     """A value of a soft rubber, in `unit`: a start for a fit, a number for a test."""
     meaning: str
-    """What it is, in words."""
+    """Its meaning, as text."""
     strict: bool = False
     """Whether the law is not defined, or never positive, outside: such a value is refused."""
 

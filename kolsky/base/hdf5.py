@@ -139,10 +139,10 @@ def adding_to(path: Path) -> Iterator[OpenGroup]:
 
 @contextmanager
 def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
-    """The place "entry" of a file of a format, nothing of it read yet.
+    """Context with the group "entry" of a file of a format, before any data are read.
 
     Raises InputError if the file is missing, damaged or of another format or version, or if something inside
-    the block is refused. The message is one line and ends in `cure`.
+    the block is rejected. The message is one line and ends with `cure`.
     """
     import h5py
 

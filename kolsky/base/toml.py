@@ -2,7 +2,7 @@
 else.
 
 A problem that a schema finds is reported with line, key, value, allowed range and cure. An edit replaces
-single values as text: comments and order stay.
+single values as text; comments and order are kept.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _of_blank(location: list[str], found: set[str]) -> str | None:
 
 
 _SHOULD_BE = "Input should be "
-"""How pydantic says what is allowed."""
+"""Beginning of pydantic's messages on allowed values."""
 _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
 """Parts of pydantic's place of an error that are no keys: the alternatives of a value of several kinds."""
 
@@ -227,7 +227,7 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 @dataclass(frozen=True)
 class TomlFile:
-    """A parsed file with what is needed to point at its lines."""
+    """A parsed file with the line numbers of its entries."""
 
     path: Path
     """The file."""
@@ -332,7 +332,7 @@ def _depth(content: object) -> int:
 
 
 def read_toml(path: Path, schema: type[Schema]) -> tuple[TomlFile, Schema]:
-    """A file, and what it declares by a schema, in SI.
+    """A file, and its declarations according to a schema, in SI units.
 
     Raises InputError as `parse_toml` and `TomlFile.validated`.
     """

@@ -26,7 +26,7 @@ class StudyRow:
     """One fit of a study."""
 
     label: str
-    """What was varied, in words."""
+    """Description of the variation."""
     values: dict[str, float]
     """All constants, SI."""
     rmse: float

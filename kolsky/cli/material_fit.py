@@ -46,7 +46,7 @@ def size_of(option: str, text: str) -> Specimen:
 
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
-    """The columns with the size of a cylinder, which a size of their own must agree with."""
+    """The columns with the size of a cylinder; a size declared with the columns must agree."""
     for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),
@@ -70,7 +70,8 @@ def _fit_cylinder_with_friction(
     folder: Path,
     taken: Sequence[str],
 ) -> None:
-    """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
+    """Fit laws to repeats of one compression test with bonded or frictional ends; write and print the
+    constants.
 
     The tests are apparent nominal stresses, tension-positive.
     """

@@ -276,7 +276,7 @@ class Records:
         return "sweep" if parts == 1 else f"sweep-{part}of{parts}"
 
     def place(self, folder: Path) -> Path | None:
-        """The ledger's file; None if there is to be none.
+        """The ledger's file; None if no ledger is requested.
 
         Raises InputError if a file is to be merged into itself, or ledgers are to be merged into none.
         """
@@ -376,7 +376,7 @@ def dask_client(place: str) -> Any:
 
 
 async def _kind(address: str) -> str:
-    """What answers at an address: "Scheduler", "Worker"."""
+    """Kind of the Dask process at an address: "Scheduler", "Worker"."""
     from distributed import Security
     from distributed.comm import connect
 
@@ -390,7 +390,7 @@ async def _kind(address: str) -> str:
 
 
 def _address_in_file(path: Path) -> str:
-    """The address that a scheduler file holds."""
+    """The address in a scheduler file."""
     cure = "give the file that `dask scheduler --scheduler-file` writes"
     if path.stat().st_size > SCHEDULER_FILE:
         raise InputError(

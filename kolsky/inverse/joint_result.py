@@ -350,7 +350,7 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval of a half width, cut to the searched range; the whole range if nothing else is known."""
+    """Interval of a half width, limited to the searched range; the whole range without a half width."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 

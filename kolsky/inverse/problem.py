@@ -388,7 +388,7 @@ def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bo
 
 
 def _plain(thing: Any) -> Any:
-    """Dataclasses, mappings and tuples as JSON can hold them."""
+    """Dataclasses, mappings and tuples as JSON values."""
     if hasattr(thing, "__dataclass_fields__"):
         return {name: _plain(getattr(thing, name)) for name in thing.__dataclass_fields__}
     if isinstance(thing, Mapping):

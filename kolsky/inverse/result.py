@@ -70,7 +70,7 @@ class Method:
         name, runs, shared_runs, converged, ended
             The fields of this name.
         values
-            What it finds, in parameter units.
+            Its results, in parameter units.
         answer, half_width
             The answer and half the length of its k = 2 interval, in parameter units.
 
@@ -332,7 +332,7 @@ class ParameterProfile:
     alone: Interval
     """The same with the other parameters held at their optimum."""
     verdict: str
-    """In one word: the value of a `doe.uncertainty.VerdictKind`."""
+    """Value of a `doe.uncertainty.VerdictKind`."""
     text: str
     """The verdict in a sentence, with the direction of a ridge."""
     error: float
@@ -391,7 +391,7 @@ class Variation:
     """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
     the search failed."""
     status: str
-    """What was done, in words."""
+    """Description of the choice's outcome."""
 
 
 @dataclass(frozen=True)

@@ -201,7 +201,7 @@ class CompletedRuns:
     prediction: Prediction
     """The simulated measurements."""
     response: Response
-    """The solver's full answer."""
+    """The solver's complete response."""
     lost: str
     """The failed runs in words, the first of them in full; empty if there are none."""
 
@@ -215,7 +215,7 @@ class Runs:
     points: FloatArray
     """Their points, shape [n, d]."""
     response: Response
-    """The solver's answer."""
+    """The solver's response."""
     rows: NDArray[np.intp]
     """Indices of the completed runs."""
     prediction: Prediction | None
@@ -225,7 +225,7 @@ class Runs:
     def of(
         cls, names: tuple[str, ...], points: FloatArray, response: Response, observations: Observations
     ) -> Runs:
-        """From the solver's answer."""
+        """Runs from the solver's response."""
         rows = np.flatnonzero(response.completed)
         prediction = predict(response.select(rows), observations) if len(rows) else None
         return cls(names, points, response, rows, prediction)

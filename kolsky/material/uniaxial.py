@@ -341,8 +341,8 @@ def student_factor(freedom: int) -> float:
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
     """Mean of repeated tests; their scatter as modes of the mean, widened for its degrees of freedom.
 
-    The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from
-    the tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
+    The covariance of the mean is that of the tests over their number, S / n. Its modes come from the singular
+    values of the tests' deviations; n - 1 modes reproduce it exactly.
 
     ``strain``: common axis [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests,
     n_points], at least two tests. Raises ValueError if there are fewer than two tests.
@@ -360,9 +360,9 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
 def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
     """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
 
-    At each place a straight line is fitted to the samples within half the axis' spacing; with fewer than four
-    of them the neighbours are joined. The noise is that of second differences over neighbouring samples,
-    which a smooth curve hardly has.
+    At each position a straight line is fitted to the samples within half the axis' spacing; with fewer than
+    four samples it is replaced by interpolation between neighbours. The noise is estimated from second
+    differences of neighbouring samples, which are small for a smooth curve.
 
     ``strain``, ``value``: samples in any order [-] and [Pa], shape [n], at least three. ``axis``: ascending
     places inside their range, shape [m], at least two.

@@ -84,7 +84,7 @@ class Scan:
     """Predictions over a grid of quantities."""
 
     varied: tuple[Varied, ...]
-    """What was varied."""
+    """The varied quantities."""
     points: FloatArray
     """Values in the units of `varied`, shape [n, d]."""
     numbers: tuple[Numbers, ...]
@@ -287,7 +287,7 @@ def scan_table(found: Scan) -> dict[str, Any]:
 
 
 def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Everything but the histories as one JSON object, SI; what is not known is null."""
+    """All results except the histories as one JSON object in SI units; unknown values are null."""
     said: dict[str, Any] = {
         "test": found.test.declared.name,
         "events": vars(found.events),

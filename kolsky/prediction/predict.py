@@ -1,4 +1,4 @@
-"""A planned test from the striker on: waves, separation, arrest, second impact, its numbers.
+"""Prediction of a planned test from the striker's impact: waves, separation, arrest, second impact, results.
 
 The law of a pulse shaper is that of a rubber disc, a measured table, or derived from a measured pulse. The
 force F(t) on the incident bar's face is the incident wave there, until the reflection from the bar's far end
@@ -6,9 +6,8 @@ returns. The faces move at
 
     v_bar = F(t) / Z_bar,    v_striker = V - [F(t) + 2 sum_k F(t - k T)] / Z_striker,          Eq. (PS.1)
 
-with the striker's round trip T = 2 L / c_0: its free rear end sends every wave back with its sign changed.
-The shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free
-parameters.
+with the striker's round trip T = 2 L / c_0: its free rear end reflects every wave with opposite sign. The
+shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free parameters.
 """
 
 from dataclasses import dataclass
@@ -274,7 +273,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Prediction(ResultViews):
-    """A planned test carried out."""
+    """The simulation of a planned test."""
 
     test: PlannedTest
     bars: FlightHistory

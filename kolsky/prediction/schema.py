@@ -44,7 +44,8 @@ class ShaperTable(Section):
     """[shaper]: the pulse shaper between striker and incident bar."""
 
     kind: Literal["none", "disc", "table", "pulse"]
-    """Nothing; a disc of rubber that slides on the steel; a measured table; a law found in a pulse."""
+    """Kind of pulse shaper: none; a rubber disc that slides on the steel; a measured table; a law from a
+    measured pulse."""
     diameter: f.Length | None = None
     height: f.Length | None = None
     shear_modulus: f.Modulus | None = None
@@ -76,7 +77,7 @@ class JointTable(Section):
     strength: Force
     """Tension at which it begins to fail [N]."""
     opening: Opening = 0.0
-    """Gap over which its force falls to nothing [m]."""
+    """Gap over which its force decreases to zero [m]."""
 
 
 class RunTable(Section):

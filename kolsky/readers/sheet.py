@@ -58,7 +58,7 @@ class Sheet:
     word: str = "line"
     """Name of a row in messages: "line", "row" of a workbook, or "entry" of arrays."""
     counted: str = "the other lines have"
-    """Words for messages: what has the correct number of fields."""
+    """Text for messages: the reference with the correct number of fields."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
     """Not empty after the fields of all rows have been counted."""
 

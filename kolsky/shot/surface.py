@@ -245,10 +245,10 @@ def check_outline(
 
     `kolsky.shot.plausibility` has already checked the points at rest.
 
-    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: the file it came from.
-    ``rest``: time of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the
-    shot file. ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first
-    point that cannot be on this specimen's outline, or if no point is in the window.
+    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: its file. ``rest``: time
+    of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the shot file.
+    ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first point that
+    cannot be on this specimen's outline, or if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length

@@ -205,7 +205,7 @@ def solver_sensitivity(
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
-        """The runs again: the same seed asks for the same points."""
+        """The stored runs; the same seed gives the same points."""
         return vectors[[row[point.tobytes()] for point in x]]
 
     return _indices(
@@ -238,7 +238,7 @@ def global_sensitivity(
     ValueError
         If a run does not complete, a parameter is unknown or outside its range.
     doe.surrogates.protocol.SurrogateError
-        If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
+        If the surrogate cannot be built, or no part of it is accurate enough; the message gives the remedy.
     """
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)

@@ -178,7 +178,7 @@ def with_recordings(text: str, survey: Survey) -> str:
     A channel is assigned if its name identifies the bar; otherwise it stays blank and the channels are
     listed.
 
-    ``text``: the blank file. ``survey``: what is in the folder.
+    ``text``: the blank file. ``survey``: the survey of the folder.
     """
     recorders = _recorders(survey.recordings)
     if not recorders:

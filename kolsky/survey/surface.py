@@ -54,7 +54,7 @@ class SeriesOfExports:
     unit: str
     """Unit of its lengths; empty if it is not known."""
     why_unit: str
-    """Where the unit comes from, in words."""
+    """Source of the unit, as text."""
     export: DicExport
     """Its points."""
 

@@ -1,6 +1,6 @@
 """Shots of a specification: truths are simulated together, folders are written by several processes.
 
-A folder holds every file that a laboratory would have, and the truth in a subfolder.
+A folder contains all files that a laboratory would have; the truth is in a subfolder.
 """
 
 import hashlib

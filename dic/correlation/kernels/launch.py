@@ -391,11 +391,11 @@ _loading = threading.Lock()
 
 @cache
 def load_kernel(kernel: Any, device: str, block: int) -> None:
-    """Compile and load the kernel once. Two cameras tracked in two threads may get here at the same time, and
-    loading a module twice would unload it during the first thread's launches.
+    """Compile and load the kernel once. Two threads, one for each camera, may call this at the same time;
+    loading a module twice would unload it during the launches of the first thread.
 
-    `warp.load_module` is not used, because it requests the CUDA context: a fork of a process with such a
-    context has none, and Warp reports this on stderr.
+    `warp.load_module` is not used, because it requires the CUDA context, which a forked process does not
+    have; Warp would report this on stderr.
     """
     with _loading:
         kernel.module.load(wp.get_device(device), block)

@@ -18,7 +18,7 @@ MOST_STARTS, SETTLED = 5, 1e-6
 """Most starts of the search for the smoothness, and the relative gain below which no further start is
 made."""
 EQUAL_SIGMAS = 0.05
-"""Sigmas that differ by a smaller share are alike."""
+"""Relative difference below which sigmas count as equal [-]."""
 ADDED, LEAST_ADDED = 0.3, 1e-3
 """Noise common to all frames, over the typical sigma: at the start of the search, and its lower limit."""
 VANISHED, BACK = 0.1, 1.0
@@ -70,11 +70,11 @@ def _above(n: int) -> NDArray[np.bool_]:
 
 
 def noise_parts(weight: FloatArray) -> FloatArray:
-    """Parts of each frame's variance over its declared one: that one, scaled, and one that is the same in all
-    frames.
+    """Parts of each frame's variance over its declared variance: a multiple of the declared one, and a part
+    that is equal in all frames.
 
     ``weight``: typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement. Returns:
-    shape [n_frames, 2], or [n_frames, 1] where the sigmas are alike and the two are one.
+    shape [n_frames, 2], or [n_frames, 1] if the sigmas are equal and the two parts cannot be distinguished.
     """
     known = weight[weight > 0.0]
     if np.ptp(known) <= EQUAL_SIGMAS * known.max():
@@ -92,8 +92,8 @@ def maximum_likelihood(
 ) -> tuple[FloatArray, FloatArray]:
     """Log noise scales and log tau at the control points, of largest marginal likelihood.
 
-    Returns: log of noise over declared sigma, at least 0, and of what each further part adds, shape
-    [n_parts]; log tau at the control points, shape [n_controls].
+    Returns: log of noise over declared sigma, at least 0, and logs of the further parts, shape [n_parts]; log
+    tau at the control points, shape [n_controls].
     """
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
@@ -139,8 +139,8 @@ def _searched(
 def _state_space(
     weight: FloatArray, spans: FloatArray, shared: tuple[FloatArray, FloatArray] | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The motion from frame to frame as a filter takes it: state (zero, x, v, a), and an error that frames
-    share.
+    """Matrices of the Kalman filter for the motion between frames: state (zero, x, v, a), and a correlated
+    error.
     """
     n, moving = weight.size, slice(weight.size - spans.size, weight.size)
     m = 4 if shared is None else 5
@@ -180,10 +180,10 @@ def evidence(
     over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement. ``spans``: lengths of
     the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``: values
     of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
-    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared one
-    alone. ``shared``: an error that successive frames have in common, a first-order autoregression of
-    variance 1 as one more state: its size over sigma in each frame [-], 0 where a frame has no displacement,
-    and what is left of it from the frame before [-], shape [n_frames] each; None: there is none.
+    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared
+    variance only. ``shared``: an error that is correlated between frames, a first-order autoregression of
+    variance 1 as an additional state: its size over sigma in each frame [-], 0 where a frame has no
+    displacement, and its correlation with the previous frame [-], shape [n_frames] each; None: no such error.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])
@@ -243,7 +243,7 @@ def evidence(
 @dataclass(frozen=True)
 class Evidences:
     """-2 log of the marginal likelihood of several log scales and log tau, and its gradients; the data are
-    those of `kolsky.bars.flyer.jerks.evidence`, which says more of them."""
+    described in `kolsky.bars.flyer.jerks.evidence`."""
 
     thetas: FloatArray
     """Log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]."""
@@ -256,9 +256,9 @@ class Evidences:
     hats: FloatArray
     """Hat functions at the spans [-], shape [n_spans, n_controls]."""
     parts: FloatArray | None = None
-    """Parts of each frame's variance, shape [n_frames, n_parts]; None: the declared one alone."""
+    """Parts of each frame's variance, shape [n_frames, n_parts]; None: the declared variance only."""
     shared: tuple[FloatArray, FloatArray] | None = None
-    """Size and memory of an error that successive frames have in common; None: there is none."""
+    """Size and correlation of an error that is correlated between frames; None: no such error."""
 
     @property
     def values(self) -> FloatArray:
@@ -317,8 +317,8 @@ class Evidences:
 
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Variances of what the filter expects, what it misses by over them [n, n_frames], its gains [n,
-        n_frames, m], and what they leave of the state, [n, n_frames, m, m]."""
+        """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
+        n_frames, m], and the factors I - K z' on the state, [n, n_frames, m, m]."""
         # a frame without a displacement says nothing of the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)

@@ -43,7 +43,8 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
 def fade_ends(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
     """Samples after `before` zeros, with half-cosines of `fade` samples from both ends' values to zero.
 
-    Shape [length]; a record that does not end at zero leaves no jump. Without `rising` only the end fades.
+    Shape [length]; the result has no jump even if the record does not end at zero. Without `rising` only the
+    end is faded.
     """
     padded = np.zeros(length)
     n = value.size
@@ -117,12 +118,12 @@ def propagation(
     samples: int | None = None,
     largest_gain: float = _LARGEST_GAIN,
 ) -> Propagation:
-    """Carry a wave's signal along a bar, Eq. (B.9).
+    """Propagate a wave's signal along a bar, Eq. (B.9).
 
-    The result starts when the signal's start arrives at `waveguide.wave_speed`, so that only the difference
-    from a plain shift passes through the Fourier transform: in a bar without dispersion the samples do not
-    change, and their times are exact. Beyond its ends the signal fades out over padding that is longer than
-    the slowest component's delay, so that nothing wraps around.
+    The result begins at the arrival of the signal's start with `waveguide.wave_speed`, and only the deviation
+    from a pure time shift is applied by the Fourier transform. In a bar without dispersion the samples are
+    unchanged and their times exact. The signal is padded beyond its ends, longer than the delay of the
+    slowest component, so no component wraps around.
 
     ``signal``: one wave's signal (strain, force, velocity), free of other waves within `window` at least.
     ``waveguide``: the bar. ``distance``: distance along the wave's direction [m]; negative: back toward the

@@ -33,8 +33,8 @@ Weights = tuple[Factor, Factor, Factor]
 class BarWaves:
     """The three waves, and the bars' conversion of strain to force and velocity.
 
-    ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None
-    takes constants, E A and rho c0 A.
+    ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None:
+    constant E A and rho c0 A.
     """
 
     stiffness_1: Factor
@@ -132,17 +132,17 @@ def reduce(
 ) -> Reduction:
     """Reduce the waves at the faces to the specimen's nominal strain, rate and stress.
 
-    With compression positive the faces move with v1 = c1 (e_i - e_r) and v2 = c2 e_t and carry the forces F1
-    = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and the
-    mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the transmitted
-    one, with the force F1. One wave: the reflected one, with the force F2. If the bars' impedances differ,
-    "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension the same equations
-    hold with negative strains.
+    With compression positive the faces have the velocities v1 = c1 (e_i - e_r) and v2 = c2 e_t and the forces
+    F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and
+    the mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the
+    transmitted one, with the force F1. One wave: the reflected one, with the force F2. If the bars'
+    impedances differ, "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension
+    the same equations hold with negative strains.
 
     Each sigma contains only the gauges' noise, white and independent, propagated exactly through the linear
     combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the transmission bar as
-    waveguides: their stiffness and impedance then hold at each frequency, as a viscoelastic bar needs; None
-    takes E A and rho c0 A throughout. ``allowance``: |R| up to which it counts as in equilibrium [-].
+    waveguides: their stiffness and impedance are used at each frequency, as required for a viscoelastic bar;
+    None: constant E A and rho c0 A. ``allowance``: |R| up to which the specimen counts as in equilibrium [-].
     ``average``: time over which the forces are averaged for R [s]; if left out, the time of a wave across the
     diameter of the thicker bar.
     """

@@ -284,10 +284,10 @@ def _checked(windows: Windows, incident: BarSignal, transmission: BarSignal) -> 
 VISIBLE = 0.05
 """Smallest level of an observable reflected or transmitted pulse, as a share of the incident one's."""
 SCATTER = 0.4, 0.05
-"""Scatter of a first rise relative to the incident one's that noise does not explain, in units of a wave's
-time across the bar, and as a share of the incident pulse's rise. Its causes are dispersion, ringing and the
-specimen's effect on the foot. From the first population of `populations/bar_signals.py`, judged on the
-second."""
+"""Scatter of a first rise relative to that of the incident pulse in addition to noise: in units of a wave's
+travel time across the bar, and as a share of the incident pulse's rise time. Its causes are dispersion,
+ringing and the specimen's effect on the foot. Chosen on the first population of `populations/bar_signals.py`,
+tested on the second."""
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,7 @@ class PulseCheck:
     reason: str
     """The delay in words, or the reason why there is no observed arrival."""
     offset: float = float("nan")
-    """First rise of the pulse less that of the incident one and the travel time [s]; nan without an observed
+    """First rise of the pulse minus that of the incident one and the travel time [s]; NaN without an observed
     pulse. Unlike `delay`, it does not extrapolate the flank's tangent."""
     offset_sigma: float = float("inf")
     """Standard deviation of `offset`: noise, sampling, and the estimator's own scatter [s]."""

@@ -40,7 +40,8 @@ class Noise:
 
     @property
     def memory(self) -> float:
-        """Samples that carry the information of one, 1 + 2 sum rho, Eq. (U.8) [-]; 1 if white."""
+        """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-]; 1
+        for white noise."""
         return float(1.0 + 2.0 * self.correlation[1:].sum())
 
     def sigma_of_sums(self, n: int) -> FloatArray:
@@ -292,7 +293,7 @@ WEAKEST = 1.0
 """Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
 is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
 MODES = 4
-"""Modes that the drift beyond the baseline is made of; they hold 95 % of its variance."""
+"""Number of modes that represent the drift beyond the baseline; they contain 95 % of its variance."""
 DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
 """Ends of the names of the budget's inputs for zero and drift, numbers left away."""
 
@@ -329,11 +330,11 @@ def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1"
     """The drift from the baseline's end to `length` later as independent inputs of a budget.
 
     Karhunen's modes of a random walk: input k is the amplitude of sin((k - 1/2) pi t / length), with the
-    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), raised so that `MODES` of them hold all of the walk's
-    variance over the time.
+    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), scaled so that the first `MODES` contain all of the
+    walk's variance over the time.
 
-    ``gauge``: whose drift it is; begins the names. ``strength``: d [unit^2/s]. ``length``: time from the
-    baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
+    ``gauge``: name of the gauge, with which the names begin. ``strength``: d [unit^2/s]. ``length``: time
+    from the baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
     """
     k = np.arange(1, MODES + 1)
     share = 2.0 / ((k - 0.5) * pi) ** 2

@@ -53,7 +53,7 @@ def bic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
 
 
 def durbin_watson(residual: FloatArray) -> float:
-    """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 where each is like the one before."""
+    """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 if successive residuals are equal."""
     return float(np.sum(np.diff(residual) ** 2) / np.sum(residual**2))
 
 

@@ -5,8 +5,8 @@ Many starts are refined one by one; how many agree on the minimum is reported.
 A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
 are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
 projection, Golub and Pereyra 1973). The best draws are then polished in all constants by a trust-region
-method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which assumes nothing
-of the law.
+method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which makes no
+assumption on the law.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from kolsky.material.fits.homogeneous_test import HomogeneousTest
 _FREE_POISSON = ParameterSpec(
     "poisson", "1", 0.0, 0.4999, 0.45, "Poisson's ratio at rest, of the bulk modulus", strict=True
 )
-"""The unknown beside a law's constants where the compressibility is free."""
+"""The unknown in addition to a law's constants if the compressibility is free."""
 _LATERAL_SCALE = 0.01
 """Error of lateral stretch with the same weight as the largest stress in a fit [-]: the error of a good
 strain measurement."""
@@ -108,9 +108,9 @@ class Residuals:
         return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
 
     def build(self, unknowns: FloatArray) -> AnyLaw:
-        """The law of the unknowns.
+        """The law for given unknowns.
 
-        Raises ValueError if they make no law.
+        Raises ValueError if they give no valid law.
         """
         values = dict(self.held)
         values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})

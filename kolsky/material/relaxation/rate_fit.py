@@ -87,9 +87,9 @@ class RateVerdict:
     fits: tuple[RateFit, ...]
     """The fits with 0, 1, 2, ... branches."""
     probabilities: tuple[float, ...]
-    """For each further branch: probability that noise improves chi-square by at least as much [-]. Two
-    parameters come with a branch and the time means nothing without the strength, so chi-square with two
-    degrees of freedom is used; improvements are divided by the scatter of the richest fit."""
+    """For each further branch: probability that noise improves chi-square by at least as much [-]. A branch
+    has two parameters, and its time has no effect without strength, so chi-square with two degrees of freedom
+    is used; improvements are divided by the scatter of the richest fit."""
 
     @property
     def branches(self) -> int:
@@ -200,7 +200,8 @@ class PronyProblem:
         return model_of(grid[self.best(grid)])
 
     def best(self, points: FloatArray) -> int:
-        """Index of the row of logarithms with the least sum of squares, of those that can be simulated."""
+        """Index of the row of logarithms with the smallest sum of squares among those that can be
+        simulated."""
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 

@@ -81,7 +81,7 @@ class Superposition:
     """Shift factors of a sweep, and the law behind them."""
 
     sweep: TemperatureSweep
-    """What was measured."""
+    """The measured data."""
     shifts: FloatArray
     """lg a_T of each level, free but for that of the reference, 0 [-], shape [n_levels]."""
     sigma: FloatArray
@@ -97,7 +97,7 @@ class Superposition:
     covariance: FloatArray | None = None
     """Covariance of C1 and C2, shape [2, 2]."""
     law_likely: float = 1.0
-    """Probability that chance makes the law's chi-square as much larger than that of free shifts [-]."""
+    """Probability that the law's chi-square exceeds that of free shifts by as much by chance [-]."""
 
     @property
     def determined(self) -> bool:
