@@ -12,7 +12,7 @@ from typing import Any
 MAKERS: list[Callable[[], Any]] = []
 """Functions that return the module with `plot`, `to_dataframe` and `to_xarray`; the last one is used."""
 LONGEST = 160
-"""Most characters of a result's text."""
+"""Largest number of characters of a result's text."""
 
 
 def _maker(result: object) -> Any:

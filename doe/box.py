@@ -174,9 +174,9 @@ class Box:
         """A smaller box about a point, shape [d], with `fraction` of this box's edges, intersected with this
         one.
 
-        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part that would stick out
-        of this box is cut off, not moved inwards: near a face the new box is shorter and `centre` is not its
-        middle. Raises ValueError if `centre` is outside this box or `fraction` outside (0, 1].
+        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part outside this box is
+        cut off, not moved inwards: near a face the new box is shorter and `centre` is not its middle. Raises
+        ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"fraction must be in (0, 1], got {fraction}")

@@ -317,7 +317,8 @@ ExecutorFactory = Callable[[], AbstractContextManager[Executor]]
 """Function that makes an executor; called again after an executor has failed."""
 
 AHEAD = 64
-"""Most chunks submitted to an executor at once: enough for its workers, few enough for the memory."""
+"""Largest number of chunks submitted to an executor at once: enough for its workers, few enough for the
+memory."""
 
 
 @dataclass(frozen=True)
@@ -370,16 +371,16 @@ def run_chunks(
     points
         Parameter values, shape [n, d]; a point that occurs twice is run once.
     chunk
-        Most points in one call of the function.
+        Largest number of points in one call of the function.
     ledger
         Ledger in which runs are looked up and each chunk is recorded, by this process only.
     executor
-        Makes the executor that runs the chunks; if left out, they run in this process.
+        Function that makes the executor of the chunks; by default they run in this process.
     retry
-        Repeat runs that the ledger holds as not completed.
+        Repeat runs that are not completed in the ledger.
     attempts
-        How many times in succession an executor may break before it has returned a chunk. Chunks in progress
-        are submitted to a new one.
+        Largest number of successive executor failures without a returned chunk. Chunks in progress are
+        submitted to a new one.
     progress
         Called once at the start and after each chunk.
 
@@ -391,7 +392,7 @@ def run_chunks(
     Raises
     ------
     RuntimeError
-        If executors broke `attempts` times in a row.
+        If executors failed `attempts` times in succession.
     ValueError
         If `points` is not of shape [n, d], `chunk` or `attempts` is below 1, or the function did not return
         one run for each point.

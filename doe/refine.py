@@ -29,7 +29,7 @@ DRAWS = 8
 BOUND = 2.0
 """Number of standard deviations below its mean that the misfit may reach."""
 _MINIMUM_DISTANCE = 0.08
-"""Least distance of two new runs over the region's edge."""
+"""Smallest distance of two new runs over the region's edge."""
 
 
 def choose(

@@ -359,9 +359,10 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     box
         Where.
     trajectories
-        How many, r, at least 2; they cost r (d + 1) runs.
+        Number of trajectories, r, at least 2; they require r (d + 1) runs.
     levels
-        Levels of each parameter, p, even, at least 2: an even number visits all of them equally often.
+        Number of levels of each parameter, p, even, at least 2; with an even number all levels are used
+        equally often.
     rng
         Integer seed or generator.
 

@@ -137,8 +137,8 @@ def fits_on_several(mesh: Mesh, blocks: int) -> bool:
 
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
-    """Place of every node in the time loop's fields, number of interior nodes, first place of the boundary
-    nodes, which begin a new group.
+    """Index of every node in the time loop's fields, number of interior nodes, and first index of the
+    boundary nodes, which begin a new group.
     """
     inner = node_kinds(mesh) == INTERIOR
     first_boundary = -(-int(inner.sum()) // GROUP) * GROUP

@@ -46,8 +46,7 @@ def select_device(name: str) -> Any:
 
 @cache
 def _keep_memory(alias: str) -> None:
-    """Keep a device's memory between batches: a new allocation takes longer than copying into it.
-    """
+    """Keep a device's memory between batches: a new allocation takes longer than copying into it."""
     if wp.is_mempool_enabled(alias):
         wp.set_mempool_release_threshold(alias, max(RESERVED, wp.get_mempool_release_threshold(alias)))
 

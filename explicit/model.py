@@ -237,7 +237,7 @@ class Stepping:
 
 
 LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
-"""Least scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
+"""Smallest scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
 test."""
 
 

@@ -181,7 +181,8 @@ CONVERGED = 1e-5
 """A dot has converged if a step moves its centre by less than this [px]; noise is about a hundred times
 larger."""
 EDGE_PIXELS_AT_ONCE = 250_000
-"""Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
+"""Pixels of the dots that are fitted in one go: many, so that other threads can process pictures in
+between."""
 ROOT = float(np.sqrt(2.0 * np.pi))
 """√(2π)"""
 HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)

@@ -24,7 +24,7 @@ from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
 from dic.stereo.match import match_stereo
 
 LEAST_POINTS = 40
-"""Fewest points for a refinement."""
+"""Smallest number of points for a refinement."""
 MOST_POINTS = 400
 """Largest number of points that are matched for it."""
 GATE = 5.0

@@ -337,7 +337,7 @@ Z_POINT = 7.0
 REWEIGHTINGS = 4
 """Number of reweighting rounds before any pair is rejected."""
 LEAST_PAIRS = 4
-"""Fewest pairs for the rejection of bad pairs."""
+"""Smallest number of pairs for the rejection of bad pairs."""
 
 
 @dataclass(frozen=True)

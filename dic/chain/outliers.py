@@ -155,11 +155,11 @@ SIGMAS = 5.0
 BENDING = 0.035
 """Further allowance for the curvature of the surface between the points, over their spacing [-]."""
 FEWEST_CONFIRMING = 2
-"""Fewest neighbours of a valid point; a point with fewer is removed."""
+"""Smallest number of neighbours of a valid point; a point with fewer is removed."""
 FEWEST = 4
-"""Fewest neighbours for a check of a point against a plane."""
+"""Smallest number of neighbours for a check of a point against a plane."""
 BENT = 10
-"""Fewest neighbours for a check of a point against a quadratic surface."""
+"""Smallest number of neighbours for a check of a point against a quadratic surface."""
 ROUNDS = 12
 
 

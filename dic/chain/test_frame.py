@@ -31,9 +31,9 @@ LEAST_GAP = 0.5
 SHARE = 0.4
 """Half width of the strip across the axis in which an end is searched, over the radius [-]."""
 FEWEST_COLUMNS = 16
-"""Fewest columns of a strip that must be in view [px]."""
+"""Smallest number of columns of a strip that must be in view [px]."""
 LEAST_BEYOND = 2.0
-"""Fewest rows beyond the end that must be in view [px]."""
+"""Smallest number of rows beyond the end that must be in view [px]."""
 REACH = 3.5
 """Largest distance of the end from the declared position [px]."""
 RIM_SIGMA = 0.02
@@ -162,7 +162,7 @@ MOST_AVERAGED = 50
 """Largest number of static pictures that are averaged to find the specimen's edge."""
 
 FEWEST_POINTS = 10
-"""Fewest points of the flyer from which its radius is estimated."""
+"""Smallest number of points of the flyer from which its radius is estimated."""
 
 
 @dataclass(frozen=True)

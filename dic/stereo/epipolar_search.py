@@ -251,7 +251,7 @@ class Pair:
     stacks: tuple[PictureStack, PictureStack]
     """The prepared pictures."""
     points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
+    """Positions in the material picture [px], shape [n, 2]."""
     reference: FloatArray
     """Warps to camera 0's picture, shape [n, 12]."""
     mask: BoolArray | None
@@ -263,7 +263,7 @@ class Pair:
 
     @property
     def places(self) -> FloatArray:
-        """Places of the points in camera 0 [px], shape [n, 2]."""
+        """Positions of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def correlate(self, rows: IntArray, guess: FloatArray, **changed: object) -> Match:
@@ -327,7 +327,7 @@ class Subsets:
     """Templates, one per row."""
 
     points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
+    """Positions in the material picture [px], shape [n, 2]."""
     reference: FloatArray
     """Their warps to camera 0's picture, shape [n, 12]."""
     xi: FloatArray
@@ -341,7 +341,7 @@ class Subsets:
 
     @property
     def places(self) -> FloatArray:
-        """Places of the points in camera 0 [px], shape [n, 2]."""
+        """Positions of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def take(self, rows: NDArray[np.int64]) -> "Subsets":

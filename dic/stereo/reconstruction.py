@@ -322,7 +322,7 @@ def _steps(rig: StereoRig) -> FloatArray:
 MOST_POINTS = 200
 """Largest number of points that are compared with each other, evenly spaced over the grid."""
 FEWEST_POINTS, FEWEST_FRAMES = 6, 12
-"""Fewest points and frames for an estimate of the shared error."""
+"""Smallest number of points and frames for an estimate of the shared error."""
 NEAR = 2.0
 """Largest distance of point pairs for the estimate of the memory, in subsets [-]."""
 LAGS = 0.4

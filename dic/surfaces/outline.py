@@ -125,9 +125,9 @@ LATERAL = 1.5, 3.5
 """Range of distances from the centre plane for lateral points, in half widths of the strip [-]: outside the
 strip, and where the radius still points nearly toward the cameras."""
 FEWEST_POINTS = 2
-"""Fewest points of a row on one side for a lateral radius."""
+"""Smallest number of points of a row on one side for a lateral radius."""
 FEWEST_ROWS = 3
-"""Fewest rows on each side for an interpolated lateral radius."""
+"""Smallest number of rows on each side for an interpolated lateral radius."""
 
 
 def departures(

@@ -253,7 +253,7 @@ def to_surface(
 
 
 SMALLEST_SERIES = 3
-"""Fewest static frames for a noise floor."""
+"""Smallest number of static frames for a noise floor."""
 
 
 @dataclass(frozen=True)

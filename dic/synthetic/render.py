@@ -135,7 +135,7 @@ class Sensor:
     flicker: float = 0.0
     """Standard deviation of the light's brightness from frame to frame [-]."""
     gradient: float = 0.0
-    """Light at the right edge of the picture over that at its left, less 1, linear between [-]."""
+    """Light at the right edge of the picture over that at the left edge, minus 1; linear between [-]."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.bits <= 16:

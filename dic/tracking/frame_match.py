@@ -96,7 +96,7 @@ RATIO = 0.8
 NEAREST_FEATURES = 16
 """Number of features around a point from which an affine motion is estimated."""
 CONSENSUS = 6
-"""Fewest features that must agree with the affine motion within `AGREE`."""
+"""Smallest number of features that must agree with the affine motion within `AGREE`."""
 AGREE = 2.0
 """Distance within which a feature agrees with the affine motion [px]."""
 FEATURES = 4000

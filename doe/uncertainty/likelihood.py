@@ -57,7 +57,7 @@ class Channel:
         return np.asarray(residual / np.sqrt(self.sigma**2 + tau**2))
 
     def deviance(self, residual: FloatArray, tau: float) -> float:
-        """-2 ln L of a residual, shape [k_c], less its value for residual 0 and tau 0."""
+        """-2 ln L of a residual, shape [k_c], minus its value for residual 0 and tau 0."""
         spread = float(np.log1p((tau / self.sigma) ** 2).sum())
         return float((self.whitened(residual, tau) ** 2).sum()) + spread
 

@@ -43,7 +43,7 @@ class Profile:
     values: FloatArray
     """Values at which the parameter was fixed, ascending, in its units, shape [n]."""
     rise: FloatArray
-    """Deviance less that of the optimum, shape [n]."""
+    """Deviance minus that of the optimum, shape [n]."""
     points: FloatArray
     """Most likely point at each of these values, in parameter units, shape [n, d]."""
     discrepancies: FloatArray

@@ -265,7 +265,7 @@ def nap_function() -> int:
 
 
 ELEMENTS_EACH = 768
-"""Fewest elements of a thread: with fewer, synchronisation is too frequent."""
+"""Smallest number of elements of a thread: with fewer, synchronisation is too frequent."""
 
 
 class SharedRun:

@@ -34,7 +34,7 @@ from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
 
 LEAST_EXPLAINED = 0.05
-"""Least share of the misfit that an input must explain to be listed [-]; less is within the noise."""
+"""Smallest share of the misfit that an input must explain to be listed [-]; less is within the noise."""
 SECONDS_OF_PLAY = 0.12
 """Time between two pictures of the playback [s]."""
 PICTURE_WIDTH = 640

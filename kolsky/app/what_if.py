@@ -24,7 +24,7 @@ GRID = 13
 AROUND = 6.0
 """Half the range of a slider in standard uncertainties of an identified parameter: three times U (k = 2)."""
 LEAST_SHARE = 0.06
-"""Least half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
+"""Smallest half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
 _ONE_AT_A_TIME = Lock()
 """Allows one simulation at a time, because a simulation uses all threads of the solver."""
 

@@ -130,7 +130,8 @@ class Interface:
 RelaxationKind = Literal["prony", "bergstrom_boyce"]
 
 MOST_BRANCHES = 3
-"""Most branches of a Prony series with individual parameters: a few strain rates do not constrain more."""
+"""Largest number of branches of a Prony series with individual parameters: a few strain rates do not
+constrain more."""
 NETWORK_CONSTANTS = (
     "creep_ratio",
     "creep_resistance",

@@ -263,7 +263,7 @@ class Pairs(Item):
     keys: Item
     """The keys; its `at` names the dataset."""
     values: Item
-    """The values, likewise."""
+    """The values, in the same form."""
     group: Group | None = None
     """Group that holds the two; None for the record's own, then `at` is "."."""
     as_key: Callable[[Any], Any] | None = None

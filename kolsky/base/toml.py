@@ -213,13 +213,13 @@ TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
 LONGEST_LINE = 20_000
-"""Most characters of a line: a key of a hundred thousand parts would take a minute to parse."""
+"""Largest number of characters of a line: a key of a hundred thousand parts would take a minute to parse."""
 DEEPEST = 30
 """Largest nesting depth of tables and lists."""
 END = " (at end of document)"
 """Message of `tomllib` for a file that ends inside a value."""
 LINE_SHOWN = 60
-"""Most characters of a line that a message shows."""
+"""Largest number of characters of a line that a message shows."""
 
 
 Schema = TypeVar("Schema", bound=BaseModel)

@@ -40,7 +40,7 @@ from kolsky.equilibrium.solid import Solid
 OVERLAP = 0.1
 """With contact, a larger overlap of facing points gives a warning; share of the gap at rest [-]."""
 _FILM_STEPS = 8
-"""Least number of steps to the largest pressure."""
+"""Smallest number of steps to the largest pressure."""
 
 
 @dataclass(frozen=True)

@@ -309,12 +309,13 @@ away from the result."""
 LONGEST = 0.5
 """Longest step of a constant over its size [-]."""
 LEAST_SIZE = {"1": 0.5, "Pa": 1e-2}
-"""Least size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
+"""Smallest size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
 halves, because no sheet has an equilibrium near 0."""
 OTHER_PLACES = (0.1, 0.9)
 """Positions of other starts in the range of a constant with two bounds [-]."""
 APART = 0.05
-"""Least distance of two different minima over the size of a constant [-]; rough searches scatter by less."""
+"""Smallest distance of two different minima over the size of a constant [-]; rough searches scatter by
+less."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs done and their maximum."""
 

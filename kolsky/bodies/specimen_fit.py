@@ -223,9 +223,9 @@ def _estimate(
 
 
 LIMIT = 5.0
-"""Least z, over all samples, that indicates a peeling bond."""
+"""Smallest z, over all samples, that indicates a peeling bond."""
 LEAST_SHARE = 1e-6
-"""Least share of a template that the constants cannot reproduce; below it the check is inconclusive."""
+"""Smallest share of a template that the constants cannot reproduce; below it the check is inconclusive."""
 FIRST, LAST = 0.15, 0.85
 """Range of the series in which an opening is searched, as shares of its length."""
 

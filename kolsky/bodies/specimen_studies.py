@@ -102,7 +102,7 @@ def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray
 
 
 _LEAST_COLUMN = 1e-6
-"""Least slope by a relative constant, as a share of the largest, that is not rounding [-]."""
+"""Smallest slope by a relative constant, as a share of the largest, that is not rounding [-]."""
 
 
 @dataclass(frozen=True)

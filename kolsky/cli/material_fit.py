@@ -28,7 +28,7 @@ _DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2",
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
 _POINTS = 40
-"""Most points of the mean curve that the simulated cylinder is compared with."""
+"""Largest number of points of the mean curve that the simulated cylinder is compared with."""
 _SAME_SIZE = 1e-3
 """Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
 

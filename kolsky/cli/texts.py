@@ -83,7 +83,7 @@ def whole_numbers(option: str, text: str) -> list[int]:
 
 
 def plain_or_text(value: object) -> object:
-    """ A number from a text such as "0.3", else the unchanged value ("0.3 %"): the command line has no quotes
+    """A number from a text such as "0.3", else the unchanged value ("0.3 %"): the command line has no quotes
     to mark texts."""
     try:
         return float(value) if isinstance(value, str) else value
@@ -215,7 +215,7 @@ def none(option: str, texts: Sequence[str], other: str) -> None:
 
 
 def shard(option: str, text: str) -> tuple[int, int]:
-    """ Number of a part and number of parts from a text such as "2/8"."""
+    """Number of a part and number of parts from a text such as "2/8"."""
     part, slash, parts = text.partition("/")
     if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
         raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")

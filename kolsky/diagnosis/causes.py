@@ -35,13 +35,13 @@ from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVI
 LEVEL = 0.01
 """A change is significant if its probability, adjusted for all inputs tried, is smaller."""
 EVIDENCE = 100.0
-"""Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
+"""Smallest evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
 """Inputs whose losses differ by less cannot be distinguished: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
-"""Least share of the misfit that a named cause must explain."""
+"""Smallest share of the misfit that a named cause must explain."""
 FREED_TOGETHER = (POISSON, DAMPING)
 """Assumptions that an identification frees together by default: if one is refuted, so is the pair."""
 

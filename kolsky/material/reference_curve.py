@@ -39,7 +39,7 @@ Pull = Literal["first", "conditioned"]
 PAST_DATA = 0.25
 """Share of the specimen strained beyond the curve's end above which it is reported."""
 FEWEST_POINTS = 8
-"""Fewest points of a curve; a law needs 5 away from rest."""
+"""Smallest number of points of a curve; a law needs 5 away from rest."""
 
 
 @dataclass(frozen=True)

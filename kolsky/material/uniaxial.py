@@ -121,7 +121,7 @@ def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
 
 
 FEWEST = 5
-"""Fewest samples in a range of extrapolation."""
+"""Smallest number of samples in a range of extrapolation."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ NAMES = tuple(field.name for field in fields(Numbers))
 AIM_TOLERANCE = 0.01
 """Largest relative difference from the wanted value that counts as reached."""
 ROUNDS = 4
-"""Most confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
+"""Largest number of confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
 EQUAL_POINTS = 1e-6
 """Points of the unit box closer than this count as one run."""
 DIGITS = 6

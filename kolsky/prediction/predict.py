@@ -31,9 +31,9 @@ from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
 from kolsky.virtual.motion import disc, loading
 
 LEAST_POINTS = 8
-"""Fewest points of a law's loading."""
+"""Smallest number of points of a law's loading."""
 LAW_POINTS = 400
-"""Most points of a law from a pulse, evenly in compression."""
+"""Largest number of points of a law from a pulse, evenly in compression."""
 LOADED = (0.01, 0.03)
 """Shares of the largest force of a pulse between which a line is fitted; loading begins where the line is
 zero."""

@@ -92,7 +92,7 @@ class RunTable(Section):
     tolerance: Force = 0.02
     """Largest change of a force from one pass of bars and specimen to the next [N]."""
     passes: Annotated[int, Field(ge=2, le=200)] = 20
-    """Most passes."""
+    """Largest number of passes."""
 
 
 class HoldTable(Section):

@@ -389,7 +389,7 @@ _TIME_NAME = re.compile(
     re.IGNORECASE,
 )
 FEWEST_STEPS = 100
-"""Least number of rows of a time column for finding its unit from the header's interval."""
+"""Smallest number of rows of a time column for finding its unit from the header's interval."""
 SAME_STEP = 1e-3
 """Largest relative difference of the column's mean step from the header's interval [-]."""
 

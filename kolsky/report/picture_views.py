@@ -79,7 +79,7 @@ def _picture_column(result: StereoResult, columns: int) -> int:
 
 
 ALIVE = 0.5
-"""Least share of the points that a shown frame has, if there is one."""
+"""Smallest share of the points that a shown frame has, if there is one."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ QUIET_SIGMAS = 6.0
 """Largest difference of a quiet span's two halves, in its standard deviations. White noise exceeds it once
 in 5e8. Filtered noise, whose successive samples are correlated, also stays below it."""
 SMALLEST_BASELINE = 20
-"""Least number of samples for the zero and the noise of the force."""
+"""Smallest number of samples for the zero and the noise of the force."""
 
 
 def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatArray) -> ForceChannel:

@@ -185,7 +185,7 @@ class Cause:
     coordinate: Callable[[float], float] = _plain
     """Coordinate of a value."""
     lowest: float = -inf
-    """Least coordinate."""
+    """Smallest coordinate."""
     highest: float = inf
     """Largest coordinate."""
     exact: float = 0.0

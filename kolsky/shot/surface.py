@@ -193,8 +193,8 @@ def _export(
 
 
 LEAST_HEIGHT = 0.2
-"""Least height of the outline at rest above the transmission platen, over the declared length [-]. A height
-of a tenth indicates a wrong length."""
+"""Smallest height of the outline at rest above the transmission platen, over the declared length [-]. A
+height of a tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
 """Largest radius of an outline over the declared radius [-]: that of a freely sliding specimen at a ninth of
 its length."""

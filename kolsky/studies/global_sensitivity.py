@@ -124,7 +124,7 @@ class GlobalSensitivity(ResultViews):
 
     shot: str
     box: Box
-    """Where the parameters vary, uniformly and independently."""
+    """Ranges of the parameters, which vary uniformly and independently."""
     runs: int
     """Total number of runs."""
     by_surrogate: bool

@@ -137,7 +137,7 @@ def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval
 
 
 def _crossing(x: FloatArray, cost: FloatArray, limit: float) -> float:
-    """Where the line between two points has the limit."""
+    """Position at which the line between two points reaches the limit."""
     share = (limit - cost[0]) / (cost[1] - cost[0])
     return float(x[0] + share * (x[1] - x[0]))
 

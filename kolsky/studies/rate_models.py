@@ -32,8 +32,8 @@ from kolsky.material.relaxation.evidence import HistoryTest
 from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, RateFit
 
 STRONG = 6.0
-"""Least distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of Kass
-and Raftery (1995)."""
+"""Smallest distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of
+Kass and Raftery (1995)."""
 POOR_FIT = 2.0
 """If chi-square over degrees of freedom exceeds this, the fit is reported and no model is chosen."""
 NETWORK = "bergstrom_boyce"
@@ -89,7 +89,8 @@ class ModelComparison:
     n_data: int
     """Number of fitted values."""
     scatter: float
-    """Least sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over it."""
+    """Smallest sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over
+    it."""
     left_out: Mapping[str, str]
     """Models that were not fitted, and why."""
 

@@ -24,7 +24,7 @@ NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 EARLY = 500
 """Number of pictures in which the first motion is searched: reading more would take minutes."""
 FEWEST = 3
-"""Fewest pictures of a test or calibration series."""
+"""Smallest number of pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
 
 

@@ -102,7 +102,7 @@ class Path1D(Protocol):
 
     @property
     def start(self) -> float:
-        """When it starts, on the shot's clock [s]."""
+        """Its start on the shot's clock [s]."""
         ...
 
     def displacement(self, time: FloatArray) -> FloatArray:

@@ -123,7 +123,7 @@ def _small(vector: FloatArray) -> FloatArray:
 
 
 MARGIN = 6.0
-"""Least distance of the board from the edge of a picture [px]."""
+"""Smallest distance of the board from the edge of a picture [px]."""
 TRIES = 2000
 """Maximum number of drawn poses to find one that is fully visible in both cameras."""
 

@@ -196,7 +196,7 @@ _SPAN = 0.1
 over the same displacement: warm air moves the flyer's image by hundredths of a pixel, which over a shorter
 travel looks like a new direction."""
 FEWEST_IN_ROW = 3
-"""Fewest successive frames that must show another direction."""
+"""Smallest number of successive frames that must show another direction."""
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from kolsky.base.arrays import FloatArray
 ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
 MOST_STARTS, SETTLED = 5, 1e-6
-"""Most starts of the search for the smoothness, and the relative gain below which no further start is
-made."""
+"""Largest number of starts of the search for the smoothness, and the relative gain below which no further
+start is made."""
 EQUAL_SIGMAS = 0.05
 """Relative difference below which sigmas count as equal [-]."""
 ADDED, LEAST_ADDED = 0.3, 1e-3

@@ -251,7 +251,7 @@ ones."""
 STEP = 0.05
 """Half the distance of central differences of the slope, in log tau."""
 _LEAST_CURVATURE = 0.1
-"""Least curvature of -ln L in log tau [-]; it limits the standard deviation to a factor of e^3."""
+"""Smallest curvature of -ln L in log tau [-]; it limits the standard deviation to a factor of e^3."""
 LEAST_WEIGHT = 1e-5
 """A draw with less weight is omitted."""
 

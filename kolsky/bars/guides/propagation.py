@@ -83,7 +83,7 @@ _LARGEST_GAIN = 10.0
 _SLOPES = 1024
 """Number of frequencies in the search for the delay of the slowest component."""
 FEWEST_SAMPLES = 8
-"""Fewest samples for a useful spectrum."""
+"""Smallest number of samples for a useful spectrum."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +259,7 @@ class BarsTogether(ResultViews):
     measured: FloatArray
     """The later pulse [-], shape [n]."""
     residual: FloatArray
-    """Fitted less measured later pulse [-], shape [n]."""
+    """Fitted minus measured later pulse [-], shape [n]."""
     rms: float
     """Root mean square of the residual over the peak of the later pulse [-]."""
     largest: float

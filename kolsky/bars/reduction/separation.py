@@ -181,7 +181,7 @@ def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
 
 
 LEAST = 50
-"""Fewest samples that two recordings must have in common."""
+"""Smallest number of samples that two recordings must have in common."""
 
 
 def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> tuple[Recording, ...]:
@@ -250,8 +250,9 @@ class SeparatedWaves:
     velocity: History
     """Velocity of the face toward the specimen [m/s]."""
     misfit: tuple[float, ...]
-    """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-]; 0
-    within round-off with two gauges, which two waves always fit exactly; about 1 with more."""
+    """Root mean square of the difference between each gauge's strain and that of the two waves there, over
+    the gauge's sigma [-]; 0 within round-off with two gauges, which two waves always fit exactly; about 1
+    with more."""
     singular: FloatArray
     """Frequencies at which the gauges cannot distinguish the two waves [Hz]: zero, and with two gauges all at
     which half-waves fit between them. Noise there grows with the square root of time, because only the quiet

@@ -71,7 +71,7 @@ LEVEL = 0.8
 """Share of the typical stress at which the plateau begins and ends [-]. The typical stress is the median of
 all stresses above half the largest."""
 PLATEAU_SHARE = 0.3
-"""Least balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
+"""Smallest balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
 LARGEST_CHANGE = 0.2
 """Largest change of a history along the plateau, by its best line, over its mean [-]."""
 LARGEST_SCATTER = 0.1

@@ -74,7 +74,7 @@ class WavesInput:
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
     plateau: float = PLATEAU
-    """Least balanced length of a plateau as a share of the incident pulse's [-]."""
+    """Smallest balanced length of a plateau as a share of the incident pulse's [-]."""
     share: float = VALIDITY_SHARE
     """Largest share of inertia, or of the forces' difference, in the stress of a valid curve [-]."""
     switches: Switches = field(default_factory=Switches)
@@ -308,7 +308,7 @@ class PulseCheck:
 
     @property
     def delay(self) -> float:
-        """Observed less predicted arrival [s]; nan without an observed one."""
+        """Observed minus predicted arrival [s]; nan without an observed one."""
         return float("nan") if self.observed is None else self.observed.time - self.predicted
 
 
@@ -418,7 +418,7 @@ class Alignment:
     wave: str
     """"reflected" or "transmitted"."""
     late: float
-    """Observed less predicted arrival at the distances and wave speeds as declared [s]."""
+    """Observed minus predicted arrival with the declared distances and wave speeds [s]."""
     way: float
     """Predicted time from the incident pulse's arrival at its gauge, as declared [s]."""
     sigma: float

@@ -104,12 +104,12 @@ def _spectrum(rho: FloatArray, size: int) -> FloatArray:
 
 
 FEWEST_SAMPLES = 20
-"""Fewest samples of a baseline: with 20 the noise is known to 16 %."""
+"""Smallest number of samples of a baseline: with 20 the noise is known to 16 %."""
 RESTING_SHARE = 8.0
 """Deviation of a part of the baseline from the median part, in scaled median deviations, above which the
 signal is not at rest."""
 _FEWEST_BLOCKS = 8
-"""Fewest parts of a baseline that are compared with each other."""
+"""Smallest number of parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
 """Probability that a baseline without drift is classified as drifting."""
 
@@ -141,7 +141,7 @@ class SignalZero:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of mean and slope: independent samples less the two of the line, at least 1."""
+        """Degrees of freedom of mean and slope: independent samples minus the two of the line, at least 1."""
         return max(self.count / max(self.noise.memory, 1.0) - 2.0, 1.0)
 
     @property
@@ -301,7 +301,7 @@ DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
 def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float) -> float:
     """Strength D of a random walk that the baseline shows, by its posterior mean [unit^2/s].
 
-    A random walk of variance D t, less its mean over the baseline T, is the sum of cosines cos(k pi t / T)
+    A random walk of variance D t, minus its mean over the baseline T, is the sum of cosines cos(k pi t / T)
     whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance D
     T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior from
     the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1, D0 = `WEAKEST` s^2 pi^2 / T. The

@@ -279,7 +279,7 @@ STEP = 0.01
 LEAST_STEP = 5e-4
 """Smallest step in the search for an equilibrium [-]."""
 ITERATIONS = 20
-"""Most Newton iterations of a step."""
+"""Largest number of Newton iterations of a step."""
 FULL = 8
 """Iterations with full steps; later ones are shortened, since nodes that alternately touch and separate cause
 cycles."""

@@ -245,7 +245,7 @@ NEAR = 10.0
 """Mean square residual on the coarse mesh, over that of the nearest law or 1, up to which a law is moved [-].
 About three times the error of the mesh: a change of the mesh cannot make a law with a larger misfit fit."""
 LEAST_SINGULAR_VALUE = 1e-4
-"""Least singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
+"""Smallest singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
 test with an accuracy of a few parts in a thousand cannot resolve smaller ones."""
 
 

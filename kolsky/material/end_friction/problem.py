@@ -211,7 +211,7 @@ class LibraryModel:
 
     @property
     def upper(self) -> FloatArray:
-        """Likewise."""
+        """Upper bounds of the unknowns."""
         specs = self.candidate.law.PARAMETERS
         return np.array([specs[k].upper if specs[k].strict else np.inf for k in self._free]) / self.units
 

@@ -95,7 +95,7 @@ class PartFit:
 
     @property
     def residual(self) -> FloatArray:
-        """Law less measurement [Pa], shape [n]."""
+        """Law minus measurement [Pa], shape [n]."""
         return self.predicted - self.test.stress
 
     @property
@@ -205,7 +205,7 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Least Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
+        """Smallest Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
         `covariance`, which takes all points as independent, is then too small.
         """
         return min(durbin_watson(part.residual) for part in self.parts)

@@ -22,7 +22,7 @@ DROP = 0.2
 BACK = 0.02
 """Share of its strain by which a specimen may spring back as it breaks [-]."""
 FEWEST = 3
-"""Fewest points for a regression."""
+"""Smallest number of points for a regression."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Fracture:
-    """Where a specimen broke."""
+    """Fracture of a specimen."""
 
     stress: float
     """Largest nominal stress [Pa]."""
@@ -52,7 +52,7 @@ class Recovery:
     undamaged: Measured
     """Mean and its standard uncertainty."""
     healed: Measured
-    """Likewise."""
+    """Mean and its standard uncertainty, healed."""
     efficiency: Measured
     """Healed over undamaged [-]."""
 

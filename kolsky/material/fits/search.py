@@ -132,7 +132,7 @@ class Residuals:
         return tuple(compressible_stress(law, volume, test.mode, test.deformation) for test in self.tests)
 
     def lateral(self, law: AnyLaw, poisson: float | None) -> list[FloatArray]:
-        """Simulated less measured lateral stretch over `LATERAL_SCALE` where it is fitted [-]."""
+        """Simulated minus measured lateral stretch over `LATERAL_SCALE`, if it is fitted [-]."""
         if not self.free_poisson or poisson is None:
             return []
         volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
@@ -242,12 +242,12 @@ class SearchResult:
     agreeing: int = 1
     """Starts that reached the least one."""
     unbounded: float = np.nan
-    """Least sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
+    """Smallest sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
     unknown lies at a bound [-]."""
 
 
 ROUNDS = 3
-"""Most rounds of drawn starts until two agree."""
+"""Largest number of rounds of drawn starts until two agree."""
 
 
 def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> SearchResult:

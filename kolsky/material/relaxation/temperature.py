@@ -116,7 +116,7 @@ class Superposition:
 
     @property
     def adopted(self) -> FloatArray:
-        """lg a_T by the law where it holds, else free [-], shape [n_levels]."""
+        """lg a_T by the law if it is valid, else free [-], shape [n_levels]."""
         if not self.law_holds or self.C1 is None or self.C2 is None:
             return self.shifts
         return wlf(self.sweep.levels - _reference(self.sweep), self.C1, self.C2)

@@ -245,9 +245,10 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
 FEWEST_FOR_SLOPE = 4
 """Smallest number of shots for a slope: two coefficients and two degrees of freedom for the scatter."""
 LEAST_SPAN = 0.5
-"""Least span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
+"""Smallest span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
 LEAST_RATIO = 4.0
-"""Least span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest part."""
+"""Smallest span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest
+part."""
 LARGEST_LEVERAGE = 0.9
 """Largest leverage of one shot: nine tenths of its error enter the line, one tenth the residual."""
 LARGEST_HALF_WIDTH = 1.0
