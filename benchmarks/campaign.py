@@ -101,13 +101,8 @@ def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]
 
 
 def campaign(questions: Sequence[Question], workers: int, dask: str | None = None) -> dict[str, Any]:
-    """Answer all questions with a number of workers, after a first identification of each worker.
-
-    Raises
-    ------
-    RuntimeError
-        If fewer workers took part: the others had not started or do not exist.
-    """
+    """Answer all questions with a number of workers, after a first identification of each worker;
+    RuntimeError if fewer workers took part."""
     with workers_of(workers, dask) as (submit, together):
         first = replace(questions[0], seed=WARM_UP)
         started = time.perf_counter()

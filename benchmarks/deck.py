@@ -19,20 +19,8 @@ forces are those of the wedge."""
 
 
 def deck(mesh: Mesh, *, end: float, step: float) -> str:
-    """Write the input of the bonded problem.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The specimen.
-    end, step : float
-        Simulated time and fixed step of ``*DYNAMIC`` [s].
-
-    Returns
-    -------
-    str
-        The deck. It prints the forces on the lower face, at every step.
-    """
+    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]; it prints the
+    forces on the lower face at every step."""
     return "\n".join([*_mesh(mesh), *_material(), *_history(end, step)]) + "\n"
 
 

@@ -60,14 +60,9 @@ class Row:
 
 
 def pyvale(python: Path, problem: Problem, *, prefilter: bool) -> Row:
-    """pyvale's `calculate_2d`, affine, on one thread.
+    """pyvale's `calculate_2d`, affine, on one thread; PeerError if it fails or writes no points.
 
     Its processor time includes its own first guesses and the files it writes.
-
-    Raises
-    ------
-    PeerError
-        If it fails or writes no points.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -66,15 +66,7 @@ class Whole:
 
 
 def shot_of(folder: Path, raw: Path) -> Path:
-    """A shot folder with open-01's pictures in place of its exports.
-
-    Parameters
-    ----------
-    folder
-        Target folder, which must exist.
-    raw
-        Folder with the raw files, to which links are made.
-    """
+    """Make a shot in an existing folder with links to open-01's raw pictures in place of its exports."""
     for path in raw.iterdir():
         (folder / path.name).symlink_to(path.resolve())
     text = (ROOT / "runs" / "open-01" / "shot.toml").read_text()
@@ -84,19 +76,8 @@ def shot_of(folder: Path, raw: Path) -> Path:
 
 
 def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], Any] = print) -> list[Whole]:
-    """Run the command several times, after one additional run for compilation and warm-up.
-
-    Parameters
-    ----------
-    raw
-        The folder with open-01's raw files.
-    repeats
-        Number of measured runs.
-    device
-        Device of the correlation.
-    say
-        Called with a text on each run.
-    """
+    """Run the command `repeats` times on open-01's raw files, after one additional run for compilation and
+    warm-up."""
     from kolsky.cli.dic import dic
     from kolsky.pictures.dic_file import read_stereo_result
 

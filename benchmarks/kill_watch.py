@@ -30,14 +30,10 @@ def waited(pids: list[int]) -> dict[int, float]:
 
 
 def own_time(elapsed: float, before: Mapping[int, float], after: Mapping[int, float]) -> float:
-    """An elapsed time minus the time in which threads waited for a core [s].
+    """An elapsed wall time minus the time in which threads waited for a core [s].
 
-    Parameters
-    ----------
-    elapsed
-        Wall time [s].
-    before, after
-        Results of `waited`. Threads wait in parallel: the longest wait is subtracted, not their sum.
+    ``before``, ``after``: results of `waited` [s]. Threads wait in parallel: the longest wait is subtracted,
+    not their sum.
     """
     longest = max((wait - before.get(thread, 0.0) for thread, wait in after.items()), default=0.0)
     return max(0.0, elapsed - longest)

@@ -307,17 +307,8 @@ def table(record: dict[str, Any]) -> str:
 
 
 def recorded(seed: int, trials: list[Trial], seconds: dict[str, float]) -> dict[str, Any]:
-    """The record: by command the numbers of signals of each kind, and the problems.
-
-    Parameters
-    ----------
-    seed
-        Seed of the campaign.
-    trials
-        All of them.
-    seconds
-        Undisturbed duration by command [s].
-    """
+    """The record: by command the numbers of signals of each kind, the undisturbed duration [s], and the
+    problems."""
     rows = {}
     for name, duration in seconds.items():
         own = [one for one in trials if one.command == name]

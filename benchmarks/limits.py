@@ -51,24 +51,8 @@ class Limit:
 
 
 def limits(device: Any, numbers: Precision, instructions: float, threads: int) -> list[Limit]:
-    """Measure a device's limits.
-
-    Parameters
-    ----------
-    device
-        A Warp device.
-    numbers : Precision
-        Arithmetic.
-    instructions : float
-        Arithmetic instructions of an element update.
-    threads : int
-        CPU threads; on a GPU the whole device is used.
-
-    Returns
-    -------
-    list of Limit
-        Arithmetic limit; on a GPU also that of shared memory.
-    """
+    """Measure a device's limits for an element update of a number of arithmetic instructions: of arithmetic,
+    and on a GPU also of shared memory; ``threads`` are those of a CPU."""
     if not device.is_cuda:
         rate = _fma_cpu(device, numbers, threads)
         return [Limit("SIMD arithmetic", rate, "multiply-adds/s", rate / instructions)]

@@ -68,17 +68,8 @@ def program() -> str | None:
 def measure_peer(mesh: tuple[int, int], *, window: float = WINDOW, step: float = STEP) -> Peer:
     """Run the bonded, undamped problem in CalculiX and compare the forces.
 
-    Parameters
-    ----------
-    mesh : (int, int)
-        Elements across and along.
-    window, step : float
-        Simulated time and step [s].
-
-    Raises
-    ------
-    PeerError
-        If `ccx` is not on the PATH, fails, or does not print a force for every step.
+    ``mesh``: elements across and along. ``window``, ``step``: simulated time and step [s]. PeerError if `ccx`
+    is not on the PATH, fails, or does not print a force for every step.
     """
     path = program()
     if path is None:

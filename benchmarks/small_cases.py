@@ -28,17 +28,8 @@ def small_shot(folder: Path) -> Path:
 
 
 def write_pictures(folder: Path, *, frames: int = 24, size: tuple[int, int] = (160, 220)) -> None:
-    """Write the pictures of a plane measurement, moving speckles, and its file of settings.
-
-    Parameters
-    ----------
-    folder
-        Target folder.
-    frames
-        Number of pictures.
-    size
-        Height and width of the pictures [px].
-    """
+    """Write the pictures of a plane measurement, moving speckles of a height and width [px], and its file of
+    settings."""
     speckles = cv2.GaussianBlur(np.random.default_rng(4).normal(128.0, 400.0, size), (0, 0), 2.0)
     for number in range(frames):
         moved = np.array([[1, 0, 0.25 * number], [0, 1, -0.1 * number]], dtype=np.float32)

@@ -102,17 +102,8 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
 
 
 def work(number: int, seconds: float, least: int, rows: Path) -> None:
-    """Run the rounds of one worker and write one line for each: tasks, memory [bytes], handles, digests.
-
-    Parameters
-    ----------
-    number
-        Number of the worker.
-    seconds, least
-        Duration [s] and smallest number of rounds.
-    rows
-        Folder of the lines.
-    """
+    """Run the rounds of one worker and write one line for each: tasks, memory [bytes], handles, digests; for
+    `seconds` [s], but at least `least` rounds."""
     process = psutil.Process()
     count = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as place:
@@ -139,13 +130,7 @@ def collected(rows: Path) -> list[list[dict[str, Any]]]:
 
 def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
     """Growth of memory and handles of one worker after the first rounds, and number of different digests of
-    each task.
-
-    Parameters
-    ----------
-    rounds
-        Rounds in the form that `work` writes.
-    """
+    each task."""
     settled = rounds[max(1, int(SETTLED * len(rounds))) :]
     memory = np.array([one["memory"] for one in settled], dtype=np.float64)
     handles = [one["handles"] for one in settled]
@@ -168,13 +153,7 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def recorded(workers: list[list[dict[str, Any]]]) -> dict[str, Any]:
-    """Results over all workers, with growth and differences.
-
-    Parameters
-    ----------
-    workers
-        The rounds of each worker in the form that `work` writes.
-    """
+    """Results over all workers, from the rounds that `work` writes, with growth and differences."""
     found = [judged(rounds) for rounds in workers]
     # The same task must also have the same result in all processes.
     digests: dict[str, set[str]] = {}

@@ -269,8 +269,8 @@ def corner_areas(mesh: Mesh, nodes: FloatArray) -> FloatArray:
     A simulation ends where a stress point is turned inside out. A corner can be so long before: the one-point
     element has no stress point there, and those of full integration lie inside.
 
-    ``mesh``: their mesh. ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a
-    corner is turned inside out, shape [..., n_elements, 4].
+    ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a corner is turned inside
+    out, shape [..., n_elements, 4].
     """
     return np.asarray(_spanned(mesh, nodes) / _spanned(mesh, mesh.nodes))
 

@@ -49,13 +49,7 @@ def by_linear_test(one: dict[str, Any]) -> bool:
 
 
 def table(said: dict[str, Any]) -> str:
-    """A study as a Markdown table with one column for each kind of shot.
-
-    Parameters
-    ----------
-    said
-        A `summary.json`.
-    """
+    """A study's `summary.json` as a Markdown table with one column for each kind of shot."""
     study = said["study"]
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))

@@ -265,13 +265,7 @@ def main() -> None:
 
 
 def _free(text: str) -> tuple[str, ...]:
-    """Parameters from their names or symbols.
-
-    Raises
-    ------
-    SystemExit
-        If there is no such parameter, or one is named twice.
-    """
+    """Parameters from their names or symbols; SystemExit for an unknown or repeated one."""
     unknown = [name for name in text.split(",") if name not in PARAMETERS]
     found = tuple(PARAMETERS[name] for name in text.split(",") if name in PARAMETERS)
     if unknown or len(set(found)) < len(found):

@@ -30,13 +30,8 @@ Each = list[dict[str, Any]]
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Each parameter's coverage, errors and standard uncertainties; a missing answer counts as not covering.
-
-    Parameters
-    ----------
-    each
-        The experiments.
-    """
+    """Each parameter's coverage, errors and standard uncertainties; a missing answer counts as not
+    covering."""
     n = len(each)
     low, high = binom.interval(0.95, n, NOMINAL)
     outcomes = sorted({one["outcome"] for one in each})

@@ -237,12 +237,8 @@ def simulate(
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Exact force at the samples [N] and radius at the points [m] of every experiment, in one batch.
 
-    The radius is NaN where the surface at a point's height has rolled onto a platen.
-
-    Raises
-    ------
-    ValueError
-        If a run does not complete, or more points lie on the platens than `LEAST_INSIDE` allows.
+    The radius is NaN where the surface at a point's height has rolled onto a platen. ValueError if a run does
+    not complete, or more points lie on the platens than `LEAST_INSIDE` allows.
     """
     knots = np.linspace(0.0, setup.end, KNOTS)
     model = explicit.Model(

@@ -113,13 +113,8 @@ def write(path: Path, content: Any, *, indent: int | None = None) -> None:
 
 
 def hold(study: Any, folder: Path) -> None:
-    """Write a study's settings into its folder; only the devices may differ from settings that are there.
-
-    Raises
-    ------
-    ValueError
-        If the folder holds another study.
-    """
+    """Write a study's settings into its folder; ValueError if the folder has other settings, devices
+    excepted."""
     content = {key: value for key, value in asdict(study).items() if "device" not in key}
     path = folder / "study.json"
     if path.exists():

@@ -62,13 +62,8 @@ def figures(result: Identification) -> Iterator[tuple[str, float]]:
 
 
 def threshold(values: Iterable[float]) -> float:
-    """Threshold of a positive figure from its values for correct shots.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than ten, or one is not positive and finite.
-    """
+    """Threshold of a positive figure from its values for correct shots; ValueError for fewer than `FEWEST`
+    values, or one that is not positive and finite."""
     found = np.array(list(values), dtype=np.float64)
     if len(found) < FEWEST or not (np.isfinite(found).all() and (found > 0.0).all()):
         raise ValueError(
@@ -88,13 +83,8 @@ def tolerance_factor(n: int) -> float:
 
 
 def population(folder: Path) -> list[RightShot]:
-    """Results below a folder, named by their paths.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or one has no goodness of fit.
-    """
+    """Results below a folder, named by their paths; ValueError if there is none, or one without a goodness of
+    fit."""
     places = sorted(folder.rglob(RESULT))
     if not places:
         raise ValueError(f"{folder}: no {RESULT} below it; identify its shots with --identify")

@@ -23,13 +23,8 @@ SYMBOLS = {
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw.
-
-    Parameters
-    ----------
-    each
-        The draws; a rejected one counts as not covering and not requiring relaxation.
-    """
+    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw; a
+    rejected draw counts as not covering and not requiring relaxation."""
     answered = [one for one in each if one["found"] is not None]
     choices = [one["found"]["model_choice"] for one in answered]
     return {
@@ -95,13 +90,7 @@ def _short(one: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(said: dict[str, Any]) -> str:
-    """A study as Markdown: the counts, and one column for each parameter.
-
-    Parameters
-    ----------
-    said
-        A `summary.json`.
-    """
+    """A study's `summary.json` as Markdown: the counts, and one column for each parameter."""
     study, asked = said["study"], said["relaxation asked for"]
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))

@@ -115,16 +115,11 @@ def apart(
     slope: tuple[FloatArray, FloatArray],
     truth: Truth,
 ) -> dict[str, float]:
-    """Differences of force and outline, and their equivalent in m, nu and beta by weighted least squares.
+    """Differences of force [N] at the samples and radii [m], and their equivalent in m, nu and beta by
+    weighted least squares.
 
-    Parameters
-    ----------
-    one, other
-        Force at the samples [N] and radii [m].
-    slope
-        Their derivatives by the three parameters.
-    truth
-        The experiment whose noise gives the weights of force and outline.
+    ``slope``: their derivatives by the three parameters. ``truth``: the experiment whose noise gives the
+    weights.
     """
     force, outline = binned(one[0]) - binned(other[0]), (one[1] - other[1]).ravel()
     weights = np.sqrt(BIN) / truth.force_sigma, 1.0 / truth.outline_sigma

@@ -71,13 +71,8 @@ def done(number: int, study: Study, folder: Path) -> str:
 
 
 def pooled(folder: Path) -> dict[str, Any]:
-    """The shots' values and their mean, from the results in the folder.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two shots count.
-    """
+    """The shots' values and their mean, from the results in the folder; ValueError for fewer than two
+    identified shots."""
     names = [f"rate-{number:02d}" for number in range(1, len(SPEEDS) + 1)]
     (group,) = compare([collected_shot(folder / name, group="gel") for name in names]).groups
     if group.pooled is None:

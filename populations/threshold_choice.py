@@ -85,15 +85,8 @@ def truth(result: Path) -> dict[str, float]:
 def chosen(
     one: list[RightShot], two: list[RightShot], limit: Callable[[str, list[float]], float]
 ) -> dict[str, Any]:
-    """Limits from population one, and the false alarms of these and of the limits in use on population two.
-
-    Parameters
-    ----------
-    one, two
-        The populations; two may be empty.
-    limit
-        Function of a figure's name and its values for correct shots that returns the limit.
-    """
+    """Limits from population one, and the false alarms of these and of the limits in use on population two,
+    which may be empty; ``limit`` is a function of a figure's name and its values for correct shots."""
     found, judged = [s for s in one if not s.astray], [s for s in two if not s.astray]
     rows = {}
     for name, used in IN_USE.items():

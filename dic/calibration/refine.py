@@ -215,9 +215,9 @@ def find_order(
     """Find the picture of camera 1 that belongs to each picture of camera 0.
 
     ``detections``: detections of each camera, one entry per picture, as for `dic.calibrate`; equal numbers
-    for both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras' pictures
-    [px]. Returns: the picture of camera 1 for each one of camera 0, each used once; pictures without a
-    detection get the remaining ones. None if no order fits `LEAST_SHARE` of them.
+    for both. ``sensors``: columns and rows of the two cameras' pictures [px]. Returns: the picture of camera
+    1 for each one of camera 0, each used once; pictures without a detection get the remaining ones. None if
+    no order fits `LEAST_SHARE` of them.
     """
     views = all_views(detections, targets)  # type: ignore[arg-type]
     by_camera: list[dict[int, View]] = [

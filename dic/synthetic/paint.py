@@ -123,7 +123,7 @@ def sprayed_drops(
 
     ``area``: area of the pattern; the centres also lie on a margin around it. ``size``: mean diameter [m].
     ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: expected covered share
-    of the area [-]. ``rng``: random numbers.
+    of the area [-].
     """
     if not (0.0 < coverage < 1.0 and size > 0.0 and spread >= 0.0):
         raise ValueError(

@@ -160,7 +160,7 @@ def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]
     """The source of a time loop over lanes: read from its file, or translated and written there.
 
     ``time_loop``: the scalar Warp kernel, the only one of its module. ``choice``: mapping, lanes and
-    precision in words. ``translate``: makes the source.
+    precision in words.
     """
     file = _translation_file(time_loop, choice)
     try:

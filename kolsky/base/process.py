@@ -135,8 +135,6 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     If the block ends by an exception, they are stopped at once, because their results are not needed. They
     are not forked: a copy of a process that has started threads may hang. Each has its number in the
     environment (`WORKER`); workers with device "cuda" use it to share the GPUs.
-
-    ``workers``: number of processes.
     """
     context = get_context("spawn")
     started = context.Value("i", 0)

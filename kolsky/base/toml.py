@@ -54,12 +54,8 @@ _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-str
 def _translate(
     details: Any, model: type[BaseModel], path: Path, lines: dict[str, int], empty: set[str]
 ) -> InputError:
-    """One pydantic error as an `InputError`.
-
-    ``details``: the error, an item of `pydantic.ValidationError.errors`. ``model``: the schema that was not
-    met. ``path``, ``lines``: the file, and the lines of its keys, as `key_lines` gives them. ``empty``: keys
-    that are not filled in.
-    """
+    """One error of `pydantic.ValidationError.errors` as an `InputError`; `lines` are those of `key_lines`,
+    `empty` the keys that are not filled in."""
     location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]

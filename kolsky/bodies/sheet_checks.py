@@ -268,10 +268,8 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
-    """Whether a sheet with other points or another mesh is explained.
-
-    ``found``: the fit of the same mesh; a new fit is made only if its simulation is closer to these points.
-    """
+    """Whether a sheet with other points or another mesh is explained; after a fit of the same mesh (`found`)
+    a new one is made only if its simulation is closer to these points."""
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:

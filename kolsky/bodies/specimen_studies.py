@@ -54,9 +54,9 @@ def resolution_study(
 ) -> list[StudyRow]:
     """Constants over the mesh and the order of its elements (their Fig. 6).
 
-    ``test``: one test. ``constants``: the law, its start and what is free. ``factors``: factors of the
-    numbers of elements. ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements
-    along each edge at the factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
+    ``constants``: the law, its start and what is free. ``factors``: factors of the numbers of elements.
+    ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements along each edge at the
+    factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
     """
     rows = []
     for element in orders:

@@ -387,8 +387,8 @@ def valley_is_free(search: CauseSearch) -> bool:
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     """The starts, with the best of each input moved to another valley if a run shows a lower loss there.
 
-    ``search``: the data and the model. ``starts``: inputs at values, with their best free parameters.
-    Returns: the same number; scanned ones are evaluated by a run at their point.
+    ``starts``: inputs at values, with their best free parameters. Returns: the same number; scanned ones are
+    evaluated by a run at their point.
     """
     best: dict[str, int] = {}
     for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):

@@ -259,9 +259,9 @@ def own_stiffness(
 ) -> tuple[float, float]:
     """Relative stiffness of one shot minus the shared one, and its standard uncertainty [-].
 
-    ``one``: the shot. ``residual``: prediction minus data, shape [k]. ``change``: of its data by a relative
-    change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a
-    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
+    ``residual``: prediction minus data, shape [k]. ``change``: of its data by a relative change of its
+    stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a row, [n, k].
+    ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
     """
     objective, amount, variance = one.objective, 0.0, float("nan")
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
@@ -291,8 +291,8 @@ def shot_agreement(
     so the ratio of their stiffnesses does not scatter between specimens. If a shot contradicts, the least
     likely channel is given.
 
-    ``names``: names of the shots. ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a
-    scatter between them is in the interval; then only larger differences contradict.
+    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a scatter between them is in the
+    interval; then only larger differences contradict.
     """
     force, outline = (
         np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T

@@ -350,10 +350,8 @@ def _search_on(
     numerics: Numerics,
     factor: float = 1.0,
 ) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d].
-
-    ``factor``: factor on the first step, because the slopes have the same error as on the previous mesh.
-    """
+    """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]; `factor`
+    scales the first step, because the slopes have the same error as on the previous mesh."""
     last = _chord_steps(runner, objective, slope, start, numerics, factor)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
 

@@ -234,8 +234,8 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
     With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it would include
     relaxed stresses.
 
-    ``test``: the whole record. ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near
-    the end if it is held there, else the unchanged ramp.
+    ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near the end if it is held
+    there, else the unchanged ramp.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)

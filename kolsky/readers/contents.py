@@ -242,8 +242,8 @@ TIMEOUT = 9.0
 def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, str], InputError]) -> Any:
     """Read a file with `kolsky.readers.child` in a separate process, which a damaged file may crash.
 
-    ``path``: the file. ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the
-    error for a damaged file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
+    ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the error for a damaged
+    file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
     """
     program = Path(__file__).with_name("child.py")
     try:

@@ -298,10 +298,8 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 
 
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, else the declared one, else mm.
-
-    Raises InputError if both are present and differ.
-    """
+    """Unit of a column of lengths: that of its heading, else the declared one, else mm; InputError if both
+    are present and differ."""
     stated = _stated_unit(heading)
     if not stated:
         return declared or "mm"

@@ -97,7 +97,7 @@ class FullFieldView:
 def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
     """Choose the frame to show and read its picture.
 
-    ``name``: name of the measurement. ``result``: the result. ``pictures``: camera 0's series.
+    ``pictures``: camera 0's series.
     """
     shown = full_field_view(result, name)
     try:

@@ -177,8 +177,7 @@ def check_sign(
     """Check the sign of the force: a flyer that compresses the specimen pushes it.
 
     ``force``: compression-positive force at the scope samples [N], shape [n]. ``scope_time``: their times on
-    the shot's clock [s], shape [n]. ``span``: the window [s]. ``flyer``: the flyer's motion. ``toml``: the
-    shot file.
+    the shot's clock [s], shape [n]. ``span``: the window [s]. ``toml``: the shot file.
     """
     # A bonded face may pull during the first waves, so the sign is checked only at larger compression.
     inside = flyer.time <= span[1]

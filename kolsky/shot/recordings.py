@@ -149,8 +149,8 @@ class ShotRecordings:
 def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
     """The recordings of a shot for its report.
 
-    ``shot``: the shot. ``folder``: the folder of its results. Raises InputError if its pictures were
-    correlated but the result file cannot be read. Raises ValueError if the flyer's record cannot be used.
+    ``folder``: the folder of its results. Raises InputError if its pictures were correlated but the result
+    file cannot be read. Raises ValueError if the flyer's record cannot be used.
     """
     channel = shot.force
     if isinstance(channel, BarForce):

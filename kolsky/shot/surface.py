@@ -289,7 +289,7 @@ def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[st
     A repeated row in an export is one measurement. Counted several times it would have too much weight and
     bias the result.
 
-    ``line``: the outline, rows as in the file, shape [n]. ``table``: the file it was read from.
+    ``line``: the outline, rows as in the file, shape [n].
     """
     rows = np.column_stack([line.frame, line.y, line.Z])
     _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)

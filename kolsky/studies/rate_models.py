@@ -162,17 +162,8 @@ class ModelComparison:
 
 
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
-    """Compare the fitted Prony series with the creeping network on slow tests.
-
-    Parameters
-    ----------
-    law
-        The long-term law at factor 1.
-    slow
-        The tests.
-    fits
-        Series with 0, 1, 2, ... branches, fitted to them by `required_branches`.
-    """
+    """Compare the Prony series of `required_branches` with the creeping network on slow tests; `law` is the
+    long-term law at factor 1."""
     found = [
         Candidate(
             series_name(len(fit.model.series)),

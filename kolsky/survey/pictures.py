@@ -121,7 +121,7 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
     The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
     check`. Only the first `EARLY` pictures are searched.
 
-    ``folder``: the shot's folder. ``survey``: the series of the test.
+    ``folder``: the shot's folder.
     """
     from dic.images import PictureError, open_pictures
 

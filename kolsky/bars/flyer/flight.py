@@ -236,7 +236,7 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     displacement over a tenth of the specimen's length after it. It begins where the uncertainty of the
     lateral velocity is below `SHARE` of the speed. If this is never reached, no end of symmetry is given.
 
-    ``result``: the stereo result. ``length``: length of the specimen at rest [m].
+    ``length``: length of the specimen at rest [m].
     """
     if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"

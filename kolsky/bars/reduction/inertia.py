@@ -338,7 +338,7 @@ def compensate_mass(
     [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
     mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
     acceleration's clock against the force's [s]. ``apply``: False leaves the force unchanged; the correction
-    is still measured. ``source``: source of the acceleration, for the audit log.
+    is still measured.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

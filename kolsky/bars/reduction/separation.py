@@ -537,7 +537,7 @@ class FreeEnds:
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
     """Both far ends are free; the incident pulse has ended before the reflected one arrives.
 
-    ``incident``: the station of the incident bar. ``arrival``: arrival of the incident pulse there [s].
+    ``arrival``: arrival of the incident pulse there [s].
     """
     return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
 

@@ -33,8 +33,7 @@ Weights = tuple[Factor, Factor, Factor]
 class BarWaves:
     """The three waves, and the bars' conversion of strain to force and velocity.
 
-    ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None:
-    constant E A and rho c0 A.
+    ``guides``: the incident and the transmission bar as waveguides; None: constant E A and rho c0 A.
     """
 
     stiffness_1: Factor
@@ -187,9 +186,9 @@ def reduce(
 def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
     """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
 
-    ``history``: a rate. ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with
-    the rate's level at low frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k =
-    step sigma sqrt(k - 1/2) after k steps.
+    ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with the rate's level at low
+    frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k = step sigma sqrt(k - 1/2)
+    after k steps.
     """
     value = history.value
     total = np.concatenate([[0.0], np.cumsum(0.5 * step * (value[1:] + value[:-1]))])

@@ -283,8 +283,8 @@ def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest
 def means_by_mode(tests: Sequence[HomogeneousTest], points: int) -> list[HomogeneousTest]:
     """Mean tests of the repeats of each mode, with tension and compression separate.
 
-    ``tests``: single tests. ``points``: strains at which they are averaged. Raises ValueError if repeats have
-    too few strains in common.
+    ``points``: strains at which they are averaged. Raises ValueError if repeats have too few strains in
+    common.
     """
     groups: dict[tuple[Mode, bool], list[HomogeneousTest]] = {}
     for test in tests:
