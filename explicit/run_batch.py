@@ -45,7 +45,7 @@ class Problem:
     model: Model
     """What to simulate."""
     samples: Samples
-    """With which parameters."""
+    """Its parameters."""
     sampling: Sampling
     """What to record."""
     stepping: Stepping = field(default_factory=Stepping)

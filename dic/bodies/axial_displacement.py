@@ -51,7 +51,7 @@ class ObservedPoints:
     pixels: FloatArray
     """Observed pixels [px], shape [n, 2]."""
     covariance: FloatArray
-    """Of the pixels [px²], shape [n, 2, 2]."""
+    """Covariance of the pixels [px²], shape [n, 2, 2]."""
 
     @cached_property
     def noise(self) -> FloatArray:

@@ -186,7 +186,7 @@ between."""
 ROOT = float(np.sqrt(2.0 * np.pi))
 """√(2π)"""
 HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
-"""Of his approximation of the error function, p and a1 to a5."""
+"""Coefficients p and a1 to a5 of Hastings' approximation of the error function."""
 LARGEST = 25.0
 """Largest radius of a dot for the fit of its outline [px]. The centroid of a larger dot is accurate to a few
 mpx, and its printed outline deviates from an ellipse by as much."""

@@ -121,7 +121,7 @@ class Sensor:
     """
 
     bits: int = 12
-    """Of a grey value."""
+    """Bits of a grey value."""
     full_well: float = 15_000.0
     """Electrons of the largest grey value."""
     read_noise: float = 30.0

@@ -41,7 +41,7 @@ CORRELATIONS: dict[str, Correlation] = {
     "squared exponential": _squared_exponential,
     "matern 5/2": _matern52,
 }
-"""By name; the likelihood of the runs chooses among them."""
+"""Correlation functions by name; the likelihood of the runs selects one."""
 
 
 def squared_differences(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -117,7 +117,7 @@ class GaussianProcess:
     loo_sigma: FloatArray
     """Standard deviation of that prediction, shape [n, q]."""
     weights: FloatArray
-    """Of the runs' correlations, shape [n, q]."""
+    """Weights of the correlations with the runs, shape [n, q]."""
     trend: FloatArray
     """Coefficients of 1, u_1, ... u_d, shape [d + 1, q]."""
     factor: FloatArray

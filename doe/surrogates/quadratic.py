@@ -42,7 +42,7 @@ class QuadraticSurrogate:
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     coefficients: FloatArray
-    """Of the terms, in response units, shape [`terms`, k]."""
+    """Coefficients of the terms, in response units, shape [`terms`, k]."""
     residuals: FloatArray
     """Run minus quadratic, in response units, shape [n, k]."""
     leverage: FloatArray

@@ -36,7 +36,7 @@ class Posterior:
     discrepancies: FloatArray
     """tau of the channels that have a prior, shape [n, number of priors]; empty without."""
     discrepancy_names: tuple[str, ...]
-    """Those channels."""
+    """Names of the channels with a sampled discrepancy."""
     converged: bool
     """True if the chains are long compared with the autocorrelation time, and that time is steady."""
     autocorrelation: FloatArray

@@ -314,7 +314,7 @@ class Verdict:
     kind: VerdictKind
     """The kind of verdict."""
     interval: Interval
-    """From the profile likelihood; None where it is open."""
+    """Interval of the profile likelihood; None at an open end."""
     inflation: float | None
     """Length of the interval over its length with the others known [-]; None if one of them is open."""
     partners: tuple[Partner, ...]

@@ -34,9 +34,9 @@ class Misfit:
     """Residual of each channel over the residual of a correct model."""
 
     force: float
-    """Of the force [-]."""
+    """Misfit of the force [-]."""
     outline: float
-    """Of the outline [-]; NaN if none was measured."""
+    """Misfit of the outline [-]; NaN if none was measured."""
 
     @property
     def joint(self) -> float:

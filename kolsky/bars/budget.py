@@ -245,7 +245,8 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
 
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
-"""From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""
+"""Function of the values of the quantities, by name, that returns named outputs: scalars or arrays of fixed
+shapes."""
 
 
 def propagate(

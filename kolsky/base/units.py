@@ -71,7 +71,7 @@ _SPELLINGS = {
 """Pint's spelling of units in lower case; only units whose meaning does not depend on the case, so not
 "mpa"."""
 _CAPITALS = {"MPA": "MPa", "MM": "mm", "ε": "strain", "µε": "microstrain", "με": "microstrain"}
-"""Units in exactly these letters -> as Pint writes them."""
+"""Pint's spelling of units that are case-sensitive."""
 _WORD = re.compile(r"[A-Za-zµμε]+")
 
 

@@ -288,7 +288,7 @@ class Closed:
     """A run of the closed loop."""
 
     time: FloatArray
-    """Of the ticks [s], shape [n]."""
+    """Times of the ticks [s], shape [n]."""
     wanted: FloatArray
     """Target angle [rad], shape [n]."""
     measured: FloatArray

@@ -522,7 +522,7 @@ class _Search:
 
     @property
     def gradient(self) -> FloatArray:
-        """Of all steps, shape [p]."""
+        """Gradient of the cost of all steps, shape [p]."""
         return np.asarray(self.cost.gradients.sum(axis=0))
 
 

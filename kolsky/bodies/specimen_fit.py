@@ -127,7 +127,7 @@ class Intervals:
 
     @property
     def correlation(self) -> FloatArray:
-        """Of the constants, shape [p, p]; 0 with a constant at a bound."""
+        """Correlation of the constants, shape [p, p]; 0 for a constant at a bound."""
         return correlation_of(self.covariance)
 
 
@@ -336,7 +336,7 @@ class SpecimenFit(ResultViews):
     constants: Constants
     """The law with the fitted values in place."""
     intervals: Intervals
-    """Of the free constants."""
+    """Intervals of the free constants."""
     tests: tuple[TestFit, ...]
     """Fitted tests, then predicted ones."""
     found: SearchOptimum

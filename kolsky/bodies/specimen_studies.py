@@ -30,7 +30,7 @@ class StudyRow:
     values: dict[str, float]
     """All constants, SI."""
     rmse: float
-    """Of the force over all tests [N]."""
+    """Root mean square residual of the force over all tests [N]."""
     unknowns: int
     """Displacement components of the mesh of the first test."""
     simulations: int

@@ -43,7 +43,7 @@ class StiffnessMap:
     """Factors of stiffness over a sheet."""
 
     factors: FloatArray
-    """Of the problem's constants, one per block [-], shape [blocks]."""
+    """Factors on the problem's constants, one per block [-], shape [blocks]."""
     regions: IntArray
     """Block of each cell, shape [m]."""
     weight: float

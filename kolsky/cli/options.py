@@ -57,9 +57,9 @@ class _Argument:
     """One option of a command: its declaration for typer and the conversion of its text."""
 
     annotation: Any
-    """For typer."""
+    """Annotation for typer."""
     default: Any
-    """For typer."""
+    """Default for typer."""
     read: Callable[[Any], Any]
     """Converts typer's value to the value of the field."""
 

@@ -266,7 +266,7 @@ class Best:
     own: Trial
     """The trial, as found by its search."""
     search: CauseSearch
-    """That search."""
+    """The search from this start."""
     model: CauseModel | None = None
     """The model corrected by a run on the refined mesh at its point; None if none was made."""
 

@@ -212,7 +212,7 @@ class CompressibleNeoHookean:
 
     @classmethod
     def from_young(cls, young: float, poisson: float) -> Self:
-        """From Young's modulus E [Pa] and Poisson's ratio in (-1, 0.5)."""
+        """The solid with Young's modulus E [Pa] and Poisson's ratio in (-1, 0.5)."""
         if not -1.0 < poisson < 0.5:
             raise ValueError(f"poisson must be in (-1, 0.5), got {poisson}")
         lam = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))

@@ -74,15 +74,15 @@ class OwnStiffness:
     """Stiffness estimated from one shot only, relative to the shared one, by one linear step."""
 
     value: float
-    """From all its data [-]; 0 means the shared stiffness."""
+    """Value from all data of the shot [-]; 0 means the shared stiffness."""
     sigma: float
     """Standard uncertainty without the errors shared by the shots [-]."""
     force: float
-    """From its force [-]; NaN if the force does not depend on it."""
+    """Value from its force [-]; NaN if the force does not depend on it."""
     sigma_force: float
     """Its standard uncertainty [-]."""
     outline: float
-    """From its outline [-]; NaN if none was measured."""
+    """Value from its outline [-]; NaN if none was measured."""
     sigma_outline: float
     """Its standard uncertainty [-]."""
 
@@ -271,7 +271,7 @@ class JointResult(ResultViews):
     """Half width of each parameter's 95 % interval, in its unit; by Student's t if the scatter between few
     shots dominates."""
     shots: tuple[ShotPart, ...]
-    """Shot by shot."""
+    """Results of each shot."""
     scatter: Scatter | None
     """Scatter between the shots; None if not requested."""
     slow: Mapping[str, float]

@@ -275,7 +275,7 @@ class InverseProblem:
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
-        """From a shot as loaded.
+        """The problem of a loaded shot.
 
         Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound out of range.
         """

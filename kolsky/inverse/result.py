@@ -403,7 +403,7 @@ class PosteriorSummary:
     samples: FloatArray
     """A subset of the samples, for figures, in SI, shape [m, n]."""
     median: FloatArray
-    """Of all samples, in SI, shape [n]."""
+    """Median of all samples, in SI, shape [n]."""
     lower: FloatArray
     """2.5 % quantile of all samples, shape [n]."""
     upper: FloatArray

@@ -219,7 +219,7 @@ class Runs:
     rows: NDArray[np.intp]
     """Indices of the completed runs."""
     prediction: Prediction | None
-    """The simulated measurements of those; None if there are none."""
+    """Simulated measurements of these runs; None if there are none."""
 
     @classmethod
     def of(

@@ -70,7 +70,7 @@ class MeshOptimum:
     """The optimum on one mesh."""
 
     x: FloatArray
-    """In parameter units, shape [d]."""
+    """Point in parameter units, shape [d]."""
     sigma: FloatArray
     """Standard deviation from independent residuals, shape [d]; infinite where no entry varies."""
     deviance: float

@@ -1,6 +1,6 @@
 """Quasi-static uniaxial tests: nominal stress over strain, ramps, holds, toe, mean of repeats with its band.
 
-The band of a curve keeps common uncertainty apart from noise: errors are correlated along the curve.
+The band of a curve separates common uncertainty from noise, because errors are correlated along the curve.
 
 .. math::
 
@@ -8,8 +8,8 @@ The band of a curve keeps common uncertainty apart from noise: errors are correl
    \\qquad z_j, \\epsilon_i \\sim N(0, 1)
 
 A *mode* :math:`\\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
-in their overall stiffness: one that is 5 % too stiff is so at every strain. Drawing points independently
-would average this out, in the curve and in every stiffness compared with it.
+in their overall stiffness: a specimen that is 5 % too stiff is 5 % too stiff at every strain. Drawing points
+independently would average this out, in the curve and in every stiffness compared with it.
 
 The *apparent modulus* of a curve follows from Gaussian rubber elasticity,
 
@@ -382,7 +382,7 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
 
 
 def _noise(x: FloatArray, y: FloatArray) -> float:
-    """From each sample's distance to the line between its neighbours, robust against a kink."""
+    """Noise from the distance of each sample to the line between its neighbours, robust against a kink."""
     left, right = x[1:-1] - x[:-2], x[2:] - x[1:-1]
     apart = (left + right) > 0.0
     if not apart.any():

@@ -88,7 +88,7 @@ class Scan:
     points: FloatArray
     """Values in the units of `varied`, shape [n, d]."""
     numbers: tuple[Numbers, ...]
-    """Of each point."""
+    """Results of each point."""
 
     def column(self, name: str) -> FloatArray:
         """One number at every point, shape [n]."""

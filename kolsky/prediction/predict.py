@@ -256,7 +256,7 @@ class Numbers:
     """Velocity of the flyer's face over the transmission platen's, mean over the round trip of a wave in the
     flyer after the separation [m/s]."""
     start_rate: float
-    """That over the specimen's length [1/s]."""
+    """Initial strain rate: this speed over the specimen's length [1/s]."""
     mean_rate: float
     """Mean nominal strain rate from the separation to `RATE_TO` of the largest compression [1/s]."""
     largest_strain: float

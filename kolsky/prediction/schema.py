@@ -37,7 +37,7 @@ class StrikerTable(PartTable):
     """[striker]."""
 
     speed: f.Velocity
-    """At impact [m/s]."""
+    """Speed at impact [m/s]."""
 
 
 class ShaperTable(Section):
@@ -49,11 +49,11 @@ class ShaperTable(Section):
     diameter: f.Length | None = None
     height: f.Length | None = None
     shear_modulus: f.Modulus | None = None
-    """Of the disc's rubber at the rate of the test [Pa]."""
+    """Shear modulus of the disc's rubber at the rate of the test [Pa]."""
     file: f.FileName | None = None
     """A table: compression (mm), force (N). A pulse: time (us), force (N) of the incident wave."""
     speed: f.Velocity | None = None
-    """Of the striker in the test that the pulse was measured in [m/s]."""
+    """Speed of the striker in the test in which the pulse was measured [m/s]."""
     unloading: Stiffness | None = None
     """Slope of unloading; the loading curve's steepest if left out, or what the pulse shows."""
 
@@ -128,9 +128,9 @@ class TestFile(Section):
     incident: PartTable
     joint: JointTable
     flyer: dict[str, PartTable]
-    """From the incident bar to the specimen."""
+    """Parts of the flyer, from the incident bar to the specimen."""
     transmission: dict[str, PartTable]
-    """From the specimen on."""
+    """Parts of the transmission side, from the specimen on."""
     sensor: f.Name | None = None
     """The part of [transmission] at whose middle the transmitted force is measured; the first face if left
     out."""

@@ -34,7 +34,7 @@ from kolsky.studies.local_sensitivity import completed_runs
 OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 """Scalar outputs: Eqs. (M.4), (M.3), (M.5) and the largest transmitted force."""
 WITHOUT_OUTLINE = ("Phi_F", "peak force")
-"""Those of a shot without an outline."""
+"""Outputs of a shot without an outline."""
 CHUNK = 256
 """Number of runs per batch."""
 

@@ -169,7 +169,7 @@ class PaperAnswer:
     factor: float
     """Stiffness factor m of the last run [-]."""
     interval: CostInterval
-    """Of m, by delta Phi [-]."""
+    """Interval of m from delta Phi [-]."""
     friction: float | None
     """Friction coefficient of the last run [-]; None if nothing slips."""
     friction_told: bool

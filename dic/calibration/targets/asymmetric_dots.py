@@ -24,7 +24,7 @@ class AsymmetricDots:
     step: float
     """Between rows, and half the distance between the dots of a row [m]."""
     diameter: float
-    """Of a dot [m]."""
+    """Diameter of a dot [m]."""
     dark: bool = True
     """Black dots on white; False: white on black."""
 

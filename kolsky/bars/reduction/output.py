@@ -246,7 +246,7 @@ def _test_summary(result: ReducedTest) -> dict[str, Any]:
 
 
 _MEGA = 1e-6
-"""From Pa to MPa."""
+"""Factor from Pa to MPa."""
 DATABASE_FORMAT = "kolsky bar test, version 1"
 """First line of the metadata."""
 

@@ -180,7 +180,7 @@ class LibraryModel:
     candidate: Candidate
     """The law and its fixed constants."""
     unit: float
-    """That stress [Pa]."""
+    """Unit of the moduli [Pa]."""
 
     @property
     def name(self) -> str:

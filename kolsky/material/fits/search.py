@@ -41,11 +41,11 @@ class Weighting(Enum):
     """Divisor of the residuals."""
 
     ABSOLUTE = "absolute"
-    """By one stress for all points: the sum of squares in Pa^2 is least."""
+    """One stress for all points: the sum of squares in Pa^2 is minimised."""
     RELATIVE = "relative"
-    """By the measured stress of the point: small strains count as much as large ones."""
+    """The measured stress of the point: small strains have the same weight as large ones."""
     SIGMA = "sigma"
-    """By the standard uncertainty of the point."""
+    """The standard uncertainty of the point."""
 
 
 @dataclass(frozen=True)

@@ -206,7 +206,7 @@ class PronyProblem:
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 
     def extended(self, x: FloatArray) -> FloatArray:
-        """With one more branch: the best of a grid."""
+        """Start with one more branch: the best of a grid."""
         n = len(x) // 2
         lower, upper = self.bounds(n + 1)
         times = np.linspace(
@@ -222,7 +222,7 @@ class PronyProblem:
         return np.asarray(grid[self.best(grid)])
 
     def idle(self, x: FloatArray, n_branches: int) -> FloatArray:
-        """With more branches, of the least strength."""
+        """The same parameters with more branches, of the smallest strength."""
         n = len(x) // 2
         more = n_branches - n
         lower, upper = self.bounds(n_branches)

@@ -122,7 +122,7 @@ class Budget(ResultViews):
     """Effect of each source of error on one parameter, separately and together with the others."""
 
     name: str
-    """Of the test."""
+    """Name of the test."""
     parameter: str
     truth: float
     """Its true value; NaN if the specification does not define it."""

@@ -373,4 +373,4 @@ class RateReport(ResultViews):
     shared: float
     """Relative standard uncertainty that was declared common to all shots [-]."""
     groups: tuple[GroupRates, ...]
-    """By name."""
+    """Comparisons of the groups, sorted by name."""
