@@ -30,7 +30,7 @@ class ResultViews:
         Parameters
         ----------
         figure
-            Name of the figure, as of its file under ``--figures``; the first figure if omitted.
+            Name of the figure, the name of its file with ``--figures``; the first figure if omitted.
 
         Returns
         -------

@@ -71,8 +71,8 @@ def run_nearly_incompressible(
     model : Model
         What to simulate, with the fine mesh.
     coarse : tuple of Mesh
-        The mesh of the correction, about half as many elements in each direction, and a coarser one, about
-        three quarters of that, used only to estimate the error.
+        The mesh of the correction, with about half the number of elements in each direction. A coarser one,
+        with about three quarters of that number, is used only to estimate the error.
     samples : Samples
         Parameters; `poisson` above `compressible`.
     sampling : Sampling

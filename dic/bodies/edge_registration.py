@@ -462,10 +462,11 @@ def consistent_frames(
 ) -> list[bool]:
     """True for frames that agree with the path of the later ones.
 
-    While a body enters the picture, a few of its points may agree on a wrong position. From the frame with
-    the most points back to rest, a frame is left out if it is farther than `distance` [m], or half a step,
-    from the line through the next frames. Because the body accelerates from rest, a static frame is left out
-    if it lies farther than `distance` beyond that line, or on the other side of the next frame.
+    While a body enters the picture, a few of its points may agree on a wrong position. Frames are checked
+    from the one with the most points back to rest. A frame is left out if its distance from the line through
+    the next frames exceeds `distance` [m], or half a step. Because the body accelerates from rest, a static
+    frame is left out if it lies farther than `distance` beyond that line, or on the other side of the next
+    frame.
     """
     fine = [True] * len(rows)
     if not rows:

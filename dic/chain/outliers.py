@@ -92,7 +92,7 @@ def visible_room(
 
     The end is taken at the point's distance from the axis. The rim lies in the plane of the end, where the
     plane through the point, the camera and the direction of the axis meets the rim on the camera's side. It
-    hides nothing of a point at the same or a larger distance from the axis.
+    does not hide points at the same or a larger distance from the axis.
     """
     y = np.full(len(places), end)
     at_end = np.column_stack([places[:, 0], y, places[:, 2]])

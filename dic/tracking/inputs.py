@@ -182,9 +182,9 @@ class Block:
 class FramesAhead:
     """Frames of a series, read and prepared on request or one block in advance.
 
-    On a GPU the pictures of a block are sent and filtered together, and a thread reads, decodes and sends the
-    next block while the frames of this one are searched. On a CPU the thread would only compete with the
-    search for cores.
+    On a GPU the pictures of a block are sent and filtered together. A thread reads, decodes and sends the
+    next block while the frames of the present block are searched. On a CPU the thread would only compete with
+    the search for cores.
 
     ``noise``: standard deviation of a grey value, or `dic.correlation.Noise` [grey]. ``prefilter``: standard
     deviation of the Gaussian before the match [px]. ``border``: width of the border that is cut off before

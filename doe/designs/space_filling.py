@@ -148,7 +148,7 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
     """The first n >= 2 points of a Halton sequence; more points can follow without moving these.
 
-    Options as of `sobol`; unscrambled it is the radical inverse in the first d primes.
+    Options as in `sobol`; unscrambled it is the radical inverse in the first d primes.
     """
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)

@@ -161,7 +161,7 @@ class Statement:
     start: int
     """Index of the first character of that line."""
     value: int
-    """Index behind the equals sign; of a header as `end`."""
+    """Index after the equals sign; for a header equal to `end`."""
     end: int
     """Index behind the value, remark not counted."""
 

@@ -131,7 +131,7 @@ class FieldProblem:
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
     def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or why it failed; `near`: a state to start from."""
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure; `near`: a start state."""
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 

@@ -75,7 +75,7 @@ def resolution_study(
 def noise_study(
     test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int, seed: int = 1
 ) -> list[StudyRow]:
-    """Constants with increasing noise added to the forces (their Fig. 9).
+    """Constants with increasing noise added to the forces.
 
     ``sigmas``: standard deviations of the added noise [N]. ``repeats``: number of draws for each.
     """

@@ -161,7 +161,7 @@ class DesignChoice:
         return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
 
     def vary_of(self, interface: "Interface") -> tuple[str, ...]:
-        """What to vary; by default no friction where nothing of the shot slides."""
+        """What to vary; by default no friction if no surface of the shot slides."""
         from explicit.contact import contact_law
 
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))

@@ -47,9 +47,9 @@ def extrapolated_start(
 ) -> FloatArray:
     """The refined mesh's optimum from that of a mesh and of a coarser one, by Richardson, shape [d].
 
-    With errors proportional to h^p, h being the element size, the refined mesh's optimum lies beyond the
-    finer one's by the share (h^p - h_r^p) / (h_c^p - h^p) of the distance from the coarser one. Without a
-    coarser mesh, or if one search did not converge, the optimum of the finer mesh is returned.
+    Errors are assumed proportional to h^p with the element size h. The refined mesh's optimum then lies
+    beyond the finer one's by the share (h^p - h_r^p) / (h_c^p - h^p) of the distance from the coarser one.
+    Without a coarser mesh, or if one search did not converge, the optimum of the finer mesh is returned.
     """
     fine, others = optima[mesh], [one for one in optima if one[0] < mesh[0]]
     if not others or not (fine.converged and optima[others[0]].converged):

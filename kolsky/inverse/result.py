@@ -115,7 +115,7 @@ FLYER, CURVE = "flyer motion", "material curve"
 
 
 DECLARED = "declared inputs"
-"""Everything that [uncertainty] of the shot file declares."""
+"""All declarations in [uncertainty] of the shot file."""
 LATE = 3.0
 """A clock is wrong beyond this many standard uncertainties of its lag."""
 

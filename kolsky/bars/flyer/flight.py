@@ -147,10 +147,10 @@ def symmetry_end(
 ) -> SymmetryEnd:
     """Find where the flyer's velocity leaves its direction just after separation.
 
-    Symmetry has ended at the first of `times_in_row` successive times at which the part of the velocity
-    across the reference direction, over the speed, exceeds `share` by more than `coverage` of its sigmas.
-    When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A flyer that is
-    pushed back along the axis keeps its direction.
+    The relative transverse velocity is the component across the reference direction over the speed. Symmetry
+    ends at the first of `times_in_row` successive times at which it exceeds `share` by more than `coverage`
+    of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A
+    flyer that is pushed back along the axis keeps its direction.
 
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference

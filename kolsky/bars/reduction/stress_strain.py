@@ -131,7 +131,7 @@ def reduce(
 ) -> Reduction:
     """Reduce the waves at the faces to the specimen's nominal strain, rate and stress.
 
-    With compression positive the faces have the velocities v1 = c1 (e_i - e_r) and v2 = c2 e_t and the forces
+    Compression is positive. The velocities of the faces are v1 = c1 (e_i - e_r) and v2 = c2 e_t, the forces
     F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and
     the mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the
     transmitted one, with the force F1. One wave: the reflected one, with the force F2. If the bars'

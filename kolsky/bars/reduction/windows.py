@@ -82,7 +82,7 @@ class WavesInput:
     """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
     ratio."""
     alike: bool = False
-    """True if the bars' errors of one property are the same, as of bars cut from one rod."""
+    """True if the bars have the same errors of their properties, as for bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     notes: tuple[str, ...] = ()

@@ -249,8 +249,8 @@ def quantisation_step(value: FloatArray) -> float:
 def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
     """Check that a signal stayed within the recorder's range.
 
-    With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its
-    largest or smallest value for at least 8 samples in a row and three times as long as any value of the
+    With a full scale, no sample may reach it. Without it, a signal counts as clipped if its largest or
+    smallest value occurs in at least 8 successive samples, and in three times as many as any value of the
     baseline: at the top of a pulse noise does not disappear.
 
     ``value``: recorded samples, offset included, shape [n]. ``baseline``: of the same samples. ``name``:

@@ -150,12 +150,12 @@ class NodesModel:
 
     @property
     def lower(self) -> FloatArray:
-        """None."""
+        """Lower bounds: none."""
         return np.full(self.nodes.size, -np.inf)
 
     @property
     def upper(self) -> FloatArray:
-        """None."""
+        """Upper bounds: none."""
         return np.full(self.nodes.size, np.inf)
 
     def law(self, theta: FloatArray) -> NodesLaw:
@@ -232,7 +232,7 @@ class LibraryModel:
         return -incompressible_stress(self.law(theta), Mode.UNIAXIAL, 1.0 - np.asarray(strain))
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """None."""
+        """No prior."""
         return np.zeros(0), np.zeros((0, theta.size))
 
 

@@ -34,7 +34,7 @@ def tables(comparison: Comparison) -> dict[str, Columns]:
 
 
 def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
-    """Everything but the curves, in SI units."""
+    """All results except the curves, in SI units."""
     best = comparison.best
     return {
         "tests": [

@@ -6,10 +6,10 @@ In a thermorheologically simple solid a change of temperature multiplies all rel
 .. math::
    \lg a_T = -\frac{C_1 (T - T_0)}{C_2 + T - T_0}.                                            \qquad (V.5)
 
-The one function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times, in
-parallel with a spring, found by non-negative least squares for every trial of the shifts (variable
-projection). Free shifts at every temperature show whether the curves superpose at all; Eq. (V.5) with its two
-constants is then compared with them. Moduli are not shifted vertically.
+The function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times, in parallel
+with a spring. Non-negative least squares determines it for every trial of the shifts (variable projection).
+Free shifts at every temperature show whether the curves superpose at all; Eq. (V.5) with its two constants is
+then compared with them. Moduli are not shifted vertically.
 """
 
 from dataclasses import dataclass, replace

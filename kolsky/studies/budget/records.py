@@ -158,7 +158,8 @@ class Budget(ResultViews):
 
     @property
     def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of that standard deviation, as of normal values; NaN below `FEWEST` answers."""
+        """95 % interval of this standard deviation, for normally distributed values; NaN below `FEWEST`
+        answers."""
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL
