@@ -137,7 +137,7 @@ KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
-"""Types of file other than regular ones, in words."""
+"""Names of the types of file other than regular ones."""
 
 
 def regular(path: Path | str) -> Path:

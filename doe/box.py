@@ -49,7 +49,7 @@ class Box:
     upper: tuple[float, ...]
     """Upper bounds in parameter units, length d."""
     logarithmic: tuple[bool, ...] = ()
-    """Which parameters are uniform in their logarithm, length d; none if left out."""
+    """Whether each parameter is uniform in its logarithm, length d; none if left out."""
 
     def __post_init__(self) -> None:
         if isinstance(self.names, str):

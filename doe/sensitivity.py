@@ -323,7 +323,7 @@ class Trajectories:
     design: Design
     """The points, trajectory after trajectory, shape [r (d + 1), d]."""
     moved: NDArray[np.int64]
-    """Which parameter each step moves, shape [r, d]."""
+    """Index of the parameter that changes in each step, shape [r, d]."""
 
     def effects(self, outputs: FloatArray) -> ElementaryEffects:
         """The effects of the runs' outputs.

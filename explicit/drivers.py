@@ -207,7 +207,7 @@ class PreparedBatch:
     model: Model
     """The simulated model."""
     numbers: Precision
-    """Its arithmetic."""
+    """Arithmetic of the batch."""
     where: Any
     parameters: Any
     """Parameters of every simulation, on the device."""

@@ -19,7 +19,7 @@ from doe.designs.design import Design, Rng, count_of, seed_of
 IntArray = NDArray[np.intp]
 
 STARTS = 10
-"""Random starts."""
+"""Number of random starts."""
 GAIN = 1e-9
 """An exchange must raise the determinant by at least this relative gain; round-off is far smaller."""
 

@@ -248,7 +248,7 @@ class Partner:
     """A parameter that compensates for a change of another one."""
 
     name: str
-    """Which."""
+    """Name of the parameter."""
     change: float
     """Its change along the profile, in its units."""
     per: float

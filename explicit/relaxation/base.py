@@ -57,7 +57,7 @@ class RateDependence(Protocol):
         ...
 
     def __len__(self) -> int:
-        """Branches."""
+        """Number of branches."""
         ...
 
     def row(self, n_branches: int) -> FloatArray:

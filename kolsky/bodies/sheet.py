@@ -149,7 +149,7 @@ class Sheet:
     kinematics: Literal["plane_stress", "plane_strain"]
     """Kinematics across the thickness."""
     thickness: float
-    """[m]."""
+    """Thickness of the sheet [m]."""
     moving: str
     """Set of the moving pad."""
     fixed: str

@@ -50,7 +50,7 @@ _NEWTON_STEPS = 8
 _PASSES = 4
 """Maximum number of fits with readmitted points."""
 STANDARD_GRAVITY = 9.80665
-"""[m/s^2]."""
+"""Standard acceleration of free fall [m/s^2]."""
 FORCE_FACTORS = {
     -1.0: "its sign is reversed",
     1e3: "its unit is 1000 times larger, as N for mN",
@@ -162,7 +162,7 @@ class LackingFactor:
     """The factor missing in measured values, Eq. (P.2)."""
 
     value: float
-    """[-]."""
+    """Value of the factor [-]."""
     sigma: float
     """Its standard uncertainty [-]."""
 

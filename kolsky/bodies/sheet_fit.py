@@ -83,7 +83,7 @@ class Cost:
     force: FloatArray
     """1/2 (f - f_msr)^2 of each step [N^2], shape [n]."""
     value: float
-    """J [m^4]."""
+    """Cost J [m^4]."""
     gradients: FloatArray
     """dJ/dm of each step, shape [n, p]."""
     curvature_displacement: FloatArray
@@ -321,7 +321,7 @@ Progress = Callable[[int, int], None]
 
 
 def SILENT(done: int, most: int) -> None:
-    """No progress."""
+    """Progress function that does nothing."""
 
 
 EXPLAINED_SHARE = 0.05

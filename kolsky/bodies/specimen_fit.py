@@ -71,7 +71,7 @@ class ConstantEstimate:
     name: str
     """Name, as in the specification."""
     value: float
-    """SI."""
+    """Value in SI units."""
     sigma: float | None
     """Standard uncertainty, SI; None if there is none."""
     low: float | None

@@ -47,7 +47,7 @@ class Shape:
     straight: float | None = None
     """Length over which it has that width [m]."""
     element: str = "hex27"
-    """Hexahedron."""
+    """Kind of the hexahedral elements."""
     gauss: int | None = None
     """Gauss points a direction; None: the element's own."""
     gravity: tuple[float, float, float] | None = None

@@ -47,7 +47,7 @@ class StiffnessMap:
     regions: IntArray
     """Block of each cell, shape [m]."""
     weight: float
-    """tau."""
+    """Weight of the regularisation, tau."""
     chi2: float
     """Chi-square of displacements and forces [-]."""
     degrees: float

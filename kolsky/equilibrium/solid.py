@@ -220,7 +220,7 @@ class CompressibleNeoHookean:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """mu, lam."""
+        """The names mu and lam."""
         return "mu", "lam"
 
     @property
@@ -246,7 +246,7 @@ class CompressibleNeoHookean:
         return self.with_parameters(factor * self.parameters())
 
     def row(self) -> FloatArray:
-        """mu, lam."""
+        """The constants mu and lam [Pa]."""
         return self.parameters()
 
     def functions(self) -> tuple[Any, Any, Any]:

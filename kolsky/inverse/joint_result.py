@@ -115,7 +115,7 @@ class ShotAgreement:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The agreement as a sentence."""
         numbers = f"chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom"
         if not self.apart:
             return f"the stiffest shot asks for {self.ratio:.3g} times the softest's stiffness ({numbers})"
@@ -234,7 +234,7 @@ class ModelChoice:
     asked_for: bool
     """True if the criterion is negative and synthetic elastic data rarely improve as much."""
     sentence: str
-    """In words."""
+    """The result as a sentence."""
 
 
 @dataclass(frozen=True)

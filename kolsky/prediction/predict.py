@@ -173,7 +173,7 @@ RATE_TO = 0.9
 
 @dataclass(frozen=True)
 class PlannedTest:
-    """A test file read."""
+    """The contents of a test file."""
 
     file: TomlFile
     declared: TestFile
@@ -310,7 +310,7 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     Parameters
     ----------
     test
-        A test file read.
+        The contents of a test file.
     quick
         True to use the specimen's static curve instead of finite elements: takes a second, for scans.
 

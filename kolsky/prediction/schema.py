@@ -34,7 +34,7 @@ class PartTable(Section):
 
 
 class StrikerTable(PartTable):
-    """[striker]."""
+    """[striker]: the striker of a planned test."""
 
     speed: f.Velocity
     """Speed at impact [m/s]."""

@@ -242,9 +242,9 @@ class _File:
     program: str
     keys: tuple[object, ...]
     coordinates: FloatArray
-    """[m]."""
+    """Positions of the points [m]."""
     displacements: FloatArray
-    """[m]."""
+    """Displacements of the points [m]."""
     state: IntArray
 
 

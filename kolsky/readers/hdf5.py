@@ -37,7 +37,7 @@ class NamedArray:
     samples: int
     """Its length."""
     values: Callable[[], FloatArray]
-    """Reads it."""
+    """Function that reads it."""
     unit: str | None = None
     """Its unit, if the file states it."""
     keys: Mapping[str, float] = field(default_factory=dict)

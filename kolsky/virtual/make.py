@@ -153,7 +153,7 @@ class NotMade:
 
     shot: ShotSpecification
     reason: str
-    """Why."""
+    """Reason why it was not made."""
 
 
 Place = tuple[ShotSpecification, Path]

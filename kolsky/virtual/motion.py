@@ -121,7 +121,7 @@ class Ramp:
     start: float
     """Start time [s]."""
     speed: float
-    """[m/s]"""
+    """Final speed [m/s]."""
     rise: float
     """Time of the ramp [s]."""
     slowdown: float = 0.0

@@ -26,7 +26,7 @@ STEPS = 80
 
 @dataclass(frozen=True)
 class Kink:
-    """The best place of a kink, and what speaks for it."""
+    """The best position of a kink, and its significance."""
 
     time: float
     """Its time [s]."""

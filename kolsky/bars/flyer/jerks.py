@@ -165,12 +165,12 @@ def evidence(
 ) -> tuple[float, FloatArray]:
     """-2 log of the marginal likelihood of log scale and log tau, with its gradient.
 
-    A Kalman filter over the state (zero, x, v, a) and the disturbance smoother back (Durbin and Koopman,
-    Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It stays accurate
-    where tau goes to zero, and works on 4 x 4 matrices: the dense equations (as in `posterior`) gave the
-    threads of BLAS work too small to share, at up to 40 times the cost on two busy cores. The recursions
-    multiply by `dot`, which takes a third of the time of ``@`` on matrices so small; all else is done for all
-    frames at once.
+    The method is a Kalman filter over the state (zero, x, v, a) followed by the disturbance smoother (Durbin
+    and Koopman, Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It remains
+    accurate as tau approaches zero, and uses 4 x 4 matrices. The dense equations (as in `posterior`) divide
+    small matrices among the threads of BLAS and took up to 40 times as long on two busy cores. The recursions
+    multiply by `dot`, which takes a third of the time of ``@`` for such small matrices; all other operations
+    are vectorised over the frames.
 
     Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
     n_controls].

@@ -502,7 +502,7 @@ class ViscoelasticWaveguide:
 
     @property
     def largest_frequency(self) -> float:
-        """Everywhere [Hz]."""
+        """No limit: infinity [Hz]."""
         return inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:

@@ -504,7 +504,7 @@ def separated(
 
 
 KEY = "free end"
-"""The switch."""
+"""Key of the switch."""
 
 
 @dataclass(frozen=True)

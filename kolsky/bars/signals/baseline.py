@@ -123,7 +123,7 @@ class SignalZero:
     last: float
     """Time of its last sample [s]."""
     count: int
-    """Samples."""
+    """Number of samples."""
     mean: float
     """Mean: the signal's zero."""
     mean_sigma: float

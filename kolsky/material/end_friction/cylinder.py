@@ -230,7 +230,7 @@ class Body:
 
     mesh: HalfCylinder
     bulk: float
-    """K [Pa]."""
+    """Bulk modulus K [Pa]."""
 
     @cached_property
     def _inverse_mass(self) -> FloatArray:

@@ -72,7 +72,7 @@ class TemperatureSweep:
 
     @property
     def level(self) -> NDArray[np.int64]:
-        """Which of them each oscillation has, shape [n]."""
+        """Index of the temperature of each oscillation, shape [n]."""
         return np.asarray(np.abs(self.temperature[:, None] - self.levels).argmin(axis=1))
 
 

@@ -49,7 +49,7 @@ class MixedFit:
     scale: float
     """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
-    """Diagonal of the hat matrix, shape [n]: how far a value pulls the fit through itself, from 0 to 1."""
+    """Diagonal of the hat matrix, shape [n]: influence of a value on its own fitted value, from 0 to 1."""
 
     @property
     def i_squared(self) -> float:
