@@ -2,7 +2,7 @@
 
 Each round runs the surrogate's optimum, and points whose misfit may be as low within the surrogate's error.
 The surrogate is rebuilt from the runs of a region that shrinks around the optimum, and searched again.
-Refinement ends when new runs at the optimum no longer move it.
+Refinement ends when new runs at the optimum do not change it.
 """
 
 from __future__ import annotations

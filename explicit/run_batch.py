@@ -246,7 +246,7 @@ def compile_time_loops(
         Makers of further batches, called only if one of `problems` has to be compiled.
     device, threads
         As in `explicit.run`. Nothing is done for a GPU, see `explicit.aot`.
-    told : callable, optional
+    progress : callable, optional
         Called before the first and after each one.
 
     Returns

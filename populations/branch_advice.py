@@ -31,7 +31,7 @@ def place_of(study: Study, folder: Path, kind: str, number: int) -> Place:
 
 
 def answer(study: Study, folder: Path, kind: str, number: int) -> dict[str, Any]:
-    """Identify a shot as elastic; returns what the output reports on a branch."""
+    """Identify a shot as elastic; returns the statements of the output on a branch."""
     started = time.perf_counter()
     asked = settings(study, 1 if study.device == "cpu" else None, seed=study.seed + number)
     shot, place = place_of(study, folder, kind, number)

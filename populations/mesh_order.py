@@ -173,7 +173,8 @@ def slope_of(setup: Setup, truth: Truth, head: Path, number: int, device: str) -
 
 
 def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool = False) -> FloatArray:
-    """Least-squares map to m alone, then to the other parameters with m free, shape [3, k]."""
+    """Least-squares map to m as the only parameter, then to the other parameters with m free, shape [3,
+    k]."""
     seen = template(setup, truth)
     force = np.hypot(seen.bins.sigma, DISCREPANCY)
     weight = np.concatenate([force, seen.centre_line.sigma]) ** -2

@@ -75,11 +75,11 @@ def gradient(
     Parameters
     ----------
     model : Model
-        What to simulate.
+        The model to simulate.
     samples : Samples
         One sample: where to differentiate.
     sampling : Sampling
-        What is recorded.
+        The recorded times.
     objective : callable
         ``objective(histories) -> (value, cotangent)``: a number and, as `Histories` of the same shapes, its
         derivative by every entry. Begin a cotangent with `Histories.zeros`.

@@ -24,7 +24,7 @@ SCALE_FREE = ("thin_plate_spline", "cubic", "quintic")
 
 
 class SurrogateError(ValueError):
-    """A surrogate cannot be built from these runs; the message says what is missing."""
+    """A surrogate cannot be built from these runs; the message names the reason."""
 
 
 @dataclass(frozen=True)

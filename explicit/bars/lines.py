@@ -178,7 +178,7 @@ class WaveLine:
         return self.free_velocity(n, -1) - force / self.impedances[-1]
 
     def history(self) -> LineHistory:
-        """History up to now."""
+        """History up to the present time."""
         rightward, leftward = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
         return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), rightward, leftward)
 

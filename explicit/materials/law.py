@@ -1,7 +1,7 @@
 """Material laws: the interface to the solver, closed-form laws, and how one is added.
 
-A law gives the isochoric part alone: the Kirchhoff stress of an isotropic hyperelastic solid. The
-volumetric part is in `explicit.materials.volumetric`, and the solver's stiffness factor multiplies both.
+A law gives the isochoric part only: the Kirchhoff stress of an isotropic hyperelastic solid. The volumetric
+part is in `explicit.materials.volumetric`, and the solver's stiffness factor multiplies both.
 
 To add a law write one file in `explicit.materials.laws` with
 

@@ -1,7 +1,7 @@
 """Translation of statements of the scalar source over lanes: inlined functions, assignments, branches, loops.
 
 Input: the syntax tree of a Warp function. Output: lines of C++ over packs. Where lanes disagree on a branch
-or a loop, a mask says which of them are active.
+or a loop, a mask marks the active ones.
 """
 
 import ast

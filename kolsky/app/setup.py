@@ -164,7 +164,7 @@ class SetupView:
         return frame.address(view, ui.context.client.request.query_params.get("shot", root.name))
 
     def show(self) -> None:
-        """Show form, text and problems as the file is now."""
+        """Show form, text and problems of the present file."""
         self.text.value = self.draft.text
         self.form.clear()
         for group in (self.labels, self.plots, self.inputs):

@@ -93,7 +93,7 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 
 
 def set_blas_threads() -> None:
-    """One thread for each call of BLAS from here on, unless the environment says otherwise.
+    """Use one thread for each later call of BLAS, unless the environment sets another number.
 
     It has an effect only before NumPy is loaded. The matrices of an identification are small: several threads
     take longer for them than one, and they wait in busy loops on cores that have other work.

@@ -223,7 +223,7 @@ def read_tests(
 
 
 def _mode_and_path(text: str) -> "tuple[Mode, Path]":
-    """ "planar:FILE" as a mode and a file; a file alone is uniaxial."""
+    """ "planar:FILE" as a mode and a file; a file without a mode is uniaxial."""
     from kolsky.material.fits.homogeneous import Mode, mode_named
 
     head, colon, path = text.partition(":")

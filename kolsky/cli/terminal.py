@@ -34,8 +34,7 @@ class _Printing:
 _OUTSIDE = _Printing()
 _PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
 _EVERY = float(os.environ.get("KOLSKY_PROGRESS_EVERY", "60"))
-"""Smallest time between two lines of progress where the output is no terminal [s]; `kolsky open` asks for
-1."""
+"""Smallest time between two lines of progress where the output is no terminal [s]; `kolsky open` uses 1."""
 
 
 def is_quiet() -> bool:

@@ -309,7 +309,7 @@ def checked_value(name: str, value: float) -> float:
 
 
 def any_slides(names: Iterable[str]) -> bool:
-    """True if one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
+    """True if naming one of these parameters makes the surfaces slide by Coulomb's law."""
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
 
 

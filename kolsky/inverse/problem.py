@@ -92,7 +92,7 @@ def prepare_shot(shot: Shot) -> PreparedShot:
     Raises
     ------
     ValueError
-        If the flyer's record or the curve cannot be used; the message says why.
+        If the flyer's record or the curve cannot be used; the message gives the reason.
     """
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):

@@ -204,7 +204,7 @@ class FitQuality:
 
     @property
     def noticed_without_declared(self) -> float:
-        """`noticed` if nothing were declared uncertain, in `unit`."""
+        """`noticed` without declared uncertainties, in `unit`."""
         declared = self.predicted.get(DECLARED, 0.0)
         return self.limit * max(self.expected**2 - declared**2, 0.0) ** 0.5
 
@@ -530,7 +530,7 @@ class Route:
     name: str
     """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
     parameters: dict[str, float]
-    """Optimum in parameter units, corrected for the error of the refined mesh where `correction` says so."""
+    """Optimum in parameter units, corrected for the error of the refined mesh by `correction`."""
     cost: float
     """Cost at the optimum."""
     sigma: dict[str, float]

@@ -1,4 +1,4 @@
-"""A measurement by image correlation alone: from dic.toml to a `dic.full_field` result."""
+"""A measurement by image correlation only: from dic.toml to a `dic.full_field` result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

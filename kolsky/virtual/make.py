@@ -139,7 +139,7 @@ some MB."""
 
 @dataclass(frozen=True)
 class Made:
-    """One shot, made now or earlier."""
+    """One shot, made in this call or earlier."""
 
     name: str
     folder: Path

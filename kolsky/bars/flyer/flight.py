@@ -34,8 +34,8 @@ class Flight:
     lateral: tuple[FlyerPath, FlyerPath]
     """Displacements along x and Z [m]."""
     turn: tuple[FlyerPath, FlyerPath]
-    """Rotations about x and Z, which tilt the flyer's face [rad]; units of length in their docstrings
-    stand for rad."""
+    """Rotations about x and Z, which tilt the flyer's face [rad]; units of length in their docstrings are rad
+    here."""
 
     def velocity(self, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Velocity toward the specimen, along x, along Z [m/s] and its sigma, both [n, 3]."""

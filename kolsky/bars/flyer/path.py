@@ -436,7 +436,7 @@ def whitening(
     """The map that makes the displacements' errors independent with variance 1; for columns [n_frames, ...].
 
     Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
-    memory)`` = L L', q the shared error's size over sigma; `back` asks for the transposed map.
+    memory)`` = L L', q the shared error's size over sigma; `back` selects the transposed map.
     """
     if shared is None:
         return lambda columns, back=False: np.asarray((columns.T / s).T)

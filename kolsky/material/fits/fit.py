@@ -231,9 +231,9 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law cannot be fitted to each other; the message says why.
+    Raises ValueError if the tests and the law cannot be fitted to each other; the message gives the reason.
 
-    Returns: the best minimum of all starts; `outcome` says whether the data determine it.
+    Returns: the best minimum of all starts; `outcome` states whether the data determine it.
 
     Parameters
     ----------

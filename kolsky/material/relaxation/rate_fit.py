@@ -142,8 +142,9 @@ _GRID_TIMES = 7
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 1e-2
-"""Half of the central difference in a logarithm: its error is of the square, 1e-4, and a node that lands on a
-platen on one side of it alone, which is a jump, weighs little."""
+"""Half the step of the central difference in a logarithm. Its error is of the order of the square, 1e-4. A
+node that lands on a platen in one of the two runs only causes a jump, which has little effect at this
+step."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ class PronyProblem:
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Central differences, all of them in one batch, shape [n_data, n_parameters].
 
-        Raises ValueError if a simulation beside `x` did not complete.
+        Raises ValueError if a simulation near `x` did not complete.
         """
         shifts = DIFFERENCE * np.eye(len(x))
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))

@@ -131,7 +131,7 @@ class Budget(ResultViews):
     sources: tuple[Source, ...]
     """Each factor separately."""
     together: FloatArray
-    """Estimates with all errors at once, shape [n]; those that gave an answer, each in the valley of the
+    """Estimates with all errors at once, shape [n]; of the draws with an answer in the valley of the
     reference."""
     refused: tuple[str, ...]
     """Why realisations with all errors at once gave no answer."""
