@@ -71,7 +71,7 @@ def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> Floa
 def _lower_bound(
     surrogate: ProcessSurrogate, means: FloatArray, spread: FloatArray, draws: FloatArray, misfit: Misfit
 ) -> FloatArray:
-    """Mean less `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
+    """Mean minus `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
     scores = means + spread * draws[:, None, :]
     values = np.stack([misfit(surrogate.components.expand(one)) for one in scores])
     return np.asarray(values.mean(axis=0) - BOUND * values.std(axis=0))

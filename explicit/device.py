@@ -83,7 +83,7 @@ def _without(expected: str) -> Iterator[None]:
     """
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr at all, as under some services: nothing to keep clean
+    except OSError:  # no stderr (some services): suppression is unnecessary
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:

@@ -173,7 +173,7 @@ class _Change:
         corrected = {
             name: getattr(base, name) + getattr(self, name) for name in (*_FORCES, *_SURFACES, *_STRAINS)
         }
-        # a share of the volume: where it is next to nothing, the sum of three can fall below
+        # a share of the volume: if it is almost zero, the sum of three can be negative
         corrected["extrapolated_share"] = np.clip(corrected["extrapolated_share"], 0.0, 1.0)
         return replace(
             base,

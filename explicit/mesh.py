@@ -223,7 +223,8 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
             gradient += slope * dv[:, None, None]
             hoop += shape / radius[:, None] * dv[:, None]
             corner_volume += shape * dv[:, None]
-            # The bilinear field of the pattern (1, -1, 1, -1): its gradient energy is what one point misses.
+            # The bilinear field of the pattern (1, -1, 1, -1): one-point integration misses its gradient
+            # energy.
             pattern = np.einsum("a,eai->ei", _HOURGLASS, slope)
             value = float(_HOURGLASS @ shape)
             squared = (pattern**2).sum(axis=1)

@@ -271,7 +271,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
-        arc = end_arc(mean, edge)  # a camera beside the plane of the end sees it, or the rim before it, bent
+        arc = end_arc(mean, edge)  # a camera outside the plane of the end shows it, or the rim, as a curve
         if arc is not None:
             return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
     else:

@@ -65,7 +65,7 @@ def refined_end(
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
     zero = on_cylinder(rig.cameras[0], declared, cylinder)
     frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
-    if _slope(rig.cameras[0], frame, 0.0) < 0.0:  # the camera stands below the plane of the lower end
+    if _slope(rig.cameras[0], frame, 0.0) < 0.0:  # the camera is below the plane of the lower end
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, count = 0.0, np.inf, 0

@@ -63,7 +63,7 @@ class Predictor:
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
-        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
+        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess that was found
         advanced = rows[~repeated]
         for history in (self.frame, self.warp):
             for place in (2, 1):

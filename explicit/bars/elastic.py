@@ -439,10 +439,10 @@ def pulse_on_mesh(
 ) -> PulseResponse:
     """The response of elastic parts as an axisymmetric mesh.
 
-    ``sections``, ``step``, ``n``, ``sensor``, ``seen``: as of `pulse_on_bars`; `observed` lies on the outer
-    surface. A sensor at 0 is the face itself. ``size``: largest side of an element [m]. ``radius``: radius
-    within which the force presses on the face, evenly [m]. Raises ValueError if a distance is outside the
-    parts or on their far end, or a size is not positive.
+    ``sections``, ``step``, ``n``, ``sensor``: as in `pulse_on_bars`; `observed` is on the outer surface. A
+    sensor at 0 is the face. ``size``: largest side of an element [m]. ``radius``: radius of the uniformly
+    loaded part of the face [m]. Raises ValueError if a distance is outside the parts or on their far end, or
+    a size is not positive.
     """
     depths = [] if sensor == 0.0 else [sensor]
     parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])

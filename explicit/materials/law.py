@@ -49,7 +49,7 @@ class MaterialLaw(Protocol):
 
     @property
     def data_limit(self) -> float:
-        """Largest s = sqrt(I1_bar - 3) the law has data for [-]; infinity for a closed-form law."""
+        """Largest s = sqrt(I1_bar - 3) of the law's data [-]; infinity for a closed-form law."""
         ...
 
     def parameters(self) -> FloatArray:

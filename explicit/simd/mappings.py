@@ -243,7 +243,7 @@ class LaneIsWorker(Lanes):
         if not place.lane:
             raise self.refuse(node, "the share of an element is wanted")
         addend = share
-        if self.mask is not None:  # nothing is added where a sum began with 0
+        if self.mask is not None:  # no addition where a sum began with 0
             addend = self.select(Scalar("bool", self.mask, True), share, literal(0, "f64"))
         self.emit("if (member > 0) {")
         self.emit(f"{self._share(which, f'{place.code}[0]')} = {self.pack(addend)};")

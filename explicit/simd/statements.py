@@ -293,7 +293,7 @@ class Control(Statements):
                 self.block(node.orelse)
             self.emit("}")
         else:
-            branch = self._under(condition.code, node.body)  # the body may change what the condition reads
+            branch = self._under(condition.code, node.body)  # the body may change the condition
             if node.orelse:
                 self._under(f"~{branch}", node.orelse)
 

@@ -327,7 +327,7 @@ class LookView:
         series[0]["data"] = frame.points(1e3 * c.centre_line.Z[points], y)
         series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
         if self.tried is not None and self.what_if is not None:
-            line = self.what_if.prepared.observations.centre_line  # of the shot's files as they are now
+            line = self.what_if.prepared.observations.centre_line  # of the present files of the shot
             points = np.flatnonzero(line.time == line.time[np.argmin(np.abs(line.time - now))])
             points = points[np.argsort(line.y[points])]
             Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)

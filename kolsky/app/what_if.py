@@ -94,7 +94,7 @@ class WhatIf:
         value, (low, high) = self.start[name], PARAMETERS[name].allowed
         estimate = self.found.estimates.get(name)
         known = AROUND * estimate.sigma if estimate is not None and np.isfinite(estimate.sigma) else 0.0
-        if name == "poisson":  # what acts is the distance from 0.5
+        if name == "poisson":  # the effect depends on the distance from 0.5
             half = max(known, 5.0 * LEAST_SHARE * (0.5 - value))
         else:
             span = 0.1 * (PARAMETERS[name].upper - PARAMETERS[name].lower)

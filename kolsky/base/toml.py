@@ -303,7 +303,7 @@ def parse_toml(path: Path) -> TomlFile:
         )
     try:
         content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # besides its own errors, tomllib raises these two
+    except (ValueError, RecursionError) as error:  # in addition to its errors, tomllib raises these two
         raise _syntax_error(path, text, str(error)) from None
     if _depth(content) > DEEPEST:
         raise InputError(

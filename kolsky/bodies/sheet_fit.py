@@ -192,7 +192,7 @@ class FieldProblem:
         chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
         own = len(chain)  # the fitted regions come first
         twice = second(state.slopes, first=own)
-        # of u and f by the energy's constants, then by what is fitted
+        # of u and f by the energy's constants, then by the fitted ones
         u_pq, u_p = twice.displacements, state.slopes.displacements[:, :own]
         u_ij = np.einsum("npqad,pi,qj->nijad", u_pq, chain, chain, optimize=True)
         u_ij += np.einsum("npad,pij->nijad", u_p, bent)
@@ -541,7 +541,7 @@ def fit_field(problem: FieldProblem, *, progress: Progress = SILENT) -> FieldFit
     remainder = first.remainder / first.cost.gauss_newton[0, 0]
     try:
         ended = _search(problem, first.free, tolerance=STEP_TOLERANCE, remainder=remainder, progress=progress)
-    except ValueError:  # wrong data may lead the last step alone to where the others have no equilibrium
+    except ValueError:  # wrong data may lead the last step to a point where the others have no equilibrium
         ended = _search(problem, start, tolerance=STEP_TOLERANCE, progress=progress)
     return _fit_at(problem, ended, first.runs + ended.runs, (first.free, first.cost.value))
 

@@ -186,7 +186,7 @@ def main() -> None:
     except Exception:
         if not received:
             raise
-        # A library that was being loaded makes the signal's exception an error of its own.
+        # A library that is being loaded may turn the signal's exception into another error.
         raise SystemExit(SIGNAL_CODE + received[0]) from None
 
 

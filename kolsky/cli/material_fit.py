@@ -97,7 +97,7 @@ def _fit_cylinder_with_friction(
         numerics = CorrectionNumerics(poisson=poisson)
     compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
     with texts.refused(cure="correct the option; `--help` shows each with its unit"):
-        # More points than readings would be joined by chords, which lie beside a bent curve.
+        # With more points than readings, chords between readings would deviate from a curved line.
         points = min(_POINTS, *(int(np.count_nonzero(t.strain)) for t in tests))
         mean = reference_curve(compressed, Treatment(points=max(FEWEST_POINTS, points)))
         band = mean.band

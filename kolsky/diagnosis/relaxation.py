@@ -171,7 +171,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
         rows = np.flatnonzero(response.completed)
         if rows.size:
             seen = objective.vectors(predict(response.select(rows), objective.observations))
-            # An outline point that a run does not reach adds nothing.
+            # An outline point that a run does not reach contributes 0.
             found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
             if prior is not None:
                 found[rows, k:] = prior.residuals(points[rows, :d])

@@ -202,7 +202,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
 
 def check_specimen_size(e: Evidence) -> Iterator[Finding]:
     """Check that diameter, length and their ratio are plausible for a specimen."""
-    if getattr(e.declared, "specimen", None) is None:  # bars alone
+    if getattr(e.declared, "specimen", None) is None:  # bars only
         return
     low, high = SPECIMEN_SIZES
     sizes = {name: getattr(e.declared.specimen, name) for name in ("diameter", "length")}

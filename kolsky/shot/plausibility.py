@@ -336,7 +336,7 @@ def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, flo
     loaded = curve.stretch != 1.0
     stretch = curve.stretch[loaded]
     moduli = np.abs(curve.stress[loaded] / (stretch - stretch**-2.0))
-    reached = max(1.0 - strain, 0.05)  # nothing is pressed to nothing
+    reached = max(1.0 - strain, 0.05)  # a body is not compressed to zero length
     size = abs(reached - reached**-2.0)
     return float(moduli.min() * size), float(moduli.max() * size)
 

@@ -198,7 +198,7 @@ def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
     lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
     d = box.dimension
-    enough = (d + 1) * (d + 2) // 2 + d  # a quadratic has the first so many coefficients
+    enough = (d + 1) * (d + 2) // 2 + d  # number of coefficients of a quadratic
     if box != whole and box.contains(runner.on_surrogate_mesh()[0]).sum() < enough:
         runner.simulate("profile", runner.design(box), runner.problem.numerics)
     return box

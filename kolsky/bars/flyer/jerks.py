@@ -54,7 +54,8 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     stacked = np.zeros((n + p, p + 1), order="F")
     stacked[:n, :p], stacked[:n, p] = G, y
     np.fill_diagonal(stacked[n:], 1.0)
-    # LAPACK itself: what SciPy copies and checks takes as long as the factors of matrices so small.
+    # LAPACK is called directly: SciPy's copies and checks take as long as the factorisation of such small
+    # matrices.
     work = int(lapack.dgeqrf_lwork(n + p, p + 1)[0])
     factors = lapack.dgeqrf(stacked, lwork=work, overwrite_a=True)[0]
     R = factors[:p, :p]
@@ -194,7 +195,7 @@ def evidence(
     growth = np.zeros((n, m, m))
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
     data = weight > 0.0
-    own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
+    own = np.where(data, noise.sum(axis=1), 1.0)  # no displacement: no information on the noise
     S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
     if shared is not None:
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
@@ -214,7 +215,7 @@ def evidence(
         expected[k] = now = step.dot(state)
         state = rest.dot(now) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
-    # Back: what all later frames say, r and N, as it stands after each frame.
+    # Backward pass: information of all later frames, r and N, after each frame.
     back = left @ steps
     r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)
@@ -319,7 +320,7 @@ class Evidences:
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
         n_frames, m], and the factors I - K z' on the state, [n, n_frames, m, m]."""
-        # a frame without a displacement says nothing of the noise
+        # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)
         count, (n, m) = len(self.thetas), seen.shape

@@ -399,7 +399,7 @@ def _fit(
     )
     width = min(bar.poisson + _POISSON_STEP, 0.499) - max(bar.poisson - _POISSON_STEP, 0.0)
     alike = _correlated_samples(residual)
-    # Slow noise alone moves speed and gain, and all of the first pulse's is in the band.
+    # Only slow noise changes speed and gain, and all slow noise of the first pulse is in the band.
     noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
     variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
     scale = np.array([stated, 1.0])

@@ -179,7 +179,7 @@ def _onset(value: FloatArray, sigma: float, level: float) -> int:
     """Index that splits the samples into noise and pulse (Maeda 1985, eq. 1)."""
     n = value.size
     count = np.arange(2, n - 2)
-    # A baseline of equal counts has no variance; its logarithm would decide alone.
+    # A baseline of equal counts has no variance; its logarithm would dominate.
     floor = max(sigma**2, (1e-6 * level) ** 2)
     s1, s2 = np.cumsum(value), np.cumsum(value**2)
     before = s2[count - 1] / count - (s1[count - 1] / count) ** 2

@@ -350,7 +350,7 @@ def fit_specimen(
         share = mesh_share(test.numerics)
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         drift = _range_drift(one, test)
-        # `_fit_candidates` makes fits of the library's laws alone
+        # `_fit_candidates` fits only laws of the library
         units = one.model.units  # type: ignore[attr-defined]
         parts = (drift.excess, _poisson_change(one, test), slow_change(one.gain, test.noise, test.strain))
         more = np.linalg.norm(parts, axis=0)[: len(units)] * units

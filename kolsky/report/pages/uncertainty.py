@@ -296,7 +296,7 @@ def _data(result: Identification) -> list[dict[str, Any]]:
             f"misfit: {route_label(route.name)}",
             "joint χ²",
             {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
-            # The paper's cost has its optimum from runs on the surrogate's mesh alone.
+            # The optimum of the paper's cost is from runs on the surrogate's mesh only.
             "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
         )
         for route in routes

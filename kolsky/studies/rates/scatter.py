@@ -154,7 +154,7 @@ def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> fl
 
     def excess(variance: float) -> float:
         total = s**2 + variance
-        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is what chance alone would give
+        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is its value expected by chance
             return _generalised_q(y, total, X) - (n - p)
         gain = _least_squares(y, total, X)[1]
         P = (np.eye(n) - X @ gain) / total[:, None]
