@@ -1,16 +1,16 @@
-"""Effect of each mechanism of `identify`: `python -m populations.ablation --out FOLDER --workers N`.
+"""Which mechanisms of `identify` are needed? `python -m populations.ablation --out FOLDER --workers N`.
 
-Correct shots of the population of `populations.wrong_inputs` (each seed gives one population) are identified
-with all mechanisms, and with one mechanism switched off at a time. The table has one row for each switch. Its
-columns are: processor seconds and element updates of an answer, relative to 100 runs of the solver's problem;
-the errors of m, nu and beta over their standard uncertainties (root mean square); the error of m and its
-uncertainty; the number of shots that are identified with every true value within k = 2. A mechanism is
-unnecessary if its row is not significantly worse than the first.
+Shots of the population of `populations.wrong_inputs` (another seed is another population) are identified as
+they are, and with one mechanism switched off at a time. Search, weights and uncertainty are judged on right
+shots: printed are the element updates, over those of 100 runs of the solver's problem, the errors of m, nu
+and beta over their standard uncertainties (root mean square), the error of m, its uncertainty, the number of
+shots whose error of m is larger than with everything on, and the number of shots that are identified with
+every truth inside k = 2. The diagnosis is judged on wrong inputs, one shot a row of that study: printed is
+where the right cause is listed. A mechanism without which nothing is worse beyond chance has to go.
 """
 
 import argparse
 import json
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -19,13 +19,18 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from scipy.stats import binomtest
 
+from benchmarks.identify import UPDATES, Ledger
+from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
-from populations.driver import USUAL, add_meshes, answers, command, write
-from populations.wrong_inputs import POPULATION, made
+from populations.driver import add_meshes, answers, command, write
+from populations.wrong_input_rows import CURVE, RIGHT, ROWS
+from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
-NAMES = {"stiffness_factor": "m", "poisson": "poisson", "damping": "damping"}
-"""Free parameters and their keys in truth.json."""
+NAMES = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
+"""Free parameters and what truth.json calls them."""
+Mesh = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -33,11 +38,13 @@ class Switch:
     """One mechanism that is switched off."""
 
     words: str
-    """Description of the missing mechanism."""
-    patches: tuple[tuple[str, Callable[..., Any] | int | float], ...] = ()
-    """Replacements, by the full names of the replaced objects."""
+    """What is missing then."""
+    patches: tuple[tuple[str, Any], ...] = ()
+    """What stands in place of names of modules."""
     settings: Callable[[Settings], Settings] = lambda settings: settings
-    """Function that changes the settings."""
+    """Other settings, of right shots."""
+    diagnosis: bool = False
+    """Whether it is judged on wrong inputs; else on right shots."""
 
     @contextmanager
     def off(self) -> Iterator[None]:
@@ -53,122 +60,227 @@ def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) ->
     return last, slope, runner.front
 
 
-def _start_of_finest(optima: Any, mesh: Any, refined: Any) -> Any:
-    """Replacement of `extrapolated_start` without extrapolation."""
-    return optima[mesh].x
+def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any:
+    """`deviance_with_path_noise` of the runs with the fitted path only."""
+    found = np.full(len(points), np.inf)
+    counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
+    objective = runner.objective(counted)
+    for row, run in enumerate(runs):
+        if run is not None:
+            found[row] = objective.balanced_deviance(objective.vectors(run)[:1])[0]
+            found[row] += objective.prior_chi2(points[row])
+    return found
 
 
-GAUSS_NEWTON = "kolsky.inverse.gauss_newton"
+def _meshes(mesh: Mesh | None = None, refined: Mesh | None = None) -> Callable[[Settings], Settings]:
+    """Settings with another surrogate's or refined mesh."""
+
+    def changed(settings: Settings) -> Settings:
+        numerics = settings.numerics if mesh is None else settings.numerics.with_mesh(mesh)
+        return replace(settings, numerics=numerics, refined_mesh=refined or settings.refined_mesh)
+
+    return changed
+
+
+INVERSE, DIAGNOSIS = "kolsky.inverse", "kolsky.diagnosis"
+STEPS = f"{INVERSE}.gauss_newton"
 SWITCHES: dict[str, Switch] = {
     "all": Switch("nothing"),
-    "half_patterns": Switch(
-        "half of the patterns of the path's noise", (("kolsky.inverse.runner.PATTERNS", 8),)
+    "one_floor": Switch(
+        "all valley floors but the likeliest",
+        ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0, "joint": 0}),),
+    ),
+    "summit": Switch("the steps from a floor to its summit", ((f"{INVERSE}.valleys.FARTHEST", 0),)),
+    "path_noise_of_valleys": Switch(
+        "the flyer's noise when valleys are compared",
+        ((f"{INVERSE}.valleys.deviance_with_path_noise", _without_path_noise),),
+    ),
+    "path_on_coarse": Switch(
+        "the path's correction on the surrogate's mesh",
+        ((f"{INVERSE}.surrogate_mesh_search.credible", lambda amplitudes: False),),
     ),
     "path_on_refined": Switch(
-        "the path followed on the mesh of the steps", ((f"{GAUSS_NEWTON}.follow_on_refined", _unmoved),)
+        "the path's correction on the mesh of the steps", ((f"{STEPS}.follow_on_refined", _unmoved),)
     ),
-    "extrapolated_start": Switch(
-        "the start extrapolated from two meshes", ((f"{GAUSS_NEWTON}.extrapolated_start", _start_of_finest),)
+    "half_patterns": Switch("half of the patterns of the path's noise", ((f"{INVERSE}.runner.PATTERNS", 8),)),
+    "discrepancy": Switch(
+        "the discrepancies in the weights",
+        ((f"{INVERSE}.objective.Objective.with_discrepancy", lambda self, vector: self),),
+    ),
+    "halfway": Switch(
+        "the coarser graded mesh: all steps on the refined one",
+        ((f"{INVERSE}.problem.InverseProblem.halfway", property(lambda self: self.refined)),),
     ),
     "half_surrogate": Switch(
-        "half of the runs of the surrogate about the answer", ((f"{GAUSS_NEWTON}.RUNS_PER_PARAMETER", 3),)
+        "half of the runs of the surrogate about the answer", ((f"{STEPS}.RUNS_PER_PARAMETER", 3),)
     ),
     "half_replicates": Switch(
         "half of the curve's draws", settings=lambda settings: replace(settings, replicates=16)
-    ),
-    "coarser_refined": Switch(
-        "a refined mesh of 48 x 64 (40 x 54 instead)",
-        settings=lambda settings: replace(settings, refined_mesh=(40, 54)),
-    ),
-    "finer_refined": Switch(
-        "nothing; a refined mesh of 64 x 86",
-        settings=lambda settings: replace(settings, refined_mesh=(64, 86)),
-    ),
-    "coarser_surrogate": Switch(
-        "a surrogate's mesh of 20 x 27 (18 x 24 instead)",
-        settings=lambda settings: replace(settings, numerics=settings.numerics.with_mesh((18, 24))),
-    ),
-    "finer_surrogate": Switch(
-        "nothing; a surrogate's mesh of 24 x 32",
-        settings=lambda settings: replace(settings, numerics=settings.numerics.with_mesh((24, 32))),
-    ),
-    "held": Switch(
-        "nothing; the stiffness factor alone is free",
-        settings=lambda settings: replace(settings, free={"stiffness_factor": None}),
     ),
     "mesh_correction": Switch(
         "the mesh's correction of the answer",
         (("kolsky.uncertainty.mesh_error.MeshChange.correction", lambda self, gain: np.zeros(len(gain))),),
     ),
-    "discrepancy": Switch(
-        "the discrepancies in the weights",
-        (("kolsky.inverse.objective.Objective.with_discrepancy", lambda self, vector: self),),
+    "coarser_refined": Switch("a refined mesh of 48 x 64: 40 x 54", settings=_meshes(refined=(40, 54))),
+    "finer_refined": Switch("nothing; a refined mesh of 64 x 86", settings=_meshes(refined=(64, 86))),
+    "coarser_surrogate": Switch("a surrogate's mesh of 20 x 27: 18 x 24", settings=_meshes((18, 24))),
+    "finer_surrogate": Switch("nothing; a surrogate's mesh of 24 x 32", settings=_meshes((24, 32))),
+    "held": Switch(
+        "nothing; the stiffness factor alone is free",
+        settings=lambda settings: replace(settings, free={"stiffness_factor": None}),
+    ),
+    "nothing_of_diagnosis": Switch("nothing", diagnosis=True),
+    "screen": Switch(
+        "the coarser mesh for large changes",
+        ((f"{DIAGNOSIS}.cause_model.CauseModel.screen", property(lambda self: self)),),
+        diagnosis=True,
+    ),
+    "large_changes": Switch(
+        "large changes of an input", ((f"{DIAGNOSIS}.causes.scan_inputs", lambda *_: []),), diagnosis=True
+    ),
+    "valleys_of_causes": Switch(
+        "other valleys with an input changed",
+        (
+            (f"{DIAGNOSIS}.causes.in_valleys", lambda search, starts: list(starts)),
+            (f"{DIAGNOSIS}.causes.without_change", lambda search: None),
+        ),
+        diagnosis=True,
+    ),
+    "same_force": Switch(
+        "a density for each gain of the force",
+        ((f"{DIAGNOSIS}.causes._same_force_starts", lambda *_: []),),
+        diagnosis=True,
+    ),
+    "contenders": Switch(
+        "runs on the refined mesh for inputs that are alike",
+        ((f"{DIAGNOSIS}.causes._contenders", lambda *_: []),),
+        diagnosis=True,
     ),
     "second_start": Switch(
-        "the causes' second start", (("kolsky.inverse.search.Search.held_run", lambda self: None),)
+        "the second start", ((f"{INVERSE}.search.Search.held_run", lambda self: None),), diagnosis=True
+    ),
+    "beside_leading": Switch(
+        "a second wrong input beside the first",
+        ((f"{DIAGNOSIS}.causes._search_beside_leading", lambda first, judge, findings, rest: findings),),
+        diagnosis=True,
+    ),
+    "suspects": Switch(
+        "suspects of an explained answer",
+        ((f"{DIAGNOSIS}.judgement.with_suspects", lambda causes, unchanged, sigma: tuple(causes)),),
+        diagnosis=True,
+    ),
+    "leading": Switch(
+        "leading inputs of a withheld answer",
+        ((f"{DIAGNOSIS}.judgement.with_leading", lambda causes, at_bound: tuple(causes)),),
+        diagnosis=True,
     ),
 }
 
 
-def answer(
-    shot: Path,
-    name: str,
-    mesh: tuple[int, int] = USUAL.numerics.mesh,
-    refined: tuple[int, int] = USUAL.refined_mesh,
-) -> dict[str, Any]:
-    """One identification with a switch off."""
-    from benchmarks.identify import UPDATES, Ledger, unit
-    from kolsky.identification import identify
-
+def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dict[str, Any]:
+    """One identification of a right shot with a switch off."""
     switch, truth = SWITCHES[name], json.loads((shot / "truth.json").read_text("utf-8"))
-    settings = switch.settings(Settings(numerics=Numerics(mesh=mesh, threads=1), refined_mesh=refined))
-    one, ledger, started = unit(1), Ledger(), time.process_time()
+    numerics = Numerics(mesh=mesh, device=device, threads=1)
+    settings = switch.settings(Settings(numerics=numerics, refined_mesh=refined))
+    ledger = Ledger()
     try:
         with switch.off(), ledger.watching():
             found = identify(shot, settings)
     except ValueError as error:
         return {"shot": shot.name, "switch": name, "broke": str(error)}
-    taken = time.process_time() - started
     said = {
         key: {"value": e.value, "sigma": e.sigma, "truth": truth[NAMES[key]], "outcome": e.outcome.value}
         for key, e in found.estimates.items()
     }
-    identified = found.estimates["stiffness_factor"].outcome.identified
-    causes = [cause.key for cause in found.causes if cause.named]
     return {
         "shot": shot.name,
         "switch": name,
-        "ratio": taken / one,
         "updates": sum(cost.updates for cost in ledger.costs.values()) / UPDATES,
         "said": said,
-        "identified": identified,
-        "causes": causes,
+        "identified": found.estimates["stiffness_factor"].outcome.identified,
+        "causes": [cause.key for cause in found.causes if cause.named],
     }
 
 
+def diagnose(job: Job, name: str) -> dict[str, Any]:
+    """One identification of a wrong input with a switch off."""
+    ledger = Ledger()
+    with SWITCHES[name].off(), ledger.watching():
+        said = attempt(job)
+    row = next(row for row in ROWS if row.name == job.row)
+    return {
+        "shot": job.shot.name,
+        "switch": name,
+        "row": job.row,
+        "updates": sum(cost.updates for cost in ledger.costs.values()) / UPDATES,
+        **({"broke": said["broke"]} if "broke" in said else {"end": judged(row, said)}),
+    }
+
+
+def _chance(worse: int, of: int) -> str:
+    """How often a fair coin gives as many or more, as "p"."""
+    return f"{binomtest(worse, of, alternative='greater').pvalue:.2g}" if of else "-"
+
+
 def table(rows: list[dict[str, Any]]) -> str:
-    """Markdown table with one row for each switch."""
+    """A line a switch judged on right shots, as Markdown."""
     lines = [
-        "| off | shots | seconds | updates | error over u: m, nu, beta | error of m, rms | U of m | right |",
+        "| off | shots | updates | error over u: m, nu, beta | error of m | U of m | larger error | right |",
         "| --- " * 8 + "|",
     ]
+    errors: dict[str, dict[str, float]] = {}
     for name, switch in SWITCHES.items():
-        mine = [row for row in rows if row["switch"] == name]
+        mine = [row for row in rows if row["switch"] == name and not switch.diagnosis]
         whole = [row for row in mine if "broke" not in row]
         if not whole:
             continue
         z = {key: np.array([_z(row, key) for row in whole if key in row["said"]]) for key in NAMES}
         m = [row["said"]["stiffness_factor"] for row in whole]
         error = np.array([one["value"] / one["truth"] - 1.0 for one in m])
-        half = np.array([2.0 * one["sigma"] / one["truth"] for one in m])
+        errors[name] = dict(zip([row["shot"] for row in whole], np.abs(error).tolist(), strict=True))
+        pairs = [(errors[name][k], errors["all"][k]) for k in errors[name] if k in errors.get("all", {})]
+        unequal = [(a, b) for a, b in pairs if abs(a - b) > ROUNDING]
+        worse = sum(a > b for a, b in unequal)
         right = sum(
             row["identified"] and all(abs(_z(row, key)) <= 2.0 for key in row["said"]) for row in whole
         )
         said = ", ".join(f"{np.sqrt((z[key] ** 2).mean()):.2f}" if len(z[key]) else "-" for key in NAMES)
         lines.append(
-            f"| {switch.words} | {len(mine)} | {np.mean([row['ratio'] for row in whole]):.1f} "
-            f"| {np.mean([row['updates'] for row in whole]):.1f} | {said} "
-            f"| {100 * np.sqrt((error**2).mean()):.3f} % | {100 * np.median(half):.3f} % | {right} |"
+            f"| {switch.words} | {len(mine)} | {np.mean([row['updates'] for row in whole]):.1f} | {said} "
+            f"| {100 * np.sqrt((error**2).mean()):.3f} % "
+            f"| {200 * np.median([one['sigma'] / one['truth'] for one in m]):.3f} % "
+            f"| {worse} of {len(unequal)} ({_chance(worse, len(unequal))}) | {right} |"
+        )
+    return "\n".join(lines)
+
+
+ROUNDING = 1e-6
+"""Relative change of m below which two answers are equal [-]: a hundredth of the smallest uncertainty."""
+SIDES = ("first", "refused")
+"""Ends of a wrong input with the right cause first."""
+
+
+def diagnosis_table(rows: list[dict[str, Any]]) -> str:
+    """A line a switch judged on wrong inputs, as Markdown."""
+    lines = [
+        "| off | rows | updates | first | first two | confident | lost, gained |",
+        "| --- " * 7 + "|",
+    ]
+    ends: dict[str, dict[str, str]] = {}
+    for name, switch in SWITCHES.items():
+        mine = [row for row in rows if row["switch"] == name and switch.diagnosis and "end" in row]
+        if not mine:
+            continue
+        ends[name] = {row["row"]: row["end"] for row in mine}
+        counted = [end for end in ends[name].values() if end != "harmless"]
+        first = sum(end in SIDES for end in counted)
+        base = ends.get("nothing_of_diagnosis", {})
+        both = [(base[k] in SIDES, end in SIDES) for k, end in ends[name].items() if k in base]
+        lost, gained = both.count((True, False)), both.count((False, True))
+        lines.append(
+            f"| {switch.words} | {len(mine)} | {np.mean([row['updates'] for row in mine]):.1f} "
+            f"| {first} of {len(counted)} | {first + counted.count('second')} "
+            f"| {counted.count('confident')} | {lost}, {gained} |"
         )
     return "\n".join(lines)
 
@@ -180,7 +292,7 @@ def _z(row: dict[str, Any], key: str) -> float:
 
 
 def main() -> None:
-    """Make the shots, run the missing identifications, print the table."""
+    """Make the shots, identify what is missing, print the tables."""
     parser = command(__doc__)
     parser.add_argument("--population", type=Path, default=POPULATION)
     parser.add_argument("--seed", type=int, help="another population of the same kind")
@@ -189,17 +301,25 @@ def main() -> None:
     parser.add_argument("--table", type=Path, help="where the answers are written, as JSON")
     add_meshes(parser)
     given = parser.parse_args()
-    shots = made(argparse.Namespace(**vars(given), right=given.shots, least=0, threads=1))
-    jobs = {
-        given.out / "jobs" / f"{shot.name}_{name}.json": (shot, name, given.mesh, given.refined_mesh)
+    shots = made(argparse.Namespace(**vars(given), right=given.shots, least=0, threads=1))[: given.shots]
+    wrong = [row for row in ROWS if not row.name.startswith(RIGHT) and row.name != CURVE]
+    place, meshes = given.out / "jobs", (given.mesh, given.refined_mesh)
+    right = {
+        place / f"{shot.name}_{name}.json": (shot, name, given.device, *meshes)
         for name in given.switches
-        for shot in shots[: given.shots]
+        for shot in shots
+        if not SWITCHES[name].diagnosis
     }
-    rows = answers(answer, jobs, workers=given.workers)
+    others = {}
+    for name in given.switches:
+        for i, row in enumerate(wrong if SWITCHES[name].diagnosis else ()):
+            job = Job(row.name, shots[i % len(shots)], given.device, 1, meshes)
+            others[place / f"{job.file(given.out).stem}_{name}.json"] = (job, name)
+    rows = answers(answer, right, workers=given.workers) + answers(diagnose, others, workers=given.workers)
     if given.table is not None:
-        meshes = {"mesh": given.mesh, "refined_mesh": given.refined_mesh}
-        write(given.table, {"seed": given.seed, **meshes, "each": rows}, indent=1)
-    print(table(rows))
+        head = {"seed": given.seed, "mesh": given.mesh, "refined_mesh": given.refined_mesh}
+        write(given.table, {**head, "each": rows}, indent=1)
+    print(f"{table(rows)}\n\n{diagnosis_table(rows)}")
 
 
 if __name__ == "__main__":

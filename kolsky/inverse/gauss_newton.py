@@ -4,8 +4,8 @@ A coarse mesh is too soft and its waves are too slow, so that it fits the data a
 optimum, however, its oscillations are in phase with the measured ones. Its derivatives there agree with those
 of the refined mesh at the refined mesh's optimum, except for an error that a few steps correct. Slopes are
 therefore computed once, about the optimum of the surrogate's mesh. Every step needs one run on the refined
-mesh (chord method); it is lengthened if two steps show that the slopes are too large. If these steps do not
-converge, `descend` computes slopes on the refined mesh and halves a step that increases the misfit.
+mesh (chord method). If these steps do not converge, `descend` computes slopes on the refined mesh and halves
+a step that increases the misfit.
 
 The front face's path is then corrected by the amplitudes estimated from the residual on a graded mesh, and
 the optimum is searched again with this path, until both converge.
@@ -35,40 +35,6 @@ from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
-
-START_ORDER = 2.0
-"""Order of the mesh error used to extrapolate the first point; accurate enough for a start."""
-LONGEST = 2.5
-"""Largest factor by which a step is lengthened."""
-
-
-def extrapolated_start(
-    optima: Mapping[tuple[int, int], MeshOptimum], mesh: tuple[int, int], refined: tuple[int, int]
-) -> FloatArray:
-    """The refined mesh's optimum from that of a mesh and of a coarser one, by Richardson, shape [d].
-
-    Errors are assumed proportional to h^p with the element size h. The refined mesh's optimum then lies
-    beyond the finer one's by the share (h^p - h_r^p) / (h_c^p - h^p) of the distance from the coarser one.
-    Without a coarser mesh, or if one search did not converge, the optimum of the finer mesh is returned.
-    """
-    fine, others = optima[mesh], [one for one in optima if one[0] < mesh[0]]
-    if not others or not (fine.converged and optima[others[0]].converged):
-        return fine.x
-    coarser, here, there = (float(one[0]) ** -START_ORDER for one in (others[0], mesh, refined))
-    return np.asarray(fine.x + (fine.x - optima[others[0]].x) * (here - there) / (coarser - here))
-
-
-def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float:
-    """Factor by which to lengthen a step of the chord method, 1 to `LONGEST` [-].
-
-    The steps computed before and after the last move show the error of the coarser mesh's slopes along it:
-    with ``now = before - s taken``, the step ``now / s`` reaches the optimum along it.
-
-    ``before``, ``now``: steps computed at the previous run and at this one, in comparable units, shape [d].
-    ``taken``: this run's point minus that of the previous run, shape [d].
-    """
-    share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
-    return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
 
 
 @dataclass(frozen=True)
@@ -137,8 +103,6 @@ class RefinedRun:
     """Step from the run to the estimated optimum."""
     missed: FloatArray
     """The run minus the linear prediction by the slopes, shape [k]."""
-    factor: float = 1.0
-    """Factor by which the steps to it were lengthened [-]."""
 
     @property
     def confirmed(self) -> bool:
@@ -330,14 +294,11 @@ def search_by_gauss_newton(
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(runner, coarse)
-    start = extrapolated_start(optima, problem.numerics.mesh, problem.settings.refined_mesh)
-    start = np.clip(start, *_box_bounds(problem.box))
-    last, slope = _search_on(runner, objective, slope, start, problem.halfway)
-    factor = last.factor
+    last, slope = _search_on(runner, objective, slope, coarse.x, problem.halfway)
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
     if problem.halfway != problem.refined:
         under = replace(objective, front=front.noise)
-        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined, factor)
+        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined)
     runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
     return _with_surrogate(runner, last, slope, centre, coarse)
 
@@ -348,11 +309,9 @@ def _search_on(
     slope: FloatArray,
     start: FloatArray,
     numerics: Numerics,
-    factor: float = 1.0,
 ) -> tuple[RefinedRun, FloatArray]:
-    """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]; `factor`
-    scales the first step, because the slopes have the same error as on the previous mesh."""
-    last = _chord_steps(runner, objective, slope, start, numerics, factor)
+    """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
+    last = _chord_steps(runner, objective, slope, start, numerics)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
 
 
@@ -379,26 +338,20 @@ def _chord_steps(
     slope: FloatArray,
     start: FloatArray,
     numerics: Numerics,
-    factor: float = 1.0,
 ) -> RefinedRun:
     """Steps on a mesh until a run confirms the optimum."""
     found, x, misled = None, start, 0
     for _ in range(MOST_RUNS):
         run = judge_run(runner, objective, slope, x, numerics, found)
         if run.confirmed:
-            return replace(run, factor=factor)
+            return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
             if misled == MISLED:
                 break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
-            if found is not None:
-                sigma = run.step.sigma
-                steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
-                # A step with increasing misfit is not lengthened.
-                factor = lengthening(*steps) if run_deviance(run) <= run_deviance(found) else 1.0
-            found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(runner.problem.box))
+            found, x = run, np.clip(run.x + run.step.change, *_box_bounds(runner.problem.box))
     assert found is not None
     return found
 

@@ -73,10 +73,6 @@ class MeshOptimum:
     """Point in parameter units, shape [d]."""
     sigma: FloatArray
     """Standard deviation from independent residuals, shape [d]; infinite where no entry varies."""
-    deviance: float
-    """-2 ln L up to a constant [-]."""
-    converged: bool
-    """True if the search converged."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +122,7 @@ def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
     sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
-    best = MeshOptimum(coarse.x, sigma, float(coarse.objective.deviance(vector[None])[0]), converged=True)
+    best = MeshOptimum(coarse.x, sigma)
     return follow_meshes(runner, runner.objective(coarse.objective.counted), best, np.zeros(1))
 
 
@@ -248,6 +244,4 @@ def _least_squares_on(
         at_rest=AT_REST,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
-    return [
-        MeshOptimum(from_search(box, end.x), end.sigma * edges, end.deviance, end.converged) for end in found
-    ]
+    return [MeshOptimum(from_search(box, end.x), end.sigma * edges) for end in found]

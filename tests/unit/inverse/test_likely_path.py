@@ -95,7 +95,7 @@ def off_by(share: float) -> MeshOptimum:
     """A point whose oscillations are behind by a share of one over the test."""
     turns = 0.5 * np.sqrt(TRUTH[0] / (1.0 - 2.0 * TRUTH[1])) * TIME[-1]
     nu = 0.5 * (1.0 - (1.0 - 2.0 * TRUTH[1]) / (1.0 - share / turns) ** 2)
-    return MeshOptimum(np.array([TRUTH[0], nu]), np.array([1e-3, 1e-6]), 0.0, True)
+    return MeshOptimum(np.array([TRUTH[0], nu]), np.array([1e-3, 1e-6]))
 
 
 def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None:

@@ -89,7 +89,7 @@ def test_routes_and_profiles_have_the_slopes_of_the_answer() -> None:
     one = Objective(made.observations, np.empty(0, dtype=bool))
     slope = slopes_at(TRUTH)
     run = judge_run(made, one, slope, TRUTH, made.problem.refined, None)
-    coarse = MeshOptimum(TRUTH + SHIFT, run.step.sigma, 0.0, converged=True)
+    coarse = MeshOptimum(TRUTH + SHIFT, run.step.sigma)
     _, fine = _with_surrogate(made, run, slope, ringing(TRUTH)[0], coarse)
     size = abs(slope).max(axis=0)
     assert (abs(jacobian(fine.surrogate, fine.box, TRUTH) - slope).max(axis=0) > 0.01 * size).all()

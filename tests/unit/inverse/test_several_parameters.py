@@ -11,12 +11,9 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.gauss_newton import (
-    LONGEST,
     RefinedRun,
     Step,
     _chord_steps,
-    extrapolated_start,
-    lengthening,
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
@@ -25,7 +22,7 @@ from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.run_table import Runs, RunTable
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics, Settings
-from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
+from kolsky.inverse.surrogate_mesh_search import search_meshes, starts
 from kolsky.inverse.valleys import from_search, search_box, to_search
 from kolsky.inverse.work import Work
 
@@ -160,23 +157,6 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
 
 
-def test_the_refined_optimum_is_foretold_by_richardson() -> None:
-    """Errors of exactly second order, of meshes with 10, 20 and 40 elements across: 1/100, 1/400, 1/1600."""
-    limit, size = np.array([1.0, 0.5]), np.array([8.0, -4.0])
-
-    def optimum(n: int, converged: bool = True) -> MeshOptimum:
-        return MeshOptimum(limit + size / n**2, np.ones(2), 0.0, converged)
-
-    optima = {(10, 13): optimum(10), (20, 26): optimum(20)}
-    np.testing.assert_allclose(extrapolated_start(optima, (20, 26), (40, 52)), optimum(40).x, rtol=1e-14)
-    # One that did not come to rest, or that is alone, foretells nothing.
-    optima[10, 13] = optimum(10, converged=False)
-    np.testing.assert_array_equal(extrapolated_start(optima, (20, 26), (40, 52)), optimum(20).x)
-    np.testing.assert_array_equal(
-        extrapolated_start({(20, 26): optimum(20)}, (20, 26), (40, 52)), optimum(20).x
-    )
-
-
 class Chord:
     """Ten bins of force that are the parameter x, of data that are zero: exact at x = 0."""
 
@@ -208,29 +188,6 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
     third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
     assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
-
-
-def test_a_mesh_whose_slopes_fall_short_as_those_before_is_reached_by_one_step() -> None:
-    """Slopes that are twice the model's ask for half the way from -10 to 0."""
-    made: Any = Chord()
-    one, slope = objective(np.zeros(10), np.empty(0)), np.full((10, 1), 2.0)
-    found = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
-    assert made.visited == pytest.approx([-10.0, -5.0, 0.0], abs=1e-9)
-    assert found.factor == pytest.approx(2.0)
-    made = Chord()
-    again = _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined, found.factor)
-    assert made.visited == pytest.approx([-10.0, 0.0], abs=1e-9)
-    assert again.factor == pytest.approx(2.0)
-
-
-def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:
-    # Of a step of 4 the run takes off 3, a share of 0.75; what it still asks for is a third too short.
-    move = np.array([4.0, 0.0])
-    assert lengthening(move, np.array([1.0, 0.5]), move) == pytest.approx(4.0 / 3.0)
-    assert lengthening(move, np.array([3.9, 0.0]), move) == LONGEST
-    assert lengthening(move, np.array([-1.0, 0.0]), move) == 1.0  # too long already: left as it is
-    # After a lengthened move of 6 for a step asked of 4 a rest of 1 is a share of one half.
-    assert lengthening(move, np.array([1.0, 0.0]), np.array([6.0, 0.0])) == pytest.approx(2.0)
 
 
 def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
