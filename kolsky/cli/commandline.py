@@ -219,7 +219,7 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 
 def _paragraphs(command: Command) -> str:
-    """The docstring with each paragraph on one line, which the terminal wraps at its width."""
+    """The docstring with each paragraph on one line, which the terminal breaks at its own width."""
     return re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
 
 

@@ -102,7 +102,7 @@ def sweep(
 
 
 def _cost(along: "ForcesAlong") -> dict[str, int]:
-    """Smallest and largest number of time steps of a run."""
+    """Least and largest number of time steps of a run."""
     return {"fewest_time_steps": int(along.steps.min()), "most_time_steps": int(along.steps.max())}
 
 
