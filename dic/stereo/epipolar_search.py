@@ -161,9 +161,9 @@ def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) ->
 def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     """Normals rotated from the one that faces both cameras equally.
 
-    ``rig``: the cameras. ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``:
-    angles within the epipolar plane, which stretch one camera's view relative to the other, and out of it,
-    which shear it, shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
+    ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``: angles within the
+    epipolar plane, which stretch one camera's view relative to the other, and out of it, which shear it,
+    shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
     """
     to = [_unit(camera.centre - X) for camera in rig.cameras]
     middle = _unit(to[0] + to[1])
@@ -201,8 +201,8 @@ class FacetFit(NamedTuple):
 def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> FacetFit:
     """The facet that fits the gradient `A` of camera 1's pixel by camera 0's, and its misfit.
 
-    ``rig``: the cameras. ``pixels0``: pixels of the facets in camera 0 [px], shape [n, 2]. ``distance``:
-    along camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
+    ``pixels0``: pixels of the facets in camera 0 [px], shape [n, 2]. ``distance``: along camera 0's rays [m],
+    shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
     """
     facet = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]

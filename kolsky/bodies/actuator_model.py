@@ -266,7 +266,7 @@ class Pneunet:
     through_wall: int = 1
     """Smallest number of cells through a wall."""
     element: str = "hex27"
-    """hex27, hex8, tet10 or tet4."""
+    """Element: "hex27", "hex8", "tet10" or "tet4"."""
     half: bool = True
     """Whether to model half of it, with y = 0 as the symmetry plane."""
     separate: bool = False

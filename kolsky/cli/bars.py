@@ -119,7 +119,7 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 
 
 _FEWEST = 2
-"""Tests that have a scatter between them."""
+"""Smallest number of tests with a scatter."""
 
 
 def repeats(

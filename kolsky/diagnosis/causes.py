@@ -548,8 +548,8 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
     """Warnings on the inputs that are likely to be wrong, or that no input explains the misfit.
 
-    ``analysis``: all inputs that were tried. ``explained``: True if the model explains force and outline on
-    the refined mesh; then no misfit remains to be explained.
+    ``explained``: True if the model explains force and outline on the refined mesh; then no misfit remains to
+    be explained.
     """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"

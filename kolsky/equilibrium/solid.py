@@ -142,7 +142,7 @@ class Solid(Protocol):
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         ...
 
 
@@ -162,7 +162,7 @@ class Isotropic:
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         return self.law.shear_modulus
 
     def parameters(self) -> FloatArray:
@@ -225,7 +225,7 @@ class CompressibleNeoHookean:
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         return self.mu
 
     @property

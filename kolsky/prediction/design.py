@@ -57,7 +57,7 @@ class Varied:
 
     @classmethod
     def of(cls, text: str) -> "Varied":
-        """From "striker.speed=4 m/s:7 m/s:5".
+        """The quantity of a text such as "striker.speed=4 m/s:7 m/s:5".
 
         Raises ValueError if it cannot be read.
         """

@@ -134,7 +134,8 @@ class DicExport:
     X: FloatArray
     """Reference positions [m], shape [n_points, 3]."""
     u: FloatArray
-    """Displacements from them [m], NaN where a point is not valid, shape [n_frames, n_points, 3]."""
+    """Displacements from these positions [m], NaN where a point is not valid, shape [n_frames, n_points,
+    3]."""
     state: IntArray
     """`PointState` of every point in every frame, shape [n_frames, n_points]."""
 

@@ -301,8 +301,8 @@ def write_identify_page(
     """Write the page of an identification into a folder, and its figures as separate files if formats are
     given.
 
-    ``folder``: an empty folder of `kolsky.base.files.filling`. ``recordings``: recordings of the shot's own
-    files. ``processes``: processes that draw; see `dic.processes.run_parallel`.
+    ``folder``: an empty folder of `kolsky.base.files.filling`. ``processes``: processes that draw; see
+    `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.identification import write_report
 

@@ -64,8 +64,7 @@ class PictureSurvey:
 def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
     """Survey the pictures in a folder and its direct subfolders; nothing is written.
 
-    ``folder``: the shot's folder. ``tables``: its tables; the frames' file gives the number of pictures per
-    camera.
+    ``tables``: its tables; the frames' file gives the number of pictures per camera.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
     frames = tables.parts.get("frames")
@@ -120,8 +119,6 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
 
     The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
     check`. Only the first `EARLY` pictures are searched.
-
-    ``folder``: the shot's folder.
     """
     from dic.images import PictureError, open_pictures
 

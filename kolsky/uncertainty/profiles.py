@@ -252,9 +252,9 @@ def surrogate_of(
     Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value,
     because the box is too wide for a slope from two neighbouring runs.
 
-    ``runs``: points and predictions on the surrogate's mesh. ``answer``: optimum of the identification.
-    ``box``, ``whole``: range of the surrogate, and the whole range of the design. Returns: the surrogate, and
-    the objective over the points that all its runs reach.
+    ``runs``: points and predictions on the surrogate's mesh. ``box``, ``whole``: range of the surrogate, and
+    the whole range of the design. Returns: the surrogate, and the objective over the points that all its runs
+    reach.
     """
     points, prediction = runs
     use = box.contains(points)

@@ -209,10 +209,7 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 
 
 def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
-    """Report the runs that were damaged in a ledger and were therefore repeated.
-
-    ``damaged``: beginnings of their keys.
-    """
+    """Report the runs that were damaged in a ledger and were therefore repeated."""
     if damaged:
         said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
         yield (

@@ -297,9 +297,9 @@ def correct_punching(
     of a wave across the bar's diameter; over shorter times the indentation is not quasi-static. The
     velocities of the faces remain those of one-dimensional theory.
 
-    ``reduction``: the reduction. ``specimen``: the specimen before the test. ``incident_bar``,
-    ``transmission_bar``: the bars. ``apply``: False returns the reduction unchanged, with the correction that
-    would have been applied. Returns: the correction's sizes are changes of the nominal strain by three waves.
+    ``reduction``: the reduction. ``incident_bar``, ``transmission_bar``: the bars. ``apply``: False returns
+    the reduction unchanged, with the correction that would have been applied. Returns: the correction's sizes
+    are changes of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

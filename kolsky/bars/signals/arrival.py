@@ -211,8 +211,7 @@ def low_level(signal: Signal, top: float, average: float) -> float:
     """Level of a first rise: `LOW` times the pulse's level, or `THRESHOLD` standard deviations of averaged
     noise.
 
-    ``signal``: the signal, with the noise of its samples. ``top``: level of the pulse, >= 0. ``average``:
-    time over which is averaged [s].
+    ``top``: level of the pulse, >= 0. ``average``: time over which is averaged [s].
     """
     width = max(1, round(average / signal.interval))
     return max(LOW * top, THRESHOLD * signal.sigma * sqrt(min(signal.memory / width, 1.0)))
