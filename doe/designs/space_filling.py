@@ -133,7 +133,7 @@ def from_points(box: Box, points: ArrayLike) -> Design:
     Parameters
     ----------
     box
-        Where the points lie.
+        The box of the points.
     points
         In parameter units, shape [n, d].
 

@@ -242,7 +242,7 @@ class CurveFound:
     """The curve identified from the impacts, with its band."""
 
     strain: FloatArray
-    """Nodes, nominal strain as of the curve's branch [-], shape [n]."""
+    """Nominal strain of the nodes, with the sign of the curve's branch [-], shape [n]."""
     factor: FloatArray
     """Stress over that of the slow curve [-], shape [n]."""
     sigma_log: FloatArray

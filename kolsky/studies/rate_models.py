@@ -66,7 +66,7 @@ class Candidate:
     values: Mapping[str, float]
     """The constants found, SI."""
     doubt: str = ""
-    """Why it cannot be chosen; empty if it can."""
+    """Reason why it cannot be chosen; empty if it can."""
 
     def aicc(self, n: int) -> float:
         """Akaike's criterion for small samples of n values; infinite where n does not exceed k + 1 [-]."""

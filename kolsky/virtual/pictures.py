@@ -457,9 +457,8 @@ def expose_series(
 ) -> Iterable[NDArray[np.uint16]]:
     """Grey values of the frames of one camera, in order.
 
-    Every frame of every camera has its own random stream, so that the pictures do not depend on how the
-    work is
-    shared out.
+    Every frame of every camera has its own random stream, so that the pictures do not depend on the
+    distribution of the work.
     """
     o, shape = q.optics, (q.cameras.picture[1], q.cameras.picture[0])
     n = scene.instants.n_frames
