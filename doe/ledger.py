@@ -77,7 +77,7 @@ class Run:
     results: FloatArray
     """Results of the run, shape [k]; NaN is kept."""
     reason: str = ""
-    """Why it did not complete; empty if it did."""
+    """Reason why it did not complete; empty if it did."""
     seconds: float = 0.0
     """Its share of the computing time of its chunk [s]; the only field that may differ when a run is
     repeated."""

@@ -51,7 +51,7 @@ class Result:
     found: Identification
     shot: Shot | None
     why: str
-    """Why the shot is missing; empty if it is not."""
+    """Reason why the shot is missing; empty if it is not."""
     pictures: PictureSet | None = None
     """The shot's pictures; None if it has none, or they cannot be opened."""
 

@@ -66,7 +66,7 @@ class Door:
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
     def objection(self, scope: Scope) -> str:
-        """Why a request is rejected; empty if it is accepted or has the secret in its address."""
+        """Reason why a request is rejected; empty if it is accepted or has the secret in its address."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
         if host not in self.hosts:  # a page whose host name was redirected to this computer sends another

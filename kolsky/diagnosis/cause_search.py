@@ -48,7 +48,7 @@ class Trial:
     step: float = 0.0
     """Remaining change of the coordinate by that fit."""
     lost: str = ""
-    """Why it could not be tried; empty if it was."""
+    """Reason why it could not be tried; empty if it was."""
 
     @property
     def value(self) -> float:

@@ -239,7 +239,7 @@ class CauseAnalysis:
     unchanged: Mapping[str, float] = field(default_factory=dict)
     """The free parameters by the same search without a changed input."""
     lost: str = ""
-    """Why nothing could be tried; empty if it was."""
+    """Reason why no input could be tried; empty if it was."""
 
     @property
     def named(self) -> tuple[CauseFinding, ...]:

@@ -178,7 +178,7 @@ class Freed:
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
-    """Why a parameter of `DEFAULT` is held, by its name."""
+    """Reason why a parameter of `DEFAULT` is held, by its name."""
 
     @property
     def free(self) -> Mapping[str, Bounds]:

@@ -288,7 +288,7 @@ class CauseFinding:
     beside: str = ""
     """Key of the likelier cause that was free at the same time; empty if only this one was free."""
     status: str = ""
-    """Why it could not be tried; empty if it was."""
+    """Reason why it could not be tried; empty if it was."""
     declared_sigma: float | None = None
     """Its declared standard uncertainty, in its unit; None if none is declared."""
     solved: Mapping[str, float] = field(default_factory=dict)

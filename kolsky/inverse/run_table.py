@@ -164,7 +164,7 @@ class DesignTable:
     failed_places: FloatArray
     """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
     stage: tuple[str, ...]
-    """Why the run was made: "design", "refinement" or "check", length n_runs."""
+    """Reason why the run was made: "design", "refinement" or "check", length n_runs."""
     phi_shape: FloatArray
     """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
     phi_force: FloatArray

@@ -108,7 +108,7 @@ class Source:
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
-    """Why realisations gave no answer, a sentence each."""
+    """Reasons why realisations gave no answer, one sentence each."""
     share_interval: tuple[float, float] = NO_INTERVAL
     """95 % interval of its share in the sum of the squares, from the noise's few draws [-]."""
     joint_share: float = float("nan")
@@ -134,7 +134,7 @@ class Budget(ResultViews):
     """Estimates with all errors at once, shape [n]; of the draws with an answer in the valley of the
     reference."""
     refused: tuple[str, ...]
-    """Why realisations with all errors at once gave no answer."""
+    """Reasons why realisations with all errors at once gave no answer."""
     elsewhere: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Estimates by the complete search for draws that end in another valley, shape [n_jumps]."""
     searched: int = 0
