@@ -36,7 +36,7 @@ _VALUES: dict[str, Callable[[float], str]] = {
 
 
 def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None:
-    """The value estimated from the data, as TOML, to replace the declared one; None if it is not one value."""
+    """The value estimated from the data, as TOML, for the declared one; None if it is not one value."""
     table, _, key = cause.key.partition(".")
     declared = content.get(table, {}).get(key)
     if cause.key in _VALUES:
